@@ -17,8 +17,8 @@ import numpy as np
 from PIL import Image
 
 from lfportrait.capture import Camera
-from lfportrait.demo import PEOPLE, HeadModel, photograph
 from lfportrait.files import write_json
+from modelled_head import PEOPLE, HeadModel, photograph
 
 WIDTH, HEIGHT, FOCAL = 405, 720, 648.0
 AIM = np.array([0.0, 0.36, 0.0])

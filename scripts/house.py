@@ -24,9 +24,9 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
-          "gpu", "graphics", "health", "labels", "lanes", "lazy", "leftovers", "locks", "measure",
-          "media", "metrics", "models", "packed", "plugins", "png", "progress", "renamed",
-          "sources", "stages", "states", "temporary", "version")
+          "gpu", "graphics", "health", "labels", "lanes", "leftovers", "measure",
+          "media", "metrics", "models", "packed", "plugins", "png", "progress",
+          "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""
@@ -48,9 +48,16 @@ def module_files(source: Path = SOURCE, package: str = "") -> dict[str, Path]:
 
 
 @functools.cache
+def nodes(path: Path) -> list[ast.AST]:
+    """The syntax of a module, and of the stub beside it, which says what a package loads lazily."""
+    return [node for file in (path, path.with_suffix(".pyi")) if file.is_file()
+            for node in ast.walk(ast.parse(file.read_text("utf-8")))]
+
+
+@functools.cache
 def offered(path: Path) -> set[str]:
     """The names that a package's ``__init__.py`` takes from its modules: what stands outside."""
-    return {alias.asname or alias.name for node in ast.walk(ast.parse(path.read_text("utf-8")))
+    return {alias.asname or alias.name for node in nodes(path)
             if isinstance(node, ast.ImportFrom) for alias in node.names}
 
 
@@ -58,7 +65,7 @@ def imported(name: str, path: Path, files: dict[str, Path]) -> set[str]:
     """The modules that a module imports anywhere in it, functions and type checks included."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names} & set(files)
         elif isinstance(node, ast.ImportFrom):

@@ -74,7 +74,7 @@ SECTIONS = [
 HEAD = """# Parameters
 
 Written by `scripts/make_docs.py` from the configuration classes; don't edit this page.
-`lfportrait COMMAND --help` shows the same texts.
+`lfportrait COMMAND --help` shows the common ones, `lfportrait COMMAND --help-all` all of them.
 """
 
 

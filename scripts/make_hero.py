@@ -1,6 +1,6 @@
-"""Draw the README's picture from a finished demo: photo, painting, stylised views, coded picture.
+"""Draw the README's picture from a finished demo: photo, painting, turning head, coded picture.
 
-python scripts/make_hero.py demo-out docs/images/hero.jpg
+python scripts/make_hero.py demo-out docs/images/hero.webp
 """
 
 from __future__ import annotations
@@ -9,43 +9,70 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
-from lfportrait.capture import Camera, Capture
+from lfportrait.capture import Capture
 from lfportrait.demo import demo_exemplar
 from lfportrait.field import VoxelField
-from lfportrait.files import write_image
+from lfportrait.files import atomic_path
+from lfportrait.lightfield import EncodeConfig
 from lfportrait.media.pictures import read_image
+from lfportrait.share import sweep_frames
 
-HEIGHT = 420
+HEIGHT, WIDTH, GAP = 360, 300, 8
+FRAMES, MILLISECONDS, CONE = 40, 75, 80.0
+"""There and back once in three seconds, over so many degrees."""
+LARGEST = 600_000
+"""Bytes of the file: the README's readers wait for it."""
+
+Picture = NDArray[np.uint8]
 
 
-def fitted(image: np.ndarray) -> np.ndarray:
+def fitted(image: np.ndarray, width: int = WIDTH) -> Picture:
+    """A picture at the row's height, its sides cut off."""
     picture = Image.fromarray(np.uint8(np.clip(image, 0, 255)))
-    width = round(picture.width * HEIGHT / picture.height)
-    return np.asarray(picture.resize((width, HEIGHT), Image.Resampling.LANCZOS))
+    full = round(picture.width * HEIGHT / picture.height)
+    picture = picture.resize((full, HEIGHT), Image.Resampling.LANCZOS)
+    left = max(0, (full - width) // 2)
+    return np.asarray(picture.crop((left, 0, left + min(width, full), HEIGHT)))
 
 
-def main(folder: Path, out: Path) -> None:
+def still_parts(folder: Path) -> tuple[list[Picture], Picture]:
+    """A photo and the painting; and a piece of the coded picture."""
     capture = Capture.load(folder / "capture")
     position = capture.cameras.position
     view = int(np.argmin(np.hypot(position[:, 0] + 0.8, position[:, 1] - 0.2)))
-    photo = fitted(255 * capture.image_float(view))
-    cut = (photo.shape[1] - 330) // 2
-    styled = VoxelField.load(folder / "styled.npz")
-    cameras = Camera.arc([-35, 0, 35], distance=4, width=330, height=HEIGHT, focal=780,
-                         target=(0, 0.02, 0))
-    views = [255 * styled.render(cameras, index).color for index in range(3)]
     coded = read_image(folder / "lightfield.png")
-    height, width = coded.shape[:2]
     # An eye: there colors and contours meet.
-    y, x = int(0.5 * height), int(0.535 * width)
-    crop = np.repeat(np.repeat(coded[y:y + HEIGHT // 3, x:x + 80], 3, 0), 3, 1)
-    parts = [photo[:, cut:cut + 330], fitted(demo_exemplar().image), *views, crop]
-    gap = np.full((HEIGHT, 8, 3), 255.0)
-    row = [piece for part in parts for piece in (part[:HEIGHT], gap)][:-1]
-    write_image(out, np.uint8(np.clip(np.concatenate(row, axis=1) + 0.5, 0, 255)), quality=90)
+    y, x = int(0.5 * coded.shape[0]), int(0.535 * coded.shape[1])
+    piece = coded[y:y + HEIGHT // 3, x:x + 50]
+    return ([fitted(255 * capture.image_float(view)), fitted(demo_exemplar().image)],
+            np.repeat(np.repeat(piece, 3, 0), 3, 1))
+
+
+def rows(folder: Path) -> list[Picture]:
+    """All frames; only the head differs from one to the next."""
+    before, after = still_parts(folder)
+    styled = VoxelField.load(folder / "styled.npz")
+    gap = np.full((HEIGHT, GAP, 3), 255, np.uint8)
+    heads = sweep_frames(styled, CONE, FRAMES, HEIGHT + 40, ground=EncodeConfig())
+    return [np.concatenate([part for piece in (*before, fitted(head, WIDTH + 40), after)
+                            for part in (piece, gap)][:-1], axis=1) for head in heads]
+
+
+def write(frames: list[Picture], out: Path) -> None:
+    """Write the animation as finely as its size allows."""
+    pictures = [Image.fromarray(frame) for frame in frames]
+    for quality in (80, 74, 68, 62, 56, 50):
+        with atomic_path(out) as path:
+            pictures[0].save(path, format="WEBP", save_all=True, append_images=pictures[1:],
+                             duration=MILLISECONDS, loop=0, quality=quality, method=6,
+                             minimize_size=True)
+        if out.stat().st_size <= LARGEST:
+            break
+    print(f"{out}: {out.stat().st_size} bytes, quality {quality}")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    write(rows(Path(sys.argv[1])), Path(sys.argv[2]))

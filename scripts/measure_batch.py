@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from lfportrait.capture import Capture
-from lfportrait.demo import PAINTED, SITTER, HeadModel, demo_capture, demo_exemplar
+from lfportrait.demo import demo_exemplar
 from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.job.batch.costs import Estimates
@@ -41,6 +41,7 @@ from lfportrait.job.batch.plan import draw_plan
 from lfportrait.job.batch.state import Batch
 from lfportrait.job.steps import MakeConfig
 from lfportrait.lightfield import Display
+from modelled_head import random_person, studio_capture
 
 STYLES = ("fauve", "charcoal", "impression")
 SMALL = {"reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.12, 0.3],
@@ -51,22 +52,11 @@ FULL = {"reconstruct.resolutions": [128, 256], "reconstruct.rays": [1.0, 7.0],
         "stylize.content_network": "embedded", "stylize.style_network": "embedded"}
 
 
-def head(seed: int) -> HeadModel:
-    """A head between the two that are modelled."""
-    random = np.random.default_rng(seed)
-    features: dict[str, Any] = {}
-    for name in SITTER._fields:
-        one, other = (np.asarray(getattr(model, name)) for model in (SITTER, PAINTED))
-        value = one + random.random() * (other - one)
-        features[name] = tuple(value.tolist()) if value.ndim else float(value)
-    return SITTER._replace(**features)
-
-
 def studio(folder: Path, sitters: int, size: int, views: int, paintings: int) -> None:
     """Sittings, paintings and displays on the disk."""
     for seed in range(sitters):
-        demo_capture(size=size, views=views, model=head(seed)).save(
-            folder / "sittings" / f"sitter{seed}")
+        model = random_person(np.random.default_rng(seed))
+        studio_capture(size, views, model).save(folder / "sittings" / f"sitter{seed}")
     for style in STYLES:
         exemplar = demo_exemplar(style, width=paintings * 3 // 4, height=paintings)
         write_image(folder / f"{style}.png", exemplar.image)

@@ -19,8 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import house
 
 __all__ = ["deepest_chain", "figures", "rooms_entered"]
@@ -71,20 +69,14 @@ def deepest_chain(graph: house.Graph) -> list[str]:
 
 def _ways() -> dict[str, Callable[[], Any]]:
     """What is followed: each a function, its inputs made beforehand."""
-    from lfportrait import Capture, Display, Skin, encode
-    from lfportrait.demo import SITTER, demo_cameras, demo_exemplar, head_field, landmarks
+    from lfportrait import Display, Skin, encode
+    from lfportrait.demo import demo_capture, demo_exemplar, demo_head
     from lfportrait.example import SkinPainter
     from lfportrait.job import prepare_capture
 
-    cameras = demo_cameras(64, 6)
-    field, points = head_field(SITTER, step=8, cameras=demo_cameras(32, 4)), landmarks(SITTER)
-    pictures = [np.uint8(np.clip(field.render(cameras, view).color, 0, 1) * 255)
-                for view in range(len(cameras))]
-    capture = Capture(cameras, pictures, [np.full(one.shape[:2], 255, np.uint8)
-                                          for one in pictures],
-                      [f"{view}.png" for view in range(len(cameras))],
-                      np.zeros(len(cameras), bool), np.eye(4), points)
-    skin, exemplar = Skin.of(field, points, cameras, 48.0), demo_exemplar("fauve")
+    field, capture, exemplar = demo_head(), demo_capture(64, 6), demo_exemplar("fauve")
+    assert capture.landmarks is not None
+    skin = Skin.of(field, capture.landmarks, capture.cameras, 48.0)
     folder = Path(tempfile.mkdtemp())
     capture.save(folder / "capture")
     from lfportrait.capture import CalibrateConfig

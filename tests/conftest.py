@@ -33,7 +33,8 @@ FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_po
          "lfportrait_eval/bench/test_bench.py", "share/test_splats_in_browser.py",
          "job/test_pipeline.py", "job/test_first_look.py", "field/test_cutout.py",
          "project/test_object_scene.py",
-         "demo/test_people.py", "studio/web/test_landmark_editor.py", "studio/web/test_gallery.py",
+         "project/test_modelled_people.py", "studio/web/test_landmark_editor.py",
+         "studio/web/test_gallery.py",
          "studio/web/test_leaving.py", "job/test_warmup.py", "studio/web/test_choices.py",
          "studio/web/test_uploads.py", "share/test_splats.py", "share/page/test_panel_mode.py",
          "studio/web/test_long_names.py", "lfportrait_eval/study/test_page.py",
@@ -103,8 +104,8 @@ def adapter():
 def gpu_children(adapter):
     """Gives a process of a device, the same one to several tests: its start takes a second.
 
-    Drivers in software do not live long, so that each twelfth use gets a new process, as does one
-    after a loss.
+    Drivers in software do not live long, so that each thirtieth use gets a new process, as does one
+    after a loss. A new one compiles its shaders, for seconds.
     """
     from lfportrait.gpu import GpuProcess
 
@@ -112,7 +113,7 @@ def gpu_children(adapter):
 
     def child():
         uses[0] += 1
-        if uses[0] % 12 == 0 or kept[0].starts > 1:
+        if uses[0] % 30 == 0 or kept[0].starts > 1:
             kept[0].close()
             kept[0] = GpuProcess(adapter)
         return kept[0]

@@ -28,7 +28,7 @@ from lfportrait.media.masks import read_mask
 from lfportrait.media.pictures import read_image
 from lfportrait.share import write_quilt, write_video
 from lfportrait_eval.study import read_answers
-from lfportrait_eval.study.media import clip_of
+from lfportrait_eval.study.assembly import clip_of
 from lfportrait_eval.study.results import write_results
 from tests.capture import depth_files
 from tests.capture.test_camera import rig

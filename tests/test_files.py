@@ -1,11 +1,16 @@
 """Files that appear whole or not at all; arrays that are mapped rather than read."""
 
 import contextlib
+import errno
 import os
+import signal
+import subprocess
+import sys
 import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
+import filelock
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from lfportrait.errors import UserError
-from lfportrait.files import map_arrays, read_json, write_json, write_mappable
+from lfportrait.files import lock, map_arrays, read_json, write_json, write_mappable
 
 ARRAYS = {"shares": np.linspace(0, 1, 7, dtype=np.float16), "words": np.array(["skin", "häir"]),
           "one": np.float64(3.5), "none": np.zeros((0, 3), np.int32),
@@ -122,3 +127,72 @@ def test_file_systems_without_permissions_or_renaming_over(tmp_path, monkeypatch
     with pytest.raises(UserError, match="can't write"):
         write_json(path, [2])
     assert read_json(path) == [1] and len(list(tmp_path.iterdir())) == 1
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from lfportrait.files import lock
+held = lock(Path(sys.argv[1]))
+print("locked", flush=True)
+time.sleep(600)
+"""
+WAITER = """
+import signal, sys
+from pathlib import Path
+from lfportrait.files import lock
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
+try:
+    print("waiting", flush=True)
+    lock(Path(sys.argv[1]), wait=-1)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+def begun(script, path, word):
+    """A process that says that it began."""
+    process = subprocess.Popen([sys.executable, "-c", script, str(path)], stdout=subprocess.PIPE,
+                               text=True)
+    assert process.stdout.readline() == f"{word}\n"
+    return process
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """A process that has a file locked."""
+    process = begun(HOLDER, tmp_path / "lock", "locked")
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_lock_goes_with_its_process(tmp_path, holder):
+    with pytest.raises(filelock.Timeout):
+        lock(tmp_path / "lock")
+    holder.kill()
+    lock(tmp_path / "lock", wait=-1).release()
+    lock(tmp_path / "lock").release()
+
+
+def test_waiting_for_a_lock_can_be_interrupted(tmp_path, holder):
+    waiting = begun(WAITER, tmp_path / "lock", "waiting")
+    with pytest.raises(subprocess.TimeoutExpired):
+        waiting.wait(0.3)
+    waiting.send_signal(signal.SIGINT)
+    assert waiting.wait() == 130
+
+
+def test_a_drive_without_locks_is_written_to(tmp_path, monkeypatch):
+    def none(self):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(filelock.FileLock, "_acquire", none)
+    lock(tmp_path / "lock").release()
+
+
+def test_a_folder_that_cant_be_written_to_is_no_drive_without_locks(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OSError, match="file") as caught:
+        lock(tmp_path / "file" / "lock")
+    assert not isinstance(caught.value, filelock.Timeout)

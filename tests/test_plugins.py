@@ -20,7 +20,7 @@ from lfportrait.files import read_json, write_image
 from lfportrait.job.graph import style_key
 from lfportrait.job.steps import MakeConfig
 from lfportrait.media.pictures import read_image
-from lfportrait.plugins import Choice, chosen, offered
+from lfportrait.plugins import Choice, chosen, offered, provided_sittings, provided_styles
 from lfportrait.stylize import FieldMethod, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig
 from tests.portraits import drawn_face
@@ -70,6 +70,16 @@ def test_a_choice_knows_its_names_when_it_is_read(bring, capsys):
     with pytest.raises(SystemExit):
         tyro.cli(Options, args=["--method", "third"])
     assert "'mine', 'other'" in " ".join(capsys.readouterr().err.split())
+
+
+def test_exemplars_and_photos_of_packages(bring):
+    bring("lfportrait.styles", "one", lambda: {"ink": int, "oil": str})
+    bring("lfportrait.styles", "two", lambda: {"chalk": float})
+    assert provided_styles() == {"ink": int, "oil": str, "chalk": float}
+    with pytest.raises(UserError, match="no photos to train on"):
+        provided_sittings(3, 48, 7)
+    bring("lfportrait.sittings", "heads", lambda *asked: [asked])
+    assert provided_sittings(3, 48, 7) == [(3, 48, 7)]
 
 
 def test_entry_points_are_not_read_before_somebody_asks(monkeypatch):
@@ -194,9 +204,8 @@ def test_the_code_of_a_method_is_part_of_the_key_of_what_it_makes():
     keys = {name: style_key("field", MakeConfig(stylize=StylizeConfig(method=name)), ("a", "b"))
             for name in ("skin", "paper", "arf")}
     assert len(set(keys.values())) == 3
-    assert StylizeConfig(method="paper").makers == ("stylize.optimize",)
-    assert StylizeConfig(method="arf").makers == (
-        "stylize.optimize", "lfportrait_eval.baselines.field.methods")
+    assert StylizeConfig(method="paper").maker.startswith("lfportrait.")
+    assert StylizeConfig(method="arf").maker == "lfportrait_eval.baselines.field.methods"
 
 
 WITHOUT = '''

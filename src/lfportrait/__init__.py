@@ -10,24 +10,6 @@ The whole job in five lines::
     image = lf.encode(styled, lf.Display.preset("lookingglass-16"))  # uint8 [H, W, 3]
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from .lazy import attach
-from .version import __version__
-
-if TYPE_CHECKING:
-    from .capture import Camera, Capture, calibrate
-    from .errors import UserError
-    from .example import Exemplar, Skin, transfer
-    from .field import VoxelField, reconstruct
-    from .job import Session, make
-    from .lightfield import Display, ViewMask, encode, simulate
-    from .stylize import StyledField, paint, stylize
-
-__all__ = [
-    "Camera", "Capture", "Display", "Exemplar", "Session", "Skin", "StyledField", "UserError",
-    "ViewMask", "VoxelField", "__version__", "calibrate", "encode", "make", "paint", "reconstruct",
-    "simulate", "stylize", "transfer",
-]
-
-__getattr__, __dir__ = attach(__name__, __file__, {"evaluate": "lfportrait_eval"})
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,11 +1,11 @@
 """The user's cache: keys are hashes of the producing code and of its inputs.
 
-The same key, the same bytes, nothing to be done again. The first argument of `key_of` names the
-modules that make the result; their code and all that they import is part of the key
-(`lfportrait.sources`), so an update makes stale what it changes and nothing else. Keys of stages
-(`lfportrait.stages`), of skins, masks, sequences and checkpoints are made here, and so are those of
-what takes seconds to find and is asked for again and again (what networks say of a painting, where
-a capture's face is), which is kept in the user's cache.
+The same key, the same bytes, nothing to be done again. The code is the whole package, as one hash
+of its files: after an update all is made again that is asked for. A method of another package adds
+that package's files. Keys of stages (`lfportrait.stages`), of skins, masks, sequences and
+checkpoints are made here, and so are those of what takes seconds to find and is asked for again and
+again (what networks say of a painting, where a capture's face is), which is kept in the user's
+cache.
 """
 
 from __future__ import annotations
@@ -26,14 +26,16 @@ from numpy.typing import NDArray
 
 from .errors import UserError
 from .files import UNREADABLE_ARRAYS, atomic_write, temporary_home
-from .sources import Kept, Sources
+from .states import file_state
 
 __all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "tried", "user_cache"]
 
 MOST = 100
 """Files that are kept of a kind: those that were used last."""
+_DIGITS = 32
+"""Of a hash."""
 _INSTALLATIONS = 8
-"""Copies of the package whose imports are kept."""
+"""States of packages whose hashes are kept."""
 
 
 def _plain(value: Any) -> Any:
@@ -56,62 +58,77 @@ def _plain(value: Any) -> Any:
 def hash_of(*parts: Any) -> str:
     """Hash of parameters (data classes, dictionaries, arrays, numbers, strings), 32 hex digits."""
     text = json.dumps([_plain(part) for part in parts], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-def key_of(makers: str | tuple[str, ...], *parts: Any) -> str:
+def key_of(maker: str, *parts: Any) -> str:
     """Key of a result: hash of the code that makes it and of what it is made from, 32 hex digits.
 
     Parameters
     ----------
-    makers
-        The modules that make it, named from the package on: ``"field.reconstruction"``. Those of
-        another package are named in full: ``"lfportrait_eval.tables.figures"``.
+    maker
+        The full name of the module that makes it: ``__name__``.
     parts
         Data classes, dictionaries, arrays, numbers, strings, keys of other results.
     """
-    return hash_of(code_of(*([makers] if isinstance(makers, str) else makers)), *parts)
+    return hash_of(code_of(maker.partition(".")[0]), maker, *parts)
 
 
 @functools.cache
-def code_of(*modules: str) -> str:
-    """Hash of modules, named as for `key_of`, and of all that they import."""
-    others = sorted({name.partition(".")[0] for name in modules} - _own_names())
-    return _sources(*(place for name in others if (place := _place(name)) is not None)
-                    ).code_of(modules)
+def code_of(package: str) -> str:
+    """Hash of all files of our package, and of another one that makes a result with it.
+
+    Parameters
+    ----------
+    package
+        Name of an installed package, or of a module that is a single file.
+
+    Raises
+    ------
+    KeyError
+        If there is no such package.
+    """
+    own = Path(__file__).parent
+    return hash_of([_tree_hash(place) for place in dict.fromkeys((own, _place(package)))])
 
 
-@functools.cache
-def _own_names() -> set[str]:
-    """What stands at the top of our package."""
-    return {path.stem for path in Path(__file__).parent.iterdir()}
-
-
-def _place(package: str) -> Path | None:
+def _place(package: str) -> Path:
     """The folder of an installed package, or the file of a module."""
     spec = find_spec(package)
     if spec is None or spec.origin is None:
-        return None
+        raise KeyError(package)
     return Path(spec.origin).parent if spec.submodule_search_locations else Path(spec.origin)
 
 
-@functools.cache
-def _sources(*beside: Path) -> Sources:
-    package = Path(__file__).parent
-    file = user_cache("code") / f"{hash_of(package, *beside)}.json"
+def _code_files(root: Path) -> list[Path]:
+    """The files of a package, sorted, without what Python and Numba compile of them."""
+    if root.is_file():
+        return [root]
+    found = []
+    for folder, inner, files in os.walk(root):
+        inner[:] = [name for name in inner if name != "__pycache__"]
+        found += [Path(folder, name) for name in files
+                  if not name.startswith((".", "warm-"))
+                  and not name.endswith((".pyc", ".nbi", ".nbc"))]
+    return sorted(found)
 
-    def read() -> str | None:
-        with suppress(OSError, ValueError):
-            return file.read_text(encoding="utf-8")
-        return None
 
-    def write(text: str) -> None:
-        with suppress(OSError, UserError):
-            with atomic_write(file) as stream:
-                stream.write(text.encode())
-            _drop_oldest(file.parent, "*.json", _INSTALLATIONS)
-
-    return Sources(package, Kept(read, write), beside)
+def _tree_hash(root: Path) -> str:
+    """Hash of a package's files, read again only where one has another state."""
+    files = _code_files(root)
+    state = hash_of(root, [(file, file_state(file)) for file in files])
+    kept = user_cache("code") / f"{state}.txt"
+    with suppress(OSError, ValueError):
+        found = kept.read_text(encoding="ascii")
+        if len(found) == _DIGITS:  # else it is damaged
+            return found
+    found = hash_of([(file.relative_to(root.parent).as_posix(),
+                      hashlib.sha256(file.read_bytes()).hexdigest()) for file in files])
+    with suppress(OSError, UserError):
+        with atomic_write(kept) as stream:
+            stream.write(found.encode())
+        _drop_oldest(kept.parent, "*.txt", _INSTALLATIONS)
+    return found
 
 
 def _drop_oldest(folder: Path, pattern: str, most: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import json
 import mmap
@@ -16,7 +17,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,13 @@ from .leftovers import moved_name, part_folder, part_name, remove_part, sweep_on
 from .png import write_png
 from .temporary import temporary_place
 
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
+
 __all__ = [
-    "UNREADABLE_ARRAYS", "atomic_path", "atomic_write", "fresh_folder", "map_arrays", "own_output",
-    "picture_format", "read_json", "temporary_home", "write_exr", "write_image", "write_json",
-    "write_mappable",
+    "UNREADABLE_ARRAYS", "atomic_path", "atomic_write", "fresh_folder", "lock", "map_arrays",
+    "own_output", "picture_format", "read_json", "temporary_home", "write_exr", "write_image",
+    "write_json", "write_mappable",
 ]
 
 UNREADABLE_ARRAYS = (
@@ -142,6 +146,36 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open ``path`` for binary writing; it appears only when the block has succeeded."""
     with atomic_path(path) as temporary, open(temporary, "wb") as stream:
         yield stream
+
+
+def lock(path: Path, wait: float = 0.0) -> BaseFileLock:
+    """Lock a file, made if missing, until ``release()`` is called or the process ends.
+
+    Network drives that know no locks leave it unlocked.
+
+    Parameters
+    ----------
+    path
+        The file; it stays.
+    wait
+        Seconds to wait for another process that has it; below 0 as long as it takes.
+
+    Raises
+    ------
+    filelock.Timeout
+        If another process still has it.
+    OSError
+        If the file can't be written.
+    """
+    from filelock import FileLock
+
+    found = FileLock(path, timeout=wait, thread_local=False, fallback_to_soft=False)
+    try:
+        found.acquire(poll_interval=0.01)
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.EINVAL, errno.ENOSYS):
+            raise
+    return found
 
 
 def temporary_home() -> Path:

@@ -1,4 +1,4 @@
-"""Methods and commands of installed packages, found by their entry points.
+"""What installed packages bring, found by their entry points: commands, methods, exemplars, photos.
 
 A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``, and so
 does this one (``lfportrait_eval``):
@@ -8,7 +8,16 @@ does this one (``lfportrait_eval``):
 * group ``lfportrait.transfer_methods``: methods that paint a photo
   (`lfportrait.example.PhotoMethod`);
 * group ``lfportrait.field_methods``: methods that color a field
-  (`lfportrait.stylize.FieldMethod`).
+  (`lfportrait.stylize.FieldMethod`);
+* group ``lfportrait.styles``: functions of no argument that give ``{name: function}``, where the
+  latter makes the exemplar of that name;
+* group ``lfportrait.sittings``: functions ``(count, height, seed)`` that give photos with landmarks
+  to train a network on;
+* group ``lfportrait.exports``: kinds of files that a portrait is exported as
+  (`lfportrait.share.Export`);
+* group ``lfportrait.formats``: formats of captures (`lfportrait.capture.CaptureFormat`).
+
+This package offers its own painted exemplars and modelled heads in the same way.
 
 Reading the entry points takes 20 to 50 ms: what is asked for by its own name never does.
 """
@@ -17,14 +26,34 @@ from __future__ import annotations
 
 import functools
 import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, ClassVar, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from tyro.constructors import PrimitiveConstructorSpec
 
 from .errors import UserError
 
-__all__ = ["Choice", "chosen", "offered"]
+__all__ = ["Choice", "Sitting", "blamed", "chosen", "gathered", "offered", "provided_sittings",
+           "provided_styles"]
+
+Sitting = tuple[NDArray[np.uint8], NDArray[np.float64]]
+"""A photo, uint8 [H, W, 3], and its landmarks [68, 2]."""
+
+
+class Registered(Protocol):
+    """What a registry holds."""
+
+    name: ClassVar[str]
+
+    def check(self) -> None:
+        """Complain of a class that can't be used."""
+
+
+Kind = TypeVar("Kind", bound=Registered)
 
 
 @functools.cache
@@ -34,9 +63,54 @@ def offered(group: str) -> dict[str, Any]:
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         try:
             found[entry.name] = entry.load()
-        except (ImportError, AttributeError) as error:
+        except Exception as error:  # whatever it does while it is imported
             warnings.warn(f"{entry.name} ({entry.value}) is left out: {error}", stacklevel=2)
     return found
+
+
+def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[str, Kind]:
+    """A registry: an instance of each of our own classes and of those of a group, by its name.
+
+    A class of another package that can't be used, as it does not stand above ``base``, or whose
+    name there is already, is left out with a warning.
+    """
+    found = {one.name: one for one in (kind() for kind in own)}
+    for name, kind in offered(group).items():
+        try:
+            if not (isinstance(kind, type) and issubclass(kind, base)):
+                raise TypeError(f"it is no class above {base.__name__}")
+            one = kind()
+            one.check()
+            if one.name in found:
+                raise ValueError(f"there is {one.name} already")
+        except Exception as error:
+            warnings.warn(f"{name} ({group}) is left out: {_line(error)}", stacklevel=2)
+        else:
+            found[one.name] = one
+    return found
+
+
+@contextmanager
+def blamed(thing: object) -> Iterator[None]:
+    """Whatever fails in another package's ``thing`` becomes one line; our own faults stay ours.
+
+    Raises
+    ------
+    UserError
+        In place of any other exception.
+    """
+    package = type(thing).__module__.partition(".")[0]
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, UserError) or package == __name__.partition(".")[0]:
+            raise
+        raise UserError(f"{type(thing).__name__} of the package {package} failed: "
+                        f"{type(error).__name__}: {_line(error)}") from error
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
@@ -52,6 +126,36 @@ def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
         raise UserError(f"there is no method {name!r}; the installed ones are "
                         f"{', '.join((*own, *found))}")
     return found[name]
+
+
+def provided_styles() -> dict[str, Callable[[], Any]]:
+    """The installed exemplars: for each name what makes its `lfportrait.example.Exemplar`."""
+    return {name: make for makers in offered("lfportrait.styles").values()
+            for name, make in makers().items()}
+
+
+def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
+    """Photos with landmarks from installed packages.
+
+    Parameters
+    ----------
+    count
+        Number of photos.
+    height
+        Of a photo in pixels.
+    seed
+        Of all choices.
+
+    Raises
+    ------
+    UserError
+        If nobody offers any.
+    """
+    for make in offered("lfportrait.sittings").values():
+        found: list[Sitting] = make(count, height, seed)
+        return found
+    raise UserError("there are no photos to train on; give a folder with portraits, or install the "
+                    "package (`pip install lfportrait`) instead of running it from its sources")
 
 
 class Choice(PrimitiveConstructorSpec[str]):

@@ -2,11 +2,10 @@
 
 A job is a chain of stages in one folder. A stage is done when its outputs lie under their final
 names and a small record beside them says from which inputs they were made: the stage's key, a hash
-of the code that does it, the stage's parameters and the keys of the stages it reads
-(`lfportrait.cache`). Outputs are written
-under temporary names and renamed, and the record is written last; so a job that is killed at any
-moment finds, when it is run again, either a finished stage or none, and continues from there to the
-same files as an undisturbed run.
+of the package, the stage's parameters and the keys of the stages it reads (`lfportrait.cache`).
+Outputs are written under temporary names and renamed, and the record is written last; so a job that
+is killed at any moment finds, when it is run again, either a finished stage or none, and continues
+from there to the same files as an undisturbed run.
 """
 
 from __future__ import annotations

@@ -234,7 +234,7 @@ def test_the_demo_is_large_or_quick(tmp_path, monkeypatch, quick):
         return {"seconds": {"total": 0}}
 
     monkeypatch.setattr(make, "make", job)
-    monkeypatch.setattr(demo, "demo_capture", lambda size, views, progress: (size, views))
+    monkeypatch.setattr(demo, "demo_capture", lambda size, views: (size, views))
     monkeypatch.setattr(demo, "demo_exemplar", lambda width, height: (width, height))
     options = ["--quick"] if quick else []
     assert run("demo", "--out", tmp_path, "--quiet", *options) == 0

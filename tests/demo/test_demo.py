@@ -1,107 +1,128 @@
-"""The embedded capture: the modelled head, its landmarks and its photographs."""
+"""The embedded data: what is shipped is complete, and options only take away from it."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from scipy import ndimage
 
-from lfportrait.capture import Camera
-from lfportrait.demo import PAINTED, PEOPLE, SITTER, demo_capture, landmarks, photograph
-from lfportrait.demo.kernels.head import surfaces
-from tests.reference import head as reference
-
-EVERYONE = [pytest.param(model, id=name) for name, model in PEOPLE.items()]
-# Pairs of landmarks that mirror each other.
-MIRROR = [16 - i for i in range(17)] + [26 - i for i in range(10)] + list(range(27, 31)) + [
-    35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40,
-    54, 53, 52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65]
+from lfportrait.capture import Capture
+from lfportrait.demo import (
+    DATA,
+    demo_capture,
+    demo_exemplar,
+    demo_head,
+    demo_landmarks,
+    demo_photo,
+    demo_styles,
+    embedded_sittings,
+)
+from lfportrait.errors import UserError
 
 
 @pytest.fixture(scope="module")
-def capture():
-    return demo_capture(size=72, views=8)
+def whole():
+    return demo_capture()
 
 
-@pytest.mark.parametrize("model", EVERYONE)
-def test_distance_agrees_with_the_numpy_reference(model):
-    rng = np.random.default_rng(1)
-    spread = rng.uniform(-1.05, 1.05, (1500, 3))
-    on_face = rng.uniform((-0.45, -0.7, 0.2), (0.45, 0.5, 0.75), (2500, 3))
-    points = np.concatenate([spread, on_face, np.zeros((1, 3))])
-    found = np.array([surfaces(model, *point) for point in points])
-    np.testing.assert_allclose(found, reference.surfaces(model, points), atol=1e-9)
+def test_data_are_small():
+    files = [path for path in DATA.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 3e6
 
 
-@settings(deadline=None, max_examples=60)
-@given(x=st.floats(0, 1), y=st.floats(-1, 1), z=st.floats(-1, 1))
-def test_skin_cloth_and_eyes_are_symmetric(x, y, z):
-    left, right = surfaces(PAINTED, x, y, z), surfaces(PAINTED, -x, y, z)
-    assert left[0] == right[0]
-    assert left[3] == right[3]
+def test_the_capture_is_complete(whole):
+    assert len(whole) == 60 and whole.held_out.sum() == 7
+    assert whole.landmarks.shape == (68, 3) and np.isfinite(whole.landmarks).all()
+    np.testing.assert_array_equal(demo_landmarks(), whole.landmarks)
+    np.testing.assert_array_equal(whole.frame, np.eye(4))
+    yaw = np.degrees(np.arctan2(whole.cameras.position[:, 0], whole.cameras.position[:, 2]))
+    assert yaw.min() < -85 and yaw.max() > 85
+    for image, alpha in zip(whole.images, whole.alphas):
+        assert image.shape == (384, 384, 3) and 0.2 < (alpha > 127).mean() < 0.6
+        assert not image[alpha == 0].any()
 
 
-@pytest.mark.parametrize("model", EVERYONE)
-def test_landmarks_lie_on_the_surface(model):
-    points = landmarks(model)
-    assert points.shape == (68, 3)
-    distance = np.array([surfaces(model, *point) for point in points])
-    assert np.abs(np.minimum(distance[:, 0], distance[:, 3])).max() < 2e-3
-    np.testing.assert_allclose(points[MIRROR] * (-1, 1, 1), points, atol=1e-6)
+def test_fewer_and_smaller_photos_are_taken_from_the_same(whole):
+    few = demo_capture(size=96, views=12)
+    assert len(few) == 12 and few.images[0].shape == (96, 96, 3)
+    assert few.held_out.tolist() == [view == 4 for view in range(12)]
+    chosen = [int(name.removeprefix("view_")) for name in few.names]
+    assert sorted(set(chosen)) == chosen
+    np.testing.assert_array_equal(few.cameras.pose, whole.cameras.pose[chosen])
+    pitch = np.degrees(np.arcsin(few.cameras.position[:, 1]
+                                 / np.linalg.norm(few.cameras.position, axis=1)))
+    assert pitch.min() < -10 and pitch.max() > 35, "of all arcs"
+    # Four by four pixels are averaged: all of the person's, none of what lies around.
+    alpha = whole.alphas[chosen[5]].astype(float)
+    color = whole.images[chosen[5]] * alpha[..., None]
+    cells = [plane.reshape(96, 4, 96, 4, -1).mean(axis=(1, 3)) for plane in (color, alpha)]
+    np.testing.assert_allclose(few.alphas[5], cells[1][..., 0], atol=1)
+    seen = few.alphas[5] > 60
+    np.testing.assert_allclose(few.images[5][seen], (cells[0] / np.maximum(cells[1], 1))[seen],
+                               atol=4)
 
 
-@pytest.mark.parametrize("model", EVERYONE)
-def test_landmarks_are_a_face(model):
-    x, y, z = landmarks(model).T
-    assert np.all(np.diff(x[:17]) > -0.01), "the line of the chin runs from right to left ear"
-    assert np.argmin(y) == 8, "the chin is the lowest point"
-    assert np.argmax(z) == 30, "the tip of the nose is the foremost point"
-    assert y[17:27].min() > y[36:48].max() > y[36:48].min() > y[31:36].max() > y[48:68].max()
-    assert np.all(x[42:48] > 0)
-    assert np.all(x[36:42] < 0)
-    assert 0.30 < np.hypot(x[42:48].mean() - x[36:42].mean(), 0) < 0.45
+def test_landmarks_fall_on_the_small_photos():
+    few = demo_capture(size=48, views=8)
+    places = few.cameras.project(few.landmarks)[0]
+    for view in range(8):
+        x, y = places[view].astype(int).T
+        assert (few.alphas[view][y, x] > 0).mean() > 0.9
 
 
-def test_silhouette_agrees_with_the_reference(capture):
-    for view in (0, 3, 7):
-        origins, directions = capture.cameras.rays(view)
-        steps = np.linspace(3.3, 5.6, 320)
-        rng = np.random.default_rng(view)
-        pixels = rng.choice(len(directions), 250, replace=False)
-        points = origins[pixels, None] + steps[:, None] * directions[pixels, None]
-        nearest = reference.surfaces(SITTER, points.reshape(-1, 3)).min(axis=-1)
-        nearest = nearest.reshape(len(pixels), -1).min(axis=1)
-        alpha = capture.alphas[view].ravel()[pixels]
-        # A pixel is 0.03 units wide: clear of the border, coverage must be all or nothing.
-        assert (alpha[nearest < -0.03] == 255).all()
-        assert (alpha[nearest > 0.03] == 0).all()
-        assert (nearest < -0.03).sum() > 20
+@pytest.mark.parametrize("options", [{"size": 400}, {"size": 8}, {"views": 61}, {"views": 3}])
+def test_there_are_no_larger_photos_and_no_more(options):
+    with pytest.raises(UserError, match=f"--{next(iter(options))}.*not"):
+        demo_capture(**options)
 
 
-def test_capture_is_complete_and_deterministic(capture):
-    again = demo_capture(size=72, views=8)
-    for one, other in zip(capture.images + capture.alphas, again.images + again.alphas):
-        assert one.tobytes() == other.tobytes()
-    assert len(capture) == 8
-    assert capture.held_out.sum() == 1
-    np.testing.assert_array_equal(capture.frame, np.eye(4))
-    yaw = np.degrees(np.arctan2(capture.cameras.position[:, 0], capture.cameras.position[:, 2]))
-    assert yaw.min() < -85
-    assert yaw.max() > 85
-    cover = [np.mean(alpha > 127) for alpha in capture.alphas]
-    assert min(cover) > 0.2
-    assert np.abs(capture.cameras.position).max() > 2.0
+def test_it_is_a_capture_that_others_can_open():
+    assert len(Capture.load(DATA / "capture")) == 60
 
 
-def test_every_surface_is_seen_and_lit():
-    camera = Camera.look_at(np.array([[0.0, 0.0, 4.4]]), np.zeros(3), width=160, height=160,
-                            focal=330.0)
-    picture = photograph(SITTER, camera)
-    assert set(np.unique(picture.surface)) == {-1, 0, 1, 2, 3}
-    inside = picture.image[..., 3] == 255
-    length = np.linalg.norm(picture.normal[inside], axis=-1)
-    np.testing.assert_allclose(length, 1.0, atol=1e-3)
-    skin = picture.image[..., :3][inside & (picture.surface == 0)].astype(float)
-    assert 90 < skin.mean() < 210, "neither drowned nor burnt out"
-    assert (skin[:, 0] > skin[:, 2]).mean() > 0.99, "skin is warm"
-    assert (skin == 255).mean() < 0.01
-    assert (picture.normal[..., 2][inside] > -0.1).mean() > 0.995, "normals face the camera"
+def test_the_field_looks_like_the_photos(whole):
+    head = demo_head()
+    for view in (4, 12, 50):
+        photo = whole.image_float(view)
+        alpha = whole.alphas[view] / 255
+        seen = head.render(whole.cameras, view, background=1.0)
+        within = ndimage.binary_erosion(alpha == 1, iterations=6) & (seen.alpha > 0.99)
+        assert within.mean() > 0.1
+        assert -10 * np.log10(((seen.color - photo)[within] ** 2).mean()) > 24
+        assert np.abs(seen.alpha - alpha).mean() < 0.02
+
+
+@pytest.mark.parametrize("style", demo_styles())
+def test_paintings_have_landmarks_and_mask_at_each_size(style):
+    large, small = demo_exemplar(style), demo_exemplar(style, 192, 256)
+    assert large.name == small.name == style
+    assert large.image.shape == (1024, 768, 3) and small.image.shape == (256, 192, 3)
+    np.testing.assert_allclose(4 * small.landmarks, large.landmarks)
+    assert small.mask.shape == (256, 192) and small.mask.dtype == np.float32
+    for one in (large, small):
+        x, y = one.landmarks[17:].astype(int).T
+        assert (one.mask[y, x] > 0.98).all()
+    cells = large.image.reshape(256, 4, 192, 4, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(small.image, cells, atol=1)
+
+
+def test_an_unknown_style_is_told_plainly():
+    with pytest.raises(UserError, match="fauve, charcoal, impression"):
+        demo_exemplar("cubist")
+
+
+def test_the_single_photo_has_its_landmarks():
+    photo, points = demo_photo(256)
+    assert photo.shape == (256, 192, 4)
+    x, y = points.astype(int).T
+    assert (photo[y, x, 3] > 0).all() and (photo[y[17:], x[17:], 3] == 255).all()
+
+
+def test_sittings_are_many_people_with_landmarks():
+    sittings = embedded_sittings(16, 96, 0)
+    for number, (photo, points) in enumerate(sittings):
+        assert photo.shape == (96, 72, 3) and points.shape == (68, 2)
+        assert (points > 0).all() and (points < (72, 96)).all()
+        for other, _ in sittings[:number]:
+            assert np.abs(photo.astype(float) - other).mean() > 5
+    again = embedded_sittings(2, 96, 0)
+    assert np.array_equal(again[1][0], sittings[1][0])
+    assert not np.array_equal(embedded_sittings(1, 96, 1)[0][0], sittings[0][0])

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import PchipInterpolator
 
 from lfportrait.example import Exemplar, TransferConfig, fitting, transfer
 from lfportrait.example.lids import (
-    _monotone,
     asked_lids,
     closed,
     eye_openings,
@@ -122,12 +120,3 @@ def test_an_exemplar_is_reduced_with_its_lids(painting):
     small = closed(painting, (True, True)).within(painting.size / 2)
     assert small.regions().person.shape == small.image.shape[:2]
     assert isinstance(small, Exemplar) and small.lids == (True, True)
-
-
-def test_a_curve_is_scipys_monotone_one():
-    rng = np.random.default_rng(4)
-    for _ in range(50):
-        x = np.cumsum(rng.uniform(0.1, 1, 4))
-        y = rng.choice([rng.normal(size=4), np.zeros(4), np.sort(rng.normal(size=4))])
-        at = rng.uniform(x[0], x[-1], (3, 7))
-        np.testing.assert_allclose(_monotone(x, y, at), PchipInterpolator(x, y)(at), atol=1e-12)

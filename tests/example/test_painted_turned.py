@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Capture
-from lfportrait.demo import SITTER, demo_cameras, demo_exemplar, head_field, landmarks
 from lfportrait.example import Skin
 from lfportrait.face import face_pose
 from lfportrait.stylize import StylizeConfig, stylize
 from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
+from modelled_head import SITTER, head_field, landmarks, painted_exemplar, studio_cameras
 
 STYLE, SIZE = "impression", 240
 
 
 @pytest.fixture(scope="module")
 def head():
-    cameras, points = demo_cameras(128, 12), landmarks(SITTER)
+    cameras, points = studio_cameras(128, 12), landmarks(SITTER)
     field = head_field(cameras=cameras)
     images = [np.zeros((128, 128, 3), np.uint8)] * 12
     capture = Capture(cameras, images, None, [str(n) for n in range(12)], np.zeros(12, bool),
@@ -26,7 +26,7 @@ def head():
 
 def painted(head, turn):
     field, capture, skin = head
-    exemplar = demo_exemplar(STYLE, 288, 384, turn=turn)
+    exemplar = painted_exemplar(STYLE, 288, 384, turn=turn)
     config = StylizeConfig(preview=True, pixels=192.0)
     return exemplar, stylize(field, capture, exemplar, config, skin=skin)
 
@@ -55,7 +55,7 @@ def test_the_visible_side_is_painted_as_from_the_front(head, frontal, turn):
 
 
 def test_a_painting_seen_from_the_side_is_seen_from_there():
-    exemplars = [demo_exemplar("charcoal", 240, 320, turn=turn) for turn in (-30.0, 30.0)]
+    exemplars = [painted_exemplar("charcoal", 240, 320, turn=turn) for turn in (-30.0, 30.0)]
     yaws = [face_pose(one.landmarks).yaw for one in exemplars]
     assert yaws[0] < -24 and yaws[1] > 24 and abs(yaws[0] + yaws[1]) < 1
     masks = [cv2.flip(one.mask, 1) if n else one.mask for n, one in enumerate(exemplars)]

@@ -82,7 +82,7 @@ def test_folder(tmp_path, photo, style, capsys):
     for name in ("b", "a"):
         write_image(tmp_path / "in" / f"{name}.jpg", photo.image)
     assert main(["transfer", str(tmp_path / "in"), "--style", str(style), "--out",
-                 str(tmp_path / "out"), "--regions", "lips=off", "--quiet"]) == 0
+                 str(tmp_path / "out"), "--region", "lips=off", "--quiet"]) == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.png", "b.png"]
     assert main(["transfer", str(tmp_path / "in"), "--style", str(style), "--out",
                  str(tmp_path / "out.png"), "--quiet"]) == 2

@@ -217,6 +217,20 @@ def test_whatever_the_face_and_the_field_it_ends_well(seed, size, height):
     assert np.isfinite(closed.density).all() and np.isfinite(closed.sh).all()
 
 
+def test_photos_face_what_they_see_squarely_and_no_rim():
+    field = head_field(SIZE)
+    found = Photos(field, photos(np.linspace(-5, 5, 9)))
+    points = field.lattice_points()
+    seen = points[found.seen(points) >= 9]
+    faced = found.faced(seen, 0.5)
+    away = np.hypot(seen[:, 0], seen[:, 1])
+    assert len(seen) > 100
+    assert (faced[away < 0.2] >= 8).mean() > 0.95
+    rim = away > np.percentile(away, 98)
+    assert (faced[rim] >= 8).mean() < 0.1
+    assert (found.faced(seen, 0.99) <= faced).all()
+
+
 def chart(rows=30, level=20, columns=48):
     axis = np.stack([np.full(rows, 0.02), np.minimum(np.arange(rows), level - 1) * 0.05 - 1.0,
                      0.01 * np.minimum(np.arange(rows), level - 1)], axis=1)

@@ -1,5 +1,6 @@
 """The field's file, the visual hull, and reconstruction of a colored ball from its pictures."""
 
+import csv
 import errno
 import gc
 import itertools
@@ -29,11 +30,10 @@ from lfportrait.field.geometry.exposure import matte_gains
 from lfportrait.field.geometry.hull import hull_box, ruled_out, visual_hull
 from lfportrait.field.storage import check_field_path, save_checkpoint, save_field
 from lfportrait.field.training.lattice import Lattice
+from lfportrait.field.training.meter import CurveFile
 from lfportrait.field.training.trainer import Trainer
 from tests.fields import shell_field
 from tests.reference.svox2 import Checkpoint
-
-from .test_event_log import scalars
 
 
 def test_a_field_survives_the_disk(tmp_path):
@@ -490,7 +490,8 @@ def test_a_run_stopped_in_the_middle_of_a_level_goes_on_from_there(tmp_path, mon
 
 
 def test_curves_are_measured_and_logged(tmp_path):
-    _, figures = reconstruct_with_figures(ball_capture(), TINY, log=tmp_path, measure_every=0.3)
+    _, figures = reconstruct_with_figures(ball_capture(), TINY, measure_every=0.3,
+                                          log=tmp_path / "logs" / "curves.csv")
     curve = figures["curve"]
     assert len(curve) >= 2
     for before, after in itertools.pairwise(curve[:-1]):
@@ -501,12 +502,30 @@ def test_curves_are_measured_and_logged(tmp_path):
         assert passed == pytest.approx(after["seconds"] - before["seconds"], abs=0.0011)
     assert curve[0]["psnr"] < curve[-1]["psnr"]
     assert curve[-1]["held_out_psnr"] == figures["test"]["psnr"]
-    points = scalars(next(tmp_path.iterdir()))
-    logged = {tag: value for tag, value, _ in points}
-    assert logged["train/psnr"] == pytest.approx(curve[-1]["psnr"], abs=1e-3)
-    assert logged["test/psnr"] == pytest.approx(figures["test"]["psnr"], abs=1e-3)
-    assert {"train/loss", "train/rays_per_second", "train/voxels"} <= set(logged)
-    assert points[-1][2] == figures["train"]["rays"]
+    with open(tmp_path / "logs" / "curves.csv", encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [{name: float(text) if text else None for name, text in row.items()}
+            for row in rows] == curve
+    assert float(rows[-1]["rays"]) == figures["train"]["rays"]
+
+
+def test_a_run_that_goes_on_adds_to_the_curves(tmp_path):
+    point = {"seconds": 1.0, "rays": 9, "rays_per_second": 9.0, "loss": 0.5, "psnr": 3.0,
+             "voxels": 8, "resolution": 2, "held_out_psnr": None}
+    for _ in range(2):
+        file = CurveFile(tmp_path / "curves.csv")
+        file.write(point)
+        # On the disk while the file is still open.
+        assert (tmp_path / "curves.csv").read_text("utf-8").endswith("9,9.0,0.5,3.0,8,2,\n")
+        file.close()
+    lines = (tmp_path / "curves.csv").read_text("utf-8").splitlines()
+    assert len(lines) == 3 and lines[0].startswith("seconds,rays,")
+
+
+def test_curves_that_can_not_be_written_are_told(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(UserError, match="can't write the log"):
+        CurveFile(tmp_path / "file" / "curves.csv")
 
 
 def test_a_field_that_is_wrong_from_part_to_part_tells_no_exposures():

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.demo import SITTER, landmarks, photograph
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.field.closing.sides import _hair
 from lfportrait.field.coverage import Coverage
@@ -20,6 +19,7 @@ from lfportrait.field.geometry.head_surface import (
     span_of,
 )
 from lfportrait.field.geometry.plate import continued, fitted_plate
+from modelled_head import SITTER, landmarks, photograph
 
 SIDE = 112
 

@@ -19,9 +19,9 @@ from lfportrait.job.steps import source_files
 @pytest.fixture(scope="module")
 def head() -> np.ndarray:
     """Landmarks [68, 3] of a head in the portrait frame."""
-    from lfportrait.demo.people import SITTER, landmarks
+    from lfportrait.demo import demo_landmarks
 
-    return landmarks(SITTER)
+    return demo_landmarks()
 
 
 def seen_from(head: np.ndarray, yaw: float, pitch: float = 0.0) -> np.ndarray:

@@ -5,15 +5,15 @@ import pytest
 from PIL import Image
 
 from lfportrait.cli import main
-from lfportrait.demo import demo_exemplar
 from lfportrait.errors import UserError
 from lfportrait.face import detect_faces, read_landmarks, write_landmarks
 from lfportrait.job import add_style, check_style, style_picture
+from modelled_head import painted_exemplar
 
 
 @pytest.fixture(scope="module")
 def exemplar():
-    return demo_exemplar("impression", 240, 320, turn=30.0)
+    return painted_exemplar("impression", 240, 320, turn=30.0)
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def picture(exemplar, tmp_path):
 def drawing(tmp_path):
     """Draws a face turned by so many degrees."""
     def draw(turn):
-        drawn = demo_exemplar("charcoal", 240, 320, turn=turn)
+        drawn = painted_exemplar("charcoal", 240, 320, turn=turn)
         path = tmp_path / "drawn.png"
         Image.fromarray(drawn.image).save(path)
         Image.fromarray(np.uint8(drawn.mask * 255)).save(tmp_path / "drawn.mask.png")

@@ -115,4 +115,4 @@ def test_the_facts_of_photos_are_those_of_the_first(tmp_path):
 
     for number in range(4):
         Image.new("RGB", (400, 200), (number, 0, 0)).save(tmp_path / f"{number}.png")
-    assert Source.of(tmp_path, MakeConfig()) == (4, 0.08, False, False, False)
+    assert Source.of(tmp_path, MakeConfig()) == (4, 0.08, False, False)

@@ -26,12 +26,11 @@ from tests.job.test_pipeline import CONFIG
 out, seen = Path(sys.argv[1]), []
 # With as many coefficients as usual: rows of another width have kernels of their own.
 CONFIG = replace(CONFIG, reconstruct=replace(CONFIG.reconstruct, sh_degree=2))
-with Warmup(("photograph", "transfer", "reconstruct", "stylize", "encode")) as warmup:
-    warmup.wait(("photograph", "transfer", "reconstruct", "stylize", "encode"))
-    with watched_compilations(seen.append):
-        make(demo_capture(size=56, views=16), demo_exemplar(width=180, height=240), out,
-             Display(96, 64, views=12, pitch=7.3, slant=0.1), CONFIG, warmup=warmup,
-             offline=True)
+with Warmup(("transfer", "reconstruct", "stylize", "encode")) as warmup:
+    warmup.wait(("transfer", "reconstruct", "stylize", "encode"))
+with watched_compilations(seen.append):
+    make(demo_capture(size=48, views=10), demo_exemplar(width=120, height=160), out,
+         Display(64, 48, views=6, pitch=7.3, slant=0.1), CONFIG, offline=True)
 print(*seen)
 """
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from numba.core.caching import IndexDataCacheFile
 
 import lfportrait
+from lfportrait.files import lock
 from lfportrait.lanes import cache_keys
 from lfportrait.lanes.decorators import kernel
-from lfportrait.locks import lock
 
 # The smallest factory whose kernel calls a function that the factory made, too: a process that
 # compiles takes a few seconds here, and twenty for the field's kernels.
@@ -94,12 +94,14 @@ def test_what_two_processes_compile_at_a_time_is_found_under_its_own_types(tmp_p
 def test_a_process_that_is_paused_holds_up_no_other_one(tmp_path, monkeypatch):
     monkeypatch.setattr(cache_keys, "_PATIENCE", 0.2)
     files = type(_half._cache._cache_file)(str(tmp_path), "half", "stamp")
-    with open(tmp_path / cache_keys._LOCK, "ab") as stream:
-        lock(stream)
+    held = lock(tmp_path / cache_keys._LOCK)
+    try:
         saving = threading.Thread(target=files.save, args=("a", "code for a"), daemon=True)
         saving.start()
         saving.join(20)
         assert not saving.is_alive() and files.load("a") == "code for a"
+    finally:
+        held.release()
 
 
 def test_every_kernel_has_the_same_key_in_every_process(tmp_path):

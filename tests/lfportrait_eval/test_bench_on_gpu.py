@@ -2,7 +2,7 @@
 
 from lfportrait.gpu import gpu_process
 from lfportrait.lightfield import Display, EncodeConfig
-from lfportrait_eval.bench.on_gpu import device_figures
+from lfportrait_eval.bench.encode import device_figures
 from tests.fields import shell_field
 
 

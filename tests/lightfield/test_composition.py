@@ -6,7 +6,6 @@ import warnings
 import numpy as np
 import pytest
 
-from lfportrait.demo import PEOPLE, SITTER, demo_cameras, head_field, landmarks
 from lfportrait.lightfield import (
     DepthReport,
     Display,
@@ -16,10 +15,11 @@ from lfportrait.lightfield import (
     encode,
     simulate,
 )
+from modelled_head import PEOPLE, SITTER, head_field, landmarks, studio_cameras
 from tests.fields import head_field as ball
 
 SHAPES = {"16:9": (3840, 2160), "9:16": (2160, 3840), "3:4": (1536, 2048)}
-COARSE = demo_cameras(64, 12)
+COARSE = studio_cameras(64, 12)
 """Cameras that give heads coarse colors: their forms alone are looked at."""
 
 

@@ -56,7 +56,7 @@ def test_rows_show_default_choices_and_meaning(make_docs):
     assert "| `--quiet` | `no` | Whether. |" in text and "`1e-05`" in text
 
 
-PAGES = ["CONTRIBUTING.md", *(path.relative_to(ROOT).as_posix()
+PAGES = ["CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", *(path.relative_to(ROOT).as_posix()
                                for path in sorted((ROOT / "docs").rglob("*.md")))]
 
 

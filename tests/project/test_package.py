@@ -79,7 +79,8 @@ def test_git_knows_what_the_package_is_made_of():
     if not known:
         pytest.skip("no checkout of git's")
     assert {str(path.relative_to(ROOT).as_posix()) for path in SOURCES
-            if path.suffix in (".toml", ".html", ".css", ".js", ".glsl", ".safetensors")} <= known
+            if path.suffix in (".pyi", ".toml", ".html", ".css", ".js", ".glsl",
+                               ".safetensors")} <= known
 
 
 def test_what_differs_is_told():

@@ -24,7 +24,7 @@ def test_links_out_of_the_docs_become_their_text():
 
 
 def test_links_within_the_docs_stay():
-    text = "[skin](skin.md#how) [parameters](../parameters.md) ![head](../images/hero.jpg)"
+    text = "[skin](skin.md#how) [parameters](../parameters.md) ![head](../images/hero.webp)"
     assert site_hooks.on_page_markdown(text) == text
 
 

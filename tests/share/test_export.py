@@ -15,7 +15,7 @@ from lfportrait.field.background import Background
 from lfportrait.field.kernels.march import lattice_of_world
 from lfportrait.field.kernels.surface import depth_from_outside, seen_colors
 from lfportrait.field.surface import field_mesh, field_points
-from lfportrait.share.export import ExportConfig, export_field
+from lfportrait.share import ExportConfig, export_field
 from tests.fields import shell_field
 from tests.reference.raycast import sh_basis, trilinear
 from tests.reference.svox2 import Checkpoint
@@ -210,7 +210,8 @@ def test_ply_files_hold_points_or_a_mesh(tmp_path):
     figures = export_field(field, tmp_path / "p.ply", ExportConfig(opacity=0.2))
     rows = read_ply(tmp_path / "p.ply")["vertex"]
     cloud = field_points(field, 0.2)
-    assert figures == {"points": len(rows), "bytes": (tmp_path / "p.ply").stat().st_size}
+    assert figures == {"points": len(rows), "bytes": (tmp_path / "p.ply").stat().st_size,
+                       "kind": "points", "out": tmp_path / "p.ply"}
     assert np.allclose(columns_of(rows, "x", "y", "z"), METRES * cloud.positions, atol=1e-7)
     assert np.array_equal(columns_of(rows, "nx", "ny", "nz"), cloud.normals)
     assert np.array_equal(columns_of(rows, "red", "green", "blue"), cloud.colors)
@@ -369,7 +370,7 @@ def test_checkpoints_of_other_ages(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "config", "message"), [
-    ("x.stl", ExportConfig(), r"must end in \.html, \.ply"),
+    ("x.stl", ExportConfig(), r"must end in \.png, .*\.html, .*\.ply, "),
     ("x.obj", ExportConfig(kind="points"), "points are written as .ply"),
     ("x.ply", ExportConfig(opacity=1.5), "--opacity"),
     ("x.glb", ExportConfig(level=1.0), "--level"),

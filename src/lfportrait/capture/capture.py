@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,20 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..files import fresh_folder, read_json, write_image, write_json
-from ..lanes.threads import side_by_side
-from ..measure import usable_cores
 from ..media.depth import DepthMap
-from ..media.pictures import read_image
 from .camera import Camera
-from .depths import load_depth, save_depth, some_depth
-from .formats import load_views, transform_files
+from .formats import Views, load_views, save_views
 from .late_pictures import LatePictures
 
 __all__ = ["Capture"]
-
-_TO_NERF = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -113,53 +104,26 @@ class Capture:
         return replace(self, cameras=self.cameras.transformed(similarity),
                        frame=similarity @ self.frame, landmarks=landmarks)
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, format: str = "") -> None:
         """Write the capture as a folder: ``transforms.json`` (NeRF axes) and ``images/NAME.png``.
 
-        Depth goes to ``depth/NAME.npz``.
+        Depth goes to ``depth/NAME.npz``. The folder appears under its name when it is complete; an
+        older one is replaced.
 
-        The folder appears under its name when it is complete; an older one is replaced.
+        Parameters
+        ----------
+        folder
+            The folder.
+        format
+            Name of another format that is written (`capture_formats`).
 
         Raises
         ------
         UserError
             If the folder can't be written.
         """
-        folder = Path(folder)
-        try:
-            with fresh_folder(folder) as temporary:
-                self._write(temporary)
-        except OSError as error:
-            raise UserError(f"can't write {folder}: {error.strerror}; free some space or choose "
-                            "another folder with --out") from error
-
-    def _write(self, folder: Path) -> None:
-        frames = []
-        names = [f"images/{Path(name).stem}.png" for name in self.names]
-
-        def write(view: int) -> None:
-            picture = (self.images[view] if self.alphas is None
-                       else np.dstack([self.images[view], self.alphas[view]]))
-            write_image(folder / names[view], picture, fast=True)
-
-        side_by_side(write, range(len(self)), most=4)
-        for view, name in enumerate(names):
-            camera = self.cameras[view]
-            frames.append({
-                "file_path": name, "w": int(camera.width[0]), "h": int(camera.height[0]),
-                "fl_x": camera.focal[0, 0], "fl_y": camera.focal[0, 1],
-                "cx": camera.center[0, 0], "cy": camera.center[0, 1],
-                "transform_matrix": (camera.pose[0] @ _TO_NERF).tolist(),
-                "held_out": bool(self.held_out[view])})
-            depth = None if self.depths is None else self.depths[view]
-            if depth is not None:
-                name = f"depth/{Path(self.names[view]).stem}.npz"
-                frames[-1]["depth"] = save_depth(folder, name, depth)
-        write_json(folder / "transforms.json", {
-            "generator": "lfportrait", "frames": frames, "portrait_frame": self.frame,
-            "landmarks": None if self.landmarks is None else
-            [[None if np.isnan(v) else v for v in point] for point in self.landmarks.tolist()],
-            "figures": self.figures})
+        save_views(Views(**{name: getattr(self, name) for name in Views._fields}), Path(folder),
+                   format)
 
     @staticmethod
     def load(path: str | Path, holdout: int = 8) -> Capture:
@@ -181,41 +145,5 @@ class Capture:
         UserError
             If there is no such capture or it is damaged.
         """
-        path = Path(path)
-        own = transform_files(path)
-        if own:
-            first = read_json(own[0])
-            if isinstance(first, dict) and first.get("generator") == "lfportrait":
-                return Capture._read_own(own[0].parent)
-        return Capture(**load_views(path, holdout)._asdict())
-
-    @staticmethod
-    def _read_own(folder: Path) -> Capture:
-        """Read a folder that `save` wrote."""
-        data = read_json(folder / "transforms.json")
-        try:
-            frames = data["frames"]
-            # Decoding leaves Python to others.
-            with ThreadPoolExecutor(usable_cores()) as pool:
-                pictures = list(pool.map(read_image, [folder / frame["file_path"]
-                                                      for frame in frames]))
-            cameras = Camera(
-                np.array([frame["transform_matrix"] for frame in frames]) @ _TO_NERF,
-                np.array([[frame["fl_x"], frame["fl_y"]] for frame in frames]),
-                np.array([[frame["cx"], frame["cy"]] for frame in frames]),
-                np.array([frame["w"] for frame in frames]),
-                np.array([frame["h"] for frame in frames]))
-            landmarks = data["landmarks"]
-            return Capture(
-                cameras, [np.ascontiguousarray(picture[..., :3]) for picture in pictures],
-                [np.ascontiguousarray(picture[..., 3]) for picture in pictures]
-                if pictures[0].shape[2] == 4 else None,
-                [Path(frame["file_path"]).name for frame in frames],
-                np.array([frame["held_out"] for frame in frames], bool),
-                np.array(data["portrait_frame"]),
-                None if landmarks is None else np.array(
-                    [[np.nan if v is None else v for v in point] for point in landmarks]),
-                data.get("figures", {}),
-                some_depth([load_depth(folder, frame.get("depth")) for frame in frames]))
-        except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
-            raise UserError(f"{folder / 'transforms.json'} is damaged: {error!r}") from error
+        views = load_views(Path(path), holdout)
+        return Capture(**{**views._asdict(), "figures": views.figures or {}})

@@ -4,14 +4,6 @@
 a data class of the same kind (`Common`).
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from ..lazy import attach
-from .dispatch import COMMANDS, main, program
-
-if TYPE_CHECKING:
-    from .common import Common
-
-__all__ = ["COMMANDS", "Common", "main", "program"]
-
-__getattr__, __dir__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

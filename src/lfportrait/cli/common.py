@@ -13,8 +13,7 @@ import tyro
 
 from ..plugins import offered
 from ..progress import Outlook, Progress
-from ..renamed import NEW_NAMES, new_words
-from .short_help import all_options, print_short_help
+from .short_help import print_short_help
 
 __all__ = ["Common", "parsed"]
 
@@ -40,6 +39,12 @@ class Common:
     """Print no progress."""
     json: Path | None = None
     """Write the figures of the run (times, sizes, metrics) to this file."""
+
+    @classmethod
+    def sections(cls) -> dict[str, type]:
+        """Parameters that are options, too, by what stands before their names: of its `groups`."""
+        return {f"{prefix}{name}": method.parameters for prefix, group in cls.groups.items()
+                for name, method in offered(group).items()}
 
     def progress(self, title: str, total: int = 0, outlook: Outlook | None = None,
                  ) -> AbstractContextManager[Progress]:
@@ -69,8 +74,8 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
     Parameters
     ----------
     command
-        Its class. Each method of its `groups` adds the fields of its parameters as options,
-        ``--NAME.FIELD``; what differs from the defaults is `given`.
+        Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``; what
+        differs from the defaults is `given`.
     arguments
         The words after the command's name.
     program
@@ -80,10 +85,7 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
         print_short_help(command, program)
         raise SystemExit(0)
     arguments = ["--help" if word == "--help-all" else word for word in arguments]
-    if any(_looks_old(word) for word in arguments):
-        arguments = new_words(arguments, _options(command))
-    kinds = {f"{prefix}{name}": method.parameters for prefix, group in command.groups.items()
-             for name, method in offered(group).items()}
+    kinds = command.sections()
     places = {f"given_{number}": kind for number, kind in enumerate(kinds.values())}
     if not kinds:
         return tyro.cli(command, args=arguments, prog=program)
@@ -96,19 +98,3 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
     given = (getattr(found, place) for place in places)
     found.given = tuple(one for one in given if one != type(one)())
     return found  # type: ignore[no-any-return]
-
-
-def _looks_old(word: str) -> bool:
-    """Whether a word may be an option's old name."""
-    last = word.partition("=")[0].rpartition(".")[2].removeprefix("--").removeprefix("no-")
-    return word.startswith("--") and last.replace("-", "_") in NEW_NAMES
-
-
-def _options(command: type[Common]) -> list[str]:
-    """All options of a command, those of other packages' methods included."""
-    found = all_options(command)
-    for prefix, group in command.groups.items():
-        for name, method in offered(group).items():
-            found += [f"--{prefix}{name}.{option}" for option in all_options(
-                method.parameters, plain=True)]
-    return found

@@ -61,6 +61,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "styles check": ("styles", "StylesCheck", "a page about a painting before it is used"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
     "export": ("export", "Export", "field -> page, 3D file, quilt, stereo pair, flat video"),
+    "formats": ("export", "Formats", "list the formats of exports and captures"),
     "view": ("export", "View", "show a field in the browser"),
     "encode": ("coding", "Encode", "field -> coded light-field picture for a display"),
     "print": ("prints", "Print", "field -> lenticular print, one ray per printed pixel"),
@@ -93,7 +94,8 @@ def _usage() -> str:
     width = max(map(len, shown))
     lines = [f"lfportrait {__version__}: a stylised 3D portrait for a light-field display, "
              "from photos and one painting", "",
-             "usage: lfportrait COMMAND ...        (lfportrait COMMAND --help for its options)", ""]
+             "usage: lfportrait COMMAND ...        (lfportrait COMMAND --help for its options,",
+             "                                      --help-all for all of them)", ""]
     lines += [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     lines += ["", "Start with:  lfportrait demo --out demo-out"]
     return "\n".join(lines)

@@ -9,16 +9,18 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from ..capture import capture_formats
 from ..errors import UserError
-from ..field import VoxelField
 from ..lightfield import EncodeConfig
 from ..share import (
     ExportConfig,
+    ExportContext,
     FrameConfig,
+    NoParameters,
     PageConfig,
-    export_field,
-    export_frame,
-    kind_of,
+    export_of,
+    exports,
+    own_exports,
     serve_page,
     write_page,
 )
@@ -26,7 +28,15 @@ from ..stylize import load_styled
 from ..temporary import temporary_folder
 from .common import Common
 
-__all__ = ["Export", "View"]
+__all__ = ["Export", "Formats", "View"]
+
+_OURS = ExportConfig, PageConfig, FrameConfig, NoParameters
+"""Parameters that stand among the command's options without the name of a kind before them."""
+
+
+_NAMES = ", ".join(f"{name} ({kind.title})" for kind in own_exports()
+                   for name in (f"{kind.mark}{kind.written[0]}",)
+                   if kind.command == "export" and kind.claim(Path(f"x{name}")))
 
 
 @dataclass
@@ -34,17 +44,12 @@ class Export(Common):
     """Export a field as a page, a 3D file, or a picture or video for a frame.
 
     3D files: points, a textured mesh, Gaussian splats, a checkpoint. For frames: quilts, packages,
-    stereo pairs, color and depth, anaglyphs, flat videos.
+    stereo pairs, color and depth, anaglyphs, flat videos. `lfportrait formats` lists all.
     """
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
-    out: Path
-    """File: .html (a self-contained page), .ply (points, a mesh or splats), .glb (a mesh or
-    splats), .usdz, .obj (a mesh), .spz, .sog (splats), .npz (svox2 checkpoint); a .ply or .glb
-    whose name contains "splat" holds Gaussian splats. For frames: .hop (Looking Glass Studio), .mp4
-    (flat video); a picture's name says what it holds: NAME_qs8x6a0.75.webp (quilt), NAME_2x1.jpg
-    (stereo pair), NAME_rgbd.png, NAME_anaglyph.png."""
+    out: Annotated[Path, tyro.conf.arg(help=f"File; its name says what it holds: {_NAMES}.")]
     usual: ClassVar[tuple[str, ...]] = (
         "kind", "title", "artist", "date", "display", "pixels", "eye-distance", "backdrop",
         "frames", "sway", "media-player")
@@ -57,53 +62,46 @@ class Export(Common):
     encode: EncodeConfig = option(default_factory=EncodeConfig)
     """Placement of the head for frames; ground of frames and pages."""
 
+    @classmethod
+    def sections(cls) -> dict[str, type]:
+        """The parameters of kinds that have their own."""
+        return {one.name: one.parameters for one in exports().values()
+                if one.command == "export" and one.parameters not in _OURS}
+
     def run(self) -> dict[str, Any]:
         """Convert and write."""
-        if kind_of(self.out) is not None:
-            return self._for_a_frame()
-        with self.progress("export", 100) as progress:
-            progress.update(0, self.out.name)
-            if self.out.suffix.lower() in (".html", ".htm"):
-                return self._written(write_page(load_styled(self.field), self.out, self.page,
-                                                self.encode))
-            figures = export_field(
-                VoxelField.load(self.field), self.out, self.config,
-                lambda share, text: progress.update(int(100 * share), text))
-        if not self.quiet:
-            counts = ", ".join(f"{figures[name]:,} {name}" for name in figures
-                               if name not in ("bytes", "psnr"))
-            near = f", {figures['psnr']:.1f} dB to the field" if "psnr" in figures else ""
-            print(f"{self.out}: {counts}{near}, {figures['bytes'] / 1e6:.1f} MB")
-        return figures
-
-    def _for_a_frame(self) -> dict[str, Any]:
-        """Write a quilt, a pair, a video; say what it is."""
+        export = export_of(self.out, self.config.kind)
+        given = (self.config, self.page, self.frame, *self.given)
+        parameters = next((one for one in given if type(one) is export.parameters), None)
         with self.progress("export") as progress:
             progress.update(0, self.out.name)
-
-            def step(number: int, count: int) -> None:
-                progress.update(number, f"frame {number + 1} of {count}")
-
-            figures = export_frame(VoxelField.load(self.field), self.out, self.frame, self.encode,
-                                   step=step)
+            figures = export.make(load_styled(self.field), self.out, parameters,
+                                  ExportContext(self.encode, progress=progress))
         if not self.quiet:
-            far, near = figures.get("parallax_percent", (0, 0))
-            said = [f"{figures['size'][0]} x {figures['size'][1]}",
-                    *([f"{figures['views']} views for {figures['display']}"]
-                      if "views" in figures else []),
-                    *([f"{figures['frames']} frames, {figures['codec']}"]
-                      if "frames" in figures else []),
-                    *([f"parallax {near:g} % of the width in front, {-far:g} % behind"]
-                      if "parallax_percent" in figures else [])]
-            print(f"{figures['out']}: {', '.join(said)}, {figures['bytes'] / 1e6:.1f} MB")
-        return figures
-
-    def _written(self, figures: dict[str, Any]) -> dict[str, Any]:
-        """Say what a page holds; return the figures."""
-        if not self.quiet:
-            print(f"{self.out}: {figures['rows']:,} voxels, {', '.join(figures['sets'])}, "
+            print(f"{figures['out']}: {', '.join(export.facts(figures))}, "
                   f"{figures['bytes'] / 1e6:.1f} MB")
         return figures
+
+
+@dataclass
+class Formats(Common):
+    """List what portraits are exported as, and which captures of other programs are read."""
+
+    def run(self) -> dict[str, Any]:
+        """Look and print."""
+        kinds, captures = exports().values(), capture_formats().values()
+        rows = [(one.name, f"{one.mark}{' '.join(one.written)}", f"{one.title}: {one.purpose}" + (
+            "" if one.command == "export" else f" (lfportrait {one.command})")) for one in kinds]
+        wide = [max(len(row[column]) for row in rows) for column in (0, 1)]
+        print("exports", *(f"  {name:<{wide[0]}}  {ends:<{wide[1]}}  {text}"
+                           for name, ends, text in rows), sep="\n")
+        wide[0] = max(len(one.name) for one in captures)
+        print("captures", *(f"  {one.name:<{wide[0]}}  {one.files}{' (written, too)' * one.writes}"
+                            for one in captures), sep="\n")
+        return {"exports": [{**one.entry(), "command": one.command, "contents": one.kind,
+                             "suffixes": one.written} for one in kinds],
+                "captures": [{"name": one.name, "files": one.files, "writes": one.writes}
+                             for one in captures]}
 
 
 @dataclass

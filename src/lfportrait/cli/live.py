@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..device import gpu_adapter
 from ..errors import UserError
 from ..lightfield import Display, EncodeConfig
 
 if TYPE_CHECKING:
-    from ..gpu import Adapter
     from .common import Common
 
 __all__ = ["run_live"]
@@ -43,13 +41,19 @@ def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: 
     figures
         What ``--json`` writes.
     """
-    from ..lightfield.screens import LiveWindow, check_packages, fields_to_show, show_live
+    from ..lightfield.screens import (
+        LiveWindow,
+        check_packages,
+        fields_to_show,
+        live_adapter,
+        show_live,
+    )
 
     if len(fields) != 1 or fields[0].suffix.lower() != ".npz":
         raise UserError("name one field to show live: lfportrait show styled.npz --live")
     if command.device != "cpu":
         check_packages()
-    adapter = _adapter(command.device)
+    adapter = live_adapter(command.device)
     window = LiveWindow(panel, screen, simulate)
     with command.progress("live") as progress:
         progress.update(0, fields[0].name)
@@ -62,13 +66,3 @@ def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: 
                 progress.update(0, line)
 
         return show_live(window, adapter, field, config, panel, real, seconds=seconds, say=say)
-
-
-def _adapter(choice: str) -> Adapter:
-    """The GPU for a choice of ``--device``: there is no other way."""
-    adapter = gpu_adapter(choice)
-    if adapter is None:
-        raise UserError("a light field is shown live by a GPU, and --device "
-                        f"{choice} has none here: see `lfportrait devices`; --device gpu takes "
-                        "software, slowly, where there is no other")
-    return adapter

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from ..errors import UserError
-from ..job import DRAWING, FULL, QUICK, MakeConfig, Source, TimeLeft, Warmup, make
+from ..job import FULL, QUICK, MakeConfig, make
 from ..job.batch import (
     BatchConfig,
     BatchTable,
@@ -28,10 +28,6 @@ from ..measure import usable_cores
 from .common import Common
 
 __all__ = ["BatchCommand", "BatchStatus", "Demo", "Make"]
-
-
-KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
-"""What the demo compiles, the longest early; photographs are what it needs first."""
 
 
 def _told(run: dict[str, Any], out: Path, quiet: bool, begun: float) -> dict[str, Any]:
@@ -53,8 +49,7 @@ class Make(Common):
     """
 
     photos: tyro.conf.Positional[Path]
-    """Folder of photos, a video, or a calibrated data set (transforms.json, COLMAP,
-    Metashape, RealityCapture, Meshroom, Polycam, Record3D and others)."""
+    """Photos, a video, or a data set with cameras (`lfportrait formats`)."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path
@@ -62,19 +57,16 @@ class Make(Common):
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     offline: bool = False
-    """Download nothing: missing networks are reported, or replaced by simpler methods."""
+    """Download nothing."""
     quick: bool = False
-    """End with the first look: a rough portrait.html. The same command without --quick goes on from
-    there."""
+    """End with the first look; the same command without --quick goes on from there."""
     first_look: bool = True
-    """Write a rough portrait.html while the field is still being trained; the finished one replaces
-    it."""
+    """Write a rough portrait.html early on."""
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
-    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.compose",
-                                        "encode.size", "encode.ground", "page.title")
+    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength")
 
     def run(self) -> dict[str, Any]:
         """Run the job."""
@@ -90,7 +82,7 @@ class Make(Common):
 
 @dataclass
 class Demo(Common):
-    """Run all stages on the modelled head and the painting that come with the package."""
+    """Run all stages on the photos and the painting that come with the package."""
 
     out: Path = Path("demo-out")
     """Folder for all results."""
@@ -103,29 +95,21 @@ class Demo(Common):
     display: str = ""
     """Display preset or file; by default generic-4k, and generic-1080p with --quick."""
     size: int = 0
-    """Width and height of the capture's pictures in pixels; by default 384, and 256 with
+    """Width and height of the photos in pixels, at most 384; by default 384, and 256 with
     --quick."""
     views: int = 0
-    """Number of cameras; by default 60, and 32 with --quick."""
+    """Number of photos, at most 60; by default 60, and 32 with --quick."""
 
     def run(self) -> dict[str, Any]:
-        """Photograph the modelled head and run the main job on the pictures."""
+        """Run the main job on the photos."""
         from ..demo import demo_capture, demo_exemplar
 
         begun = time.perf_counter()
         scale = QUICK if self.quick else FULL
-        size, views = self.size or scale.size, self.views or scale.views
-        with Warmup(KERNELS) as warmup:
-            outlook = TimeLeft(scale.config, Source(views, size ** 2 / 1e6, drawn=True),
-                               warmup=warmup)
-            with self.progress(DRAWING, views, outlook) as progress:
-                warmup.wait(("photograph",), progress)
-                capture = demo_capture(size=size, views=views, progress=progress)
-            style = self.style or demo_exemplar(width=scale.exemplar * 3 // 4,
-                                                height=scale.exemplar)
-            run = make(capture, style, self.out, self.display or scale.display, scale.config,
-                       device=self.device, seed=self.seed, quiet=self.quiet, warmup=warmup,
-                       outlook=outlook)
+        capture = demo_capture(size=self.size or scale.size, views=self.views or scale.views)
+        style = self.style or demo_exemplar(width=scale.exemplar * 3 // 4, height=scale.exemplar)
+        run = make(capture, style, self.out, self.display or scale.display, scale.config,
+                   device=self.device, seed=self.seed, quiet=self.quiet)
         return _told(run, self.out, self.quiet, begun)
 
 

@@ -99,7 +99,7 @@ class Reconstruct(Common):
     """Transform the capture into the portrait frame (face upright, centred), as `make` does;
     otherwise its own frame is kept."""
     log: Path | None = None
-    """Folder for TensorBoard curves: PSNR, loss, rays per second, voxels."""
+    """File for a table of the training (.csv): PSNR, loss, rays per second, voxels."""
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""

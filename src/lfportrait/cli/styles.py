@@ -9,8 +9,8 @@ from typing import Any
 import tyro
 
 from ..errors import UserError
-from ..example import provided_styles
 from ..files import picture_format, write_image
+from ..plugins import provided_styles
 from .common import Common
 
 __all__ = ["Styles", "StylesAdd", "StylesCheck"]

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
@@ -36,8 +36,7 @@ class TransferPhoto(Common):
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path = Path("out.png")
     """File for the stylised picture; for a folder of photos a folder, for a video a .mp4."""
-    region: Annotated[tuple[tuple[str, ...], ...], tyro.conf.UseAppendAction,
-                      tyro.conf.arg(aliases=("--regions",))] = ()
+    region: Annotated[tuple[tuple[str, ...], ...], tyro.conf.UseAppendAction] = ()
     """Strength or style of one region: NAME=NUMBER multiplies its strength (0 keeps the photo,
     above 1 exaggerates, 4 at most), NAME=STYLE or NAME=STYLE:NUMBER paints it like another picture,
     e.g. hair=other.png:0.5 lips=0.3; where regions overlap, the last one wins. Regions are brows,
@@ -79,14 +78,7 @@ class TransferPhoto(Common):
 
     def _choices(self) -> list[RegionStyle]:
         """What regions get."""
-        # Before this version the option said what is painted, `--extent` now.
-        extents: tuple[Literal["picture", "head", "face"], ...] = ("picture", "head", "face")
-        for extent in extents:
-            if any(extent in words for words in self.region):
-                print(f"note: --region {extent} is --extent {extent} now", file=sys.stderr)
-                self.config = replace(self.config, extent=extent)
-        found = read_regions([text for text in words if text not in extents]
-                             for words in self.region)
+        found = read_regions(self.region)
         for name in found:
             members(name, LABELS)
         return [read_value(name, value) for name, value in found.items()]

@@ -1,4 +1,4 @@
-"""The names of the painted exemplars; the painter is imported on demand."""
+"""The names of the painted exemplars; what reads them is imported on demand."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def demo_styles() -> list[str]:
     return list(_NAMES)
 
 
-def _paint(name: str) -> Any:
-    # The painter takes a second to import, and nobody may ask for a painting.
+def _read(name: str) -> Any:
+    # Exemplars take a second to import, and nobody may ask for one.
     return import_module("lfportrait.demo").demo_exemplar(name)
 
 
 def style_makers() -> dict[str, Callable[[], Any]]:
-    """What makes each of the painted exemplars, by name (entry point ``lfportrait.styles``)."""
-    return {name: functools.partial(_paint, name) for name in _NAMES}
+    """What reads each of the painted exemplars, by name (entry point ``lfportrait.styles``)."""
+    return {name: functools.partial(_read, name) for name in _NAMES}

@@ -17,8 +17,8 @@ from ..face import FacePose
 from ..labels import BY_HAND
 from ..media.masks import read_mask
 from ..media.pictures import read_image
+from ..plugins import provided_styles
 from .guides.regions import Regions, find_regions
-from .providers import provided_styles
 
 __all__ = ["Exemplar", "face_size"]
 
@@ -118,7 +118,7 @@ class Exemplar:
             return {"rotation": pose.rotation, "shift": pose.shift,
                     "numbers": np.array([pose.scale, pose.residual])}
 
-        kept = kept_arrays("poses", key_of("face", self.landmarks), find)
+        kept = kept_arrays("poses", key_of(__name__, self.landmarks), find)
         scale, residual = kept["numbers"].tolist()
         return FacePose(kept["rotation"], scale, kept["shift"], residual)
 
@@ -156,7 +156,7 @@ class Exemplar:
                     for name, matte in (("person", found.person), ("hair", found.hair))
                     if matte is not None}
 
-        key = key_of(("face", "example.guides.regions"), self.image, self.landmarks, self.mask,
+        key = key_of(__name__, "regions", self.image, self.landmarks, self.mask,
                      networks)
         kept = kept_arrays("regions", key, find)
         # A file keeps rounded numbers: the first run continues with the numbers that the next one

@@ -69,7 +69,7 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
         return {"eyes": np.empty((0, 5, 2)) if mesh is None else mesh[np.array(EYES)],
                 "discs": np.empty((0, 2)) if discs is None else discs}
 
-    key = key_of(("example.gaze", "example.irises"), face.detectors_key(), exemplar.image,
+    key = key_of(__name__, face.detectors_key(), exemplar.image,
                  exemplar.landmarks)
     found = kept_arrays("gazes", key, find)
     eyes, discs = found["eyes"], found["discs"]

@@ -275,42 +275,12 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
 
 
 def _curve(points: Float64, along: Float64) -> Float64:
-    """Height of a lid's edge through points [4, 2] at places along the eye; corners go on."""
+    """Height of a lid's edge through points [4, 2] at places along the eye; corners go on.
+
+    It rises and falls as the points do (Fritsch & Carlson 1980).
+    """
+    from scipy.interpolate import PchipInterpolator
+
     order = np.argsort(points[:, 0])
     x = points[order, 0] + 1e-6 * np.arange(len(points))
-    return _monotone(x, points[order, 1], np.clip(along, x[0], x[-1]))
-
-
-def _monotone(x: Float64, y: Float64, at: Float64) -> Float64:
-    """A smooth curve through points that rises and falls as they do (Fritsch & Carlson 1980).
-
-    SciPy's `PchipInterpolator`, whose import takes longer than all that is done to an eye.
-
-    Parameters
-    ----------
-    x, y
-        float64 [N], N > 2, ``x`` rising.
-    at
-        float64 [...], within ``x``.
-    """
-    step = np.diff(x)
-    rise = np.diff(y) / step
-    slope = np.zeros_like(x)
-    # Weighted harmonic means, and 0 at the top of a hill.
-    first, second = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
-    same = rise[:-1] * rise[1:] > 0
-    slope[1:-1][same] = ((first + second)[same]
-                         / (first[same] / rise[:-1][same] + second[same] / rise[1:][same]))
-    for end, near, far in ((0, 0, 1), (-1, -1, -2)):
-        value = ((2 * step[near] + step[far]) * rise[near] - step[near] * rise[far]) / (
-            step[near] + step[far])
-        if value * rise[near] <= 0:
-            value = 0.0
-        elif rise[near] * rise[far] < 0 and abs(value) > 3 * abs(rise[near]):
-            value = 3 * rise[near]
-        slope[end] = value
-    piece = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(step) - 1)
-    part, away = step[piece], at - x[piece]
-    bend = (3 * rise[piece] - 2 * slope[piece] - slope[piece + 1]) / part
-    twist = (slope[piece] + slope[piece + 1] - 2 * rise[piece]) / part ** 2
-    return np.asarray(y[piece] + away * (slope[piece] + away * (bend + away * twist)), np.float64)
+    return np.asarray(PchipInterpolator(x, points[order, 1])(np.clip(along, x[0], x[-1])))

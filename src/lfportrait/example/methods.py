@@ -14,9 +14,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plugins import Choice, chosen, offered
+from ..plugins import Choice, Sitting, chosen, offered
 from .exemplar import Exemplar
-from .providers import Sitting
 from .transfers import Transfer, TransferConfig, face_landmarks
 from .versions import fitting
 

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..renamed import accepts_old_names
 from .kernels.atlas import exchange
 from .kernels.patch_levels import finer_places, level_places
 from .kernels.patches import (
@@ -47,7 +46,6 @@ SCALE = 4.0
 """Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class PatchConfig:
     """Parameters of the synthesis."""

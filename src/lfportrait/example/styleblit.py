@@ -14,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..renamed import accepts_old_names
 from .guides.maps import Guides, anchor_scale
 from .kernels.blit import blit
 from .kernels.lookup import look_up
@@ -29,7 +28,6 @@ LANES = 16
 """Pixels that the kernels work on at once."""
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class BlitConfig:
     """Chunks and voting."""

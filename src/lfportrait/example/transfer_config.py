@@ -7,7 +7,6 @@ from typing import Literal
 
 import tyro
 
-from ..renamed import accepts_old_names
 from .styleblit import BlitConfig
 from .table import TableConfig
 from .worn import Wear
@@ -15,7 +14,6 @@ from .worn import Wear
 __all__ = ["TransferConfig"]
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""

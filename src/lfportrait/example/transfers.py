@@ -99,8 +99,9 @@ class Transfer:
             other.__dict__.pop(name, None)
         other.exemplar = replace(self.exemplar, landmarks=np.asarray(landmarks, np.float64))
         regions = self.regions
-        other.regions = Regions(other.exemplar.landmarks, regions.person, regions.hair)
-        other.regions.__dict__["nearest"] = regions.nearest  # this far from the outline alike
+        # What is nearest so far from the outline is the same.
+        other.regions = Regions(other.exemplar.landmarks, regions.person, regions.hair,
+                                regions.nearest)
         other.labels = other.regions.labels()
         other.face = soft_face(self.exemplar.image.shape, other.exemplar.landmarks)
         other._plan = other._patches = None

@@ -51,7 +51,8 @@ __all__ = [
 
 def detectors_key() -> str:
     """Hash of what finds landmarks: the networks that are at hand, and the code of this package."""
-    return key_of("face", models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"]))
+    return key_of(__name__, models.in_use(
+        ["face-landmarker", "face-landmarks-68", "face-detector"]))
 
 
 def capture_from_faces(photos: Path, config: Any, progress: Any = None) -> Any:

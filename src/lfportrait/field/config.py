@@ -9,7 +9,6 @@ import numpy as np
 import tyro
 
 from ..errors import UserError
-from ..renamed import accepts_old_names
 
 __all__ = ["ReconstructConfig", "lattice_points"]
 
@@ -25,7 +24,6 @@ def lattice_points(pixel: float) -> int:
     return int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""

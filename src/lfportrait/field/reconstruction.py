@@ -35,8 +35,8 @@ from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
 from .quality import held_out_quality
 from .training.casting_cost import casting_figures
-from .training.event_log import EventLog
-from .training.meter import Meter
+from .training.meter import CurveFile, Meter
+from .training.settling import settled
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
 
@@ -46,7 +46,27 @@ __all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
                 progress: Progress | None = None, checkpoint: Path | None = None,
                 device: str = "auto") -> VoxelField:
-    """Reconstruct a radiance field from a capture: `reconstruct_with_figures`' field alone."""
+    """Reconstruct a radiance field from a capture: the field of `reconstruct_with_figures`.
+
+    Parameters
+    ----------
+    capture
+        Views with their cameras in the portrait frame; held-out views are left out.
+    config
+        Parameters.
+    progress
+        Progress line.
+    checkpoint
+        File that the state is written to; a run that finds one there goes on from it to the same
+        field.
+    device
+        Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
+
+    Raises
+    ------
+    UserError
+        If the capture or a parameter can't be used.
+    """
     return reconstruct_with_figures(capture, config, progress, checkpoint, device=device)[0]
 
 
@@ -70,8 +90,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         File that the state is written to once a minute; a run that finds one there goes on
         from it to the same field.
     log
-        Folder for the curves (PSNR so far, loss, rays a second, lattice points against rays), in a
-        form that TensorBoard shows.
+        File for the curves (`CurveFile`): PSNR so far, loss, rays a second, lattice points.
     measure_every
         Seconds between measurements on held-out views for the curves; 0 measures at the end alone.
     device
@@ -103,16 +122,16 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,
                                                       capture.cameras.pixel,
                                                       is_narrow(capture))
-    events = EventLog(log) if log is not None else None
-    meter = (Meter(events, measure_every=measure_every)
-             if events is not None or measure_every > 0 else None)
+    curves = CurveFile(log) if log is not None else None
+    meter = (Meter(curves, measure_every=measure_every)
+             if curves is not None or measure_every > 0 else None)
     adapter = gpu_adapter(device)
     process = gpu_process(adapter) if adapter is not None else None
     try:
         return _reconstruct(capture, config, progress, checkpoint, meter, process, look)
     finally:
-        if events is not None:
-            events.close()
+        if curves is not None:
+            curves.close()
 
 
 def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,
@@ -195,13 +214,16 @@ def _so_far(trainer: Trainer) -> VoxelField:
     field, capture = trainer.field(trainer.cleaned()), trainer.capture
     if capture.alphas is None or capture.landmarks is None:
         return field
-    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None)
+    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None, roughly=True)
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
               config: ReconstructConfig, figures: dict[str, Any],
-              progress: Progress | None) -> VoxelField:
-    """The head with a back and a clean lower end; what was done goes to the figures."""
+              progress: Progress | None, roughly: bool = False) -> VoxelField:
+    """The head with a back and a clean lower end; what was done goes to the figures.
+
+    ``roughly``: what was added is not trained.
+    """
     capture = trainer.capture
     surface = trainer.surface
     if surface is not None:
@@ -215,6 +237,10 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
             field, closed = close_back(field, landmarks, capture, cut)
         if closed is not None:
             figures["closed"] = {"share": round(closed.share, 4), "voxels": closed.points}
+            if not roughly:
+                if progress is not None:
+                    progress.update(progress.done, "training the closed head")
+                field = settled(trainer, field)
     if cut is not None:
         count = len(field.density)
         field = trim(field, cut)

@@ -19,6 +19,7 @@ from scipy import ndimage
 
 from ..capture import Camera
 from .grid import VoxelField
+from .training.growth import dilated
 
 __all__ = ["Cut", "find_cut", "trim"]
 
@@ -218,7 +219,7 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
     solid = np.zeros(filled.shape, bool)
     solid[filled] = density[field.links[filled]] > 0
     # With one clear layer around: beyond it there are no colors to mix.
-    kept = filled & ndimage.binary_dilation(solid, np.ones((3, 3, 3), bool))
+    kept = filled & dilated(solid)
     rows = field.links[kept]
     links = np.full(field.links.shape, -1, np.int32)
     links[kept] = np.arange(len(rows), dtype=np.int32)
@@ -237,5 +238,6 @@ def _crumbs(field: VoxelField, density: NDArray[np.float32]) -> NDArray[np.int32
     sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
     small = np.flatnonzero((sizes < CRUMB * sizes.max()) & (sizes > 0))
-    gone = np.isin(pieces, small) & filled
-    return np.asarray(field.links[gone], np.int32)
+    gone = np.zeros(count + 1, bool)
+    gone[small] = True
+    return np.asarray(field.links[gone[pieces] & filled], np.int32)

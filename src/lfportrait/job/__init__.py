@@ -9,49 +9,6 @@ portrait while its field is trained, `time_left` knows how long a job will still
 room of its own: many jobs at once. Modules are imported when something of them is asked for.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from ..lazy import attach
-
-if TYPE_CHECKING:
-    from .check_drawing import check_picture
-    from .first_look import FirstLook
-    from .graph import (
-        STAGES,
-        Task,
-        capture_key,
-        code_key,
-        field_key,
-        finished,
-        share_key,
-        stage_key,
-        style_key,
-    )
-    from .inspection import Inspection, inspect
-    from .inspection_text import inspection_lines
-    from .known_captures import capture_of_face
-    from .networks import get_networks
-    from .person import cut_person
-    from .photo_check import PhotoCheck, PhotoFacts, check_photos
-    from .pipeline import MakeConfig, make, run_figures
-    from .prepare import find_face, prepare_capture
-    from .scales import FULL, QUICK, Scale
-    from .session import Session
-    from .steps import fitted, look_at, painting_key, source_key
-    from .style_check import StyleCheck, check_style, chosen_face
-    from .style_drawing import style_picture
-    from .style_landmarks import add_style
-    from .time_left import TimeLeft
-    from .usual_steps import DRAWING, Source
-    from .warmup import Warmup
-    from .work import Tools, do_stage
-
-__all__ = ["DRAWING", "FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
-           "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
-           "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
-           "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
-           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks", "inspect",
-           "inspection_lines", "look_at", "make", "painting_key", "prepare_capture", "run_figures",
-           "share_key", "source_key", "stage_key", "style_key", "style_picture"]
-
-__getattr__, __dir__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

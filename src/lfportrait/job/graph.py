@@ -1,7 +1,7 @@
 """The task graph of a job: stages with their inputs, outputs, costs and completion.
 
-There is one definition of each stage (`STAGES`): its name, the line that people see, the code that
-makes its results and so is part of their keys, the kernels that it waits for, and what it takes.
+There is one definition of each stage (`STAGES`): its name, the line that people see, the kernels
+that it waits for, and what it takes.
 `lfportrait make` is one portrait's tasks in its own process (`pipeline`), a batch is those of many
 on many processes or machines (`batch`); an app that shows how far a portrait is asks the same plan.
 """
@@ -51,8 +51,6 @@ class Stage:
     ----------
     title
         What people see while it runs.
-    makers
-        Modules that make its results (`lfportrait.cache.key_of`).
     need
         What it takes, before any task of it was measured: on one core on the demo's head at its
         full size, on a 4K panel, and rounded up.
@@ -61,31 +59,30 @@ class Stage:
     """
 
     title: str
-    makers: tuple[str, ...]
     need: Need
     kernels: tuple[str, ...] = ()
 
 
 STAGES = {
-    "capture": Stage("capture", ("job.prepare",), Need(2.0, 300 * _MB, 7 * _MB)),
-    "field": Stage("reconstruct", ("field.reconstruction",), Need(68.0, 1200 * _MB, 54 * _MB),
+    "capture": Stage("capture", Need(2.0, 300 * _MB, 7 * _MB)),
+    "field": Stage("reconstruct", Need(68.0, 1200 * _MB, 54 * _MB),
                    ("reconstruct",)),
-    "skin": Stage("surface", ("example.skin.storage",), Need(12.0, 1100 * _MB, 17 * _MB),
+    "skin": Stage("surface", Need(12.0, 1100 * _MB, 17 * _MB),
                   ("transfer",)),
-    "stylize": Stage("stylize", ("stylize.optimize",), Need(39.0, 2100 * _MB, 27 * _MB),
+    "stylize": Stage("stylize", Need(39.0, 2100 * _MB, 27 * _MB),
                      ("transfer", "stylize")),
-    "encode": Stage("encode", ("lightfield.coding",), Need(12.0, 1600 * _MB, 6 * _MB),
+    "encode": Stage("encode", Need(12.0, 1600 * _MB, 6 * _MB),
                     ("encode",)),
-    "page": Stage("page", ("share.page",), Need(6.0, 1600 * _MB, 5 * _MB)),
-    "sweep": Stage("sweep", ("share.video", "field.grid"), Need(29.0, 1600 * _MB, 1 * _MB)),
-    "share": Stage("share", ("job.summary",), Need(40.0, 2000 * _MB, 12 * _MB)),
+    "page": Stage("page", Need(6.0, 1600 * _MB, 5 * _MB)),
+    "sweep": Stage("sweep", Need(29.0, 1600 * _MB, 1 * _MB)),
+    "share": Stage("share", Need(40.0, 2000 * _MB, 12 * _MB)),
 }
 """By name, in the order of the work; ``share`` is page, sweep and report together."""
 
 
 def stage_key(stage: str, *parts: Any) -> str:
     """Key of what a stage makes from ``parts``: parameters and the keys of what it reads."""
-    return key_of(STAGES[stage].makers, *parts)
+    return key_of(__name__, stage, *parts)
 
 
 def capture_key(source: str, config: MakeConfig, seed: int) -> str:
@@ -105,7 +102,7 @@ def skin_key(field: str, pixels: float) -> str:
 
 def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
     """Key of the field with the key ``field``, stylised by an exemplar (`painting_key`)."""
-    return key_of(config.stylize.makers, field, config.stylize, *painting)
+    return key_of(config.stylize.maker, field, config.stylize, *painting)
 
 
 def code_key(style: str, config: MakeConfig, display: Display) -> str:

@@ -80,7 +80,7 @@ def _key(photos: Path) -> str:
                        for path in files_below(root))
     except OSError as error:
         raise UserError(f"can't read {photos}: {error.strerror}") from error
-    return key_of("job.prepare", str(photos.resolve()), files, detectors_key())
+    return key_of(__name__, str(photos.resolve()), files, detectors_key())
 
 
 def _told(capture: Capture) -> dict[str, NDArray[Any]]:

@@ -64,8 +64,7 @@ __all__ = ["MakeConfig", "make", "run_figures"]
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
          device: str = "auto", seed: int = 0, quiet: bool = True, offline: bool = False,
-         warmup: Warmup | None = None, first_look: bool = True, quick: bool = False,
-         outlook: TimeLeft | None = None) -> dict[str, Any]:
+         first_look: bool = True, quick: bool = False) -> dict[str, Any]:
     """Run the whole job.
 
     While the field is trained, a first look is written as ``portrait.html`` (`first_look`).
@@ -90,14 +89,10 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         Print no progress.
     offline
         Download no networks: what is missing is an error, or done without and said so.
-    warmup
-        Kernels that are being compiled already (`Warmup`); by default the job begins that itself.
     first_look
         Write the first look; all other files are the same without it.
     quick
         End with the first look. The same call without this goes on from there.
-    outlook
-        Knows the time that is left; by default the job makes its own.
 
     Returns
     -------
@@ -129,11 +124,10 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
     config = fitted(config, [(panel, config.encode)])
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
-    with warmup or Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.tools.warmup:
+    with Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.tools.warmup:
         if not quiet:
-            job.look_ahead(outlook or TimeLeft(config, Source.of(photos, config),
-                                               look=first_look, only=quick,
-                                               warmup=job.tools.warmup))
+            job.look_ahead(TimeLeft(config, Source.of(photos, config), look=first_look,
+                                    only=quick, warmup=job.tools.warmup))
         if first_look or quick:
             job.look_early(begun, only=quick)
         return job.run()

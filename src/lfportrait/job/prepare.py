@@ -126,7 +126,7 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
                 **({} if points is None else {"points": points})}
 
     cameras = capture.cameras
-    key = key_of("job.prepare", capture.images, capture.alphas, cameras.pose, cameras.focal,
+    key = key_of(__name__, capture.images, capture.alphas, cameras.pose, cameras.focal,
                  cameras.center, detectors_key())
     kept = kept_arrays("landmarks", key, find)
     return kept.get("points"), json.loads(str(kept["figures"]))

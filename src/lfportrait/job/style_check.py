@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import BAD, FAIR, GOOD, Camera
-from ..demo import SITTER as HEAD
-from ..demo import landmarks
+from ..demo import demo_landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, frontal_view
 from ..face import FacePose, detect_faces
@@ -204,10 +203,10 @@ def _size(check: StyleCheck) -> None:
     """How large the face is beside what displays show of it."""
     points = check.exemplar.landmarks
     pixels = float(np.nanmax(points[:, 1]) - np.nanmin(points[:, 1]))
+    # The head's frame is 2 high, and takes `size` of the panel's height.
+    face = float(np.ptp(demo_landmarks()[:, 1])) / 2 * EncodeConfig().size
     shown = {}
     for name in DISPLAYS:
-        # The head's frame is 2 high, and takes `size` of the panel's height.
-        face = float(np.ptp(landmarks(HEAD)[:, 1])) / 2 * EncodeConfig().size
         shown[name] = round(face * Display.preset(name).height)
     check.figures.update(face_pixels=round(pixels), rows_shown=shown)
     enough = [name for name, rows in shown.items() if pixels >= 0.8 * rows]

@@ -16,12 +16,9 @@ import numpy as np
 from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
 from .steps import MakeConfig
 
-__all__ = ["COMPILE", "DRAWING", "Source", "Step", "usual_steps"]
+__all__ = ["COMPILE", "Source", "Step", "usual_steps"]
 
-DRAWING = "render the modelled head"
-"""The line under which the demo's head is drawn."""
 _COSTS = {
-    DRAWING: {"picture": ("megapixels drawn", 0.15, 3.66), "": ("drawings", 4.0, 5.0)},
     "capture": {
         "start": ("megapixels placed", 0.02, 0.03),
         "reading photos": ("megapixels", 0.02, 0.01),
@@ -60,7 +57,6 @@ class Source(NamedTuple):
     megapixels: float
     placed: bool = True
     matted: bool = True
-    drawn: bool = False
 
     @classmethod
     def of(cls, photos: Path | Capture, config: MakeConfig) -> Source:
@@ -138,9 +134,8 @@ def _amounts(config: MakeConfig, source: Source) -> dict[str, float]:
     style, count, size = config.stylize, source.photos, source.photos * source.megapixels
     placing, cut = not source.placed, not (source.matted or config.keep_background)
     return {
-        "once": 1, "megapixels drawn": source.drawn * size,
-        "drawings": source.drawn, "megapixels placed": source.placed * size,
-        "megapixels": placing * size, "photos": placing * count,
+        "once": 1, "megapixels placed": source.placed * size, "megapixels": placing * size,
+        "photos": placing * count,
         "pairs": placing * count * (count - 1) / 2, "searches": cut or placing,
         "photos to cut": cut * count,
         "photos to place and cut": placing * cut * count, "megapixels to cut": cut * size,

@@ -22,16 +22,15 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
-import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, SimpleNamespace
-from typing import IO, Any
+from typing import Any
 
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-from ..locks import lock
+from ..files import lock
 
 __all__ = ["identified", "identified_all", "identity", "kernel_sources", "shared_files"]
 
@@ -61,23 +60,10 @@ class _SharedFiles(IndexDataCacheFile):
 
     def save(self, key: Any, data: Any) -> None:
         with contextlib.ExitStack() as stack:
-            with contextlib.suppress(OSError):  # a folder without locks is written to all the same
-                _wait_for(stack.enter_context(open(Path(self._cache_path) / _LOCK, "ab")))
+            # Without a lock, or with another process's, the file is written all the same.
+            with contextlib.suppress(OSError):
+                stack.callback(lock(Path(self._cache_path) / _LOCK, _PATIENCE).release)
             super().save(key, data)
-
-
-def _wait_for(stream: IO[bytes]) -> None:
-    """Lock a file as soon as no other process has it locked, or go on without, in the end."""
-    until = time.monotonic() + _PATIENCE
-    while True:
-        try:
-            lock(stream)
-        except BlockingIOError:
-            if time.monotonic() > until:
-                return
-            time.sleep(0.01)
-        else:
-            return
 
 
 def shared_files(function: Any) -> Any:

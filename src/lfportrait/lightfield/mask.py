@@ -76,7 +76,7 @@ class ViewMask:
         file = None
         if cache is not False:
             folder = user_cache("masks") if cache is True else Path(cache)
-            file = folder / f"{key_of('lightfield.mask', display.hash())}.npy"
+            file = folder / f"{key_of(__name__, display.hash())}.npy"
             try:
                 stored = np.load(file, mmap_mode="r", allow_pickle=False)
                 if stored.shape == shape and stored.dtype == kind:

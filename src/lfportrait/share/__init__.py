@@ -1,33 +1,5 @@
 """Outputs to view and share: page, videos, moving light fields, 3D files, report."""
 
-from .export import ExportConfig, export_field
-from .frames import (
-    QUILTS,
-    SECONDS,
-    DrivePlan,
-    FrameConfig,
-    QuiltName,
-    export_frame,
-    fill_drive,
-    kind_of,
-    write_quilt,
-)
-from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
-from .paths import (
-    orbit_cameras,
-    path_cameras,
-    sweep_cameras,
-    sweep_degrees,
-    sweep_frames,
-    sweep_ground,
-)
-from .report import Picture, Report, Section, Table, write_report
-from .sequence import SequenceConfig, each_frame, write_sequence
-from .video import write_video
+import lazy_loader
 
-__all__ = ["QUILTS", "SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "OpenPage",
-           "PageConfig", "Picture", "QuiltName", "Report", "Section", "SequenceConfig", "Table",
-           "each_frame", "export_field", "export_frame", "fill_drive", "kind_of", "orbit_cameras",
-           "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
-           "sweep_degrees", "sweep_frames", "sweep_ground", "write_page", "write_quilt",
-           "write_report", "write_sequence", "write_video"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -82,7 +82,19 @@ def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
 
 def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = None,
                   pitch: float = 0.0) -> Camera:
-    """Cameras once around the head, from the front to its left side and on; see `sweep_cameras`."""
+    """Cameras once around the head, from the front to its left side and on.
+
+    Parameters
+    ----------
+    frames
+        Number of cameras.
+    size
+        Width and height of the pictures in pixels.
+    field
+        Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
+    pitch
+        Degrees above the horizon.
+    """
     return _arc(360.0 * np.arange(frames) / frames, size, field, pitch)
 
 

@@ -107,7 +107,7 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
     for array in (field.links, field.density, field.sh, field.center, field.radius, *texels):
         digest.update(np.ascontiguousarray(array).data)
     motion = dataclasses.replace(sequence, fps=1.0, video="lossless")
-    return key_of("share.sequence", digest.hexdigest(), display, config, motion)
+    return key_of(__name__, digest.hexdigest(), display, config, motion)
 
 
 def _names(sequence: SequenceConfig) -> list[str]:

@@ -9,13 +9,6 @@ server's process, which imports neither torch nor Numba: the work itself is done
 It takes Starlette and uvicorn (``pip install 'lfportrait[studio]'``).
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from ..lazy import attach
-
-if TYPE_CHECKING:
-    from .app import run
-
-__all__ = ["run"]
-
-__getattr__, __dir__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,7 +14,14 @@ from ..measure import free_disk_bytes
 from .answers import Refusal, truth
 from .displays import Displays
 from .events import Events
-from .exports import KINDS, checked_options, checked_placement, forget_unfinished, keep, quality_of
+from .exports import (
+    checked_options,
+    checked_placement,
+    forget_unfinished,
+    keep,
+    kind_of,
+    quality_of,
+)
 from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments
@@ -318,12 +325,10 @@ class Desk:
 
 def export_order(desk: Desk, project: Project, data: dict[str, Any]) -> dict[str, Any]:
     """The choices of an export, checked; the file is not yet named."""
-    kind = KINDS.get(str(data.get("kind")))
-    if kind is None:
-        raise Refusal("bad_request", f"kind must be one of {', '.join(KINDS)}", field="kind")
+    kind = kind_of(str(data.get("kind")))
     display = data.get("display")
     if display is not None:
         display = desk.displays.get(str(display)).id
-    return {"kind": kind.kind, "display": display or desk.displays.of(project).id,
+    return {"kind": kind.name, "display": display or desk.displays.of(project).id,
             "fine": truth(data, "fine"), "placement": checked_placement(data.get("placement")),
             "options": checked_options(kind, data.get("options"))}

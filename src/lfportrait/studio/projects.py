@@ -30,10 +30,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from filelock import Timeout
+
 from ..errors import UserError
-from ..files import read_json, write_json
+from ..files import lock, read_json, write_json
 from ..leftovers import sweep_below
-from ..locks import lock
 from ..media.folders import visible
 from ..media.kinds import PHOTOS, VIDEOS
 from .answers import Refusal
@@ -193,16 +194,13 @@ class Projects:
         self.folder = folder.absolute()
         try:
             self.own.mkdir(parents=True, exist_ok=True)
-            self._lock = open(self.own / "lock", "ab")  # noqa: SIM115
+            self._lock = lock(self.own / "lock")
+        except Timeout as error:
+            raise UserError(f"another studio has {folder} open; use that one, or choose another "
+                            "folder with --folder") from error
         except OSError as error:
             raise UserError(f"can't write to {folder}: {error.strerror}; choose another folder "
                             "with --folder") from error
-        try:
-            lock(self._lock)
-        except OSError as error:
-            self._lock.close()
-            raise UserError(f"another studio has {folder} open; use that one, or choose another "
-                            "folder with --folder") from error
         sweep_below(self.folder)  # of jobs that were killed with the studio
 
     @property
@@ -212,7 +210,7 @@ class Projects:
 
     def close(self) -> None:
         """Let another studio open the folder."""
-        self._lock.close()
+        self._lock.release()
 
     def all(self) -> list[Project]:
         """All projects, by name."""

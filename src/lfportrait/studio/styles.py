@@ -211,12 +211,9 @@ def _faces(path: Path) -> dict[str, Any] | None:
 
 
 def _built_in() -> list[str]:
-    from ..plugins import offered
+    from ..plugins import provided_styles
 
-    names: list[str] = []
-    for makers in offered("lfportrait.styles").values():
-        names += list(makers())
-    return names
+    return list(provided_styles())
 
 
 def _paintings(folder: Path) -> list[Path]:

@@ -134,7 +134,7 @@ def _kept(skin: Skin) -> dict[int, ChartLattice]:
 
 def _cached_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
     """What a preview's `chart_lattice` is made of."""
-    key = key_of("stylize.chart_lattice", skin.kept["key"], field.density)
+    key = key_of(__name__, skin.kept["key"], field.density)
     return kept_arrays("lattices", key, lambda: ChartLattice(field, skin, PREVIEW).arrays(),
                        most=HEADS)
 

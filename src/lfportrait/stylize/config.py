@@ -124,10 +124,9 @@ class StylizeConfig:
         return self.other.networks if self.other is not None else ()
 
     @property
-    def makers(self) -> tuple[str, ...]:
-        """The modules whose code is part of a result's key (`lfportrait.cache.key_of`)."""
-        own = ("stylize.optimize",)
-        return own if self.other is None else (*own, self.other.paint.__module__)
+    def maker(self) -> str:
+        """The module whose package makes the result (`lfportrait.cache.key_of`)."""
+        return __name__ if self.other is None else self.other.paint.__module__
 
     def parameters_of(self, method: FieldMethod) -> Any:
         """Parameters of a method of another package."""

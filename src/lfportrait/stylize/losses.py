@@ -18,7 +18,15 @@ def stacked(maps: list[torch.Tensor]) -> torch.Tensor:
 
 def content_loss(features: torch.Tensor, wanted: torch.Tensor,
                  inside: torch.Tensor | None = None) -> torch.Tensor:
-    """Mean squared difference of two feature maps [C, h, w]; ``inside`` bool [h, w] selects."""
+    """Mean squared difference of two feature maps.
+
+    Parameters
+    ----------
+    features, wanted
+        [C, h, w], of the render and of the content picture.
+    inside
+        bool [h, w], the places that count; by default all.
+    """
     squared = (features - wanted).square().mean(dim=0)
     return squared.mean() if inside is None else squared[inside].mean()
 

@@ -34,7 +34,32 @@ def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[E
             config: StylizeConfig | None = None, progress: Progress | None = None,
             device: str = "auto", dump: Path | None = None,
             skin: Skin | None = None) -> StyledField:
-    """Stylise a field by an exemplar: `stylize_with_figures` without the figures."""
+    """Stylise a field by one or more exemplars: the field of `stylize_with_figures`.
+
+    Parameters
+    ----------
+    field, capture
+        The real radiance field, and its capture: the landmarks in space, and where the photos were
+        taken from.
+    exemplar
+        The painting with its landmarks, or several; the field shows the first.
+    config
+        Parameters.
+    progress
+        Progress line.
+    device
+        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
+    dump
+        Folder for pictures of intermediates; None writes none.
+    skin
+        Of the field, where it is known already (`Skin.of`).
+
+    Raises
+    ------
+    UserError
+        If the capture has no landmarks, a region to keep is unknown, or weights of networks are
+        missing.
+    """
     return stylize_with_figures(field, capture, exemplar, config, progress, device, dump, skin)[0]
 
 

@@ -17,7 +17,7 @@ __all__ = ["kept_skin"]
 
 
 def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture: Capture,
-              pixels: float) -> Skin:
+              pixels: float, kept: Path | None = None) -> Skin:
     """The skin of the field that was read from ``path``.
 
     Its file, ``NAME.skin.npz``, lies beside the field's; where it is missing, or was made of
@@ -34,6 +34,8 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
         Its capture, with landmarks.
     pixels
         Pixels per world unit.
+    kept
+        The skin's file, where it is not to lie beside the field's.
 
     Raises
     ------
@@ -49,7 +51,7 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     state = path.stat()
     key = skin_key(state.st_size, state.st_mtime_ns, capture.landmarks, capture.cameras.pose,
                    pixels, not models.missing(["hair-segmentation"]))
-    beside = path.with_suffix(".skin.npz")
+    beside = kept or path.with_suffix(".skin.npz")
     skin = load_skin(beside, key)
     if skin is None:
         whole = field if isinstance(field, VoxelField) else field()

@@ -12,10 +12,13 @@ import numpy as np
 
 from lfportrait.device import device_name, gpu_adapter
 from lfportrait.field import VoxelField
+from lfportrait.gpu import Adapter, gpu_process
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,
     ViewMask,
+    code_on_device,
+    composed,
     encode_with_figures,
     interlace,
     view_camera,
@@ -25,10 +28,9 @@ from lfportrait.metrics import psnr
 from lfportrait.progress import Progress
 from lfportrait.temporary import temporary_folder
 
-from .on_gpu import device_figures
 from .transfer import say, timed
 
-__all__ = ["bench_encode", "bench_masks"]
+__all__ = ["bench_encode", "bench_masks", "device_figures"]
 
 PANELS = {"1080p": "generic-1080p", "4k": "generic-4k", "8k": "generic-8k"}
 """Sizes of ``bench encode`` and the presets that have them."""
@@ -78,7 +80,7 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
         ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``,
         ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps of
         half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
-        `on_gpu.device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all
+        `device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all
         views rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``:
         seconds at the middle size by their number and by degrees. ``mask``: a list with
         ``build_seconds``,
@@ -222,3 +224,27 @@ def _mask(field: VoxelField, display: Display, config: EncodeConfig, repeats: in
         memory, _ = memory_of(lambda: code(folder))
     return {"build_seconds": build, "load_seconds": load, "with_seconds": stored,
             "without_seconds": fresh, "bytes": mask.nbytes, "memory_bytes": memory}
+
+
+_REPEATS = 20
+
+
+def device_figures(field: VoxelField, display: Display, config: EncodeConfig,
+                   adapter: Adapter) -> dict[str, Any]:
+    """Times on the device, with nothing read back.
+
+    Returns
+    -------
+    figures
+        ``device_seconds`` of coding, the field being there; ``shade_seconds`` of evaluating its
+        colors for the views; ``copy_seconds``: the floor, a copy of as many bytes as the field and
+        the picture have, within the device's memory.
+    """
+    process = gpu_process(adapter)
+    config = composed(field, display, config)
+    run = code_on_device(process, field, display, config, repeats=1 if not adapter.real
+                         else _REPEATS)
+    size = run["field_bytes"] + 3 * display.width * display.height
+    return {"device_seconds": run["repeated"], "shade_seconds": run["shade"],
+            "copy_seconds": process.call("lfportrait.gpu.measuring:copy_seconds", size),
+            "copy_bytes": size}

@@ -7,10 +7,12 @@ Times depend on the machine and on what else runs on it: compare the ratios of o
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,18 +21,17 @@ from lfportrait.device import gpu_adapter
 from lfportrait.example import Exemplar
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.files import write_image
-from lfportrait.gpu import gpu_process
+from lfportrait.gpu import GpuProcess, gpu_process
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
 
 from .encode import bench_encode
-from .floor import device_floor, machine_rates, training_floor
-from .plot import line_plot
+from .kernels.probe import multiply_adds, random_lines
 from .print import bench_print
 from .transfer import SHORT_NETWORK, bench_transfer, say, timed
 
-__all__ = ["BENCHES", "bench", "bench_encode", "bench_print", "bench_reconstruct",
-           "bench_stylize", "bench_transfer"]
+__all__ = ["BENCHES", "bench", "bench_encode", "bench_print", "bench_reconstruct", "bench_stylize",
+           "bench_transfer", "device_floor", "line_plot", "machine_rates", "training_floor"]
 
 SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,))
 """A reconstruction that takes seconds, for a field to measure on."""
@@ -259,3 +260,129 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
         raise ValueError(f"there is no measurement {what!r}")
     figures = {name: run(name) for name in BENCHES} if what == "all" else run(what)
     return {**figures, "machine": machine(), "peak_memory_bytes": peak_memory_bytes()}
+
+
+_COLORS = ("#1f62b4", "#c85214", "#28824a", "#823c96")
+
+
+def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, across: str, up: str,
+              title: str = "", size: tuple[int, int] = (960, 600)) -> NDArray[np.uint8]:
+    """Draw curves over a common axis.
+
+    Parameters
+    ----------
+    curves
+        Name and points (x, y) of each curve.
+    across, up
+        What the axes show, with units.
+    title
+        Line above the plot.
+    size
+        Width and height in pixels.
+
+    Returns
+    -------
+    picture
+        uint8 [H, W, 3].
+    """
+    # Here: a third of a second, for one option of one command.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not any(len(x) for x, _ in curves.values()):
+        raise ValueError("a plot needs points")
+    figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100, layout="constrained")
+    canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
+    for index, (name, curve) in enumerate(curves.items()):
+        x, y = np.array(sorted(zip(*curve))).reshape(-1, 2).T
+        axes.plot(x, y, color=_COLORS[index % len(_COLORS)], linewidth=2.5, label=name,
+                  marker="o" if len(x) < 60 else None, clip_on=False)
+    if axes.dataLim.x0 >= 0:
+        axes.set_xlim(left=0)
+    axes.set(xlabel=across, ylabel=up, title=title)
+    axes.grid(color="#e2e2e6")
+    axes.legend(loc="lower right", frameon=False)
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())[..., :3]
+
+
+def machine_rates(megabytes: int = 512) -> dict[str, float]:
+    """Random lines of 64 bytes and multiply-adds a second, all processors together.
+
+    Parameters
+    ----------
+    megabytes
+        Size of the table that lines are read from, a power of two far above the caches.
+    """
+    workers = numba.get_num_threads()
+    table = np.ones(megabytes * 2 ** 18, np.float32)
+    out = np.zeros((workers, 16), np.float32)
+    lines, rounds = 8_000_000, 40_000_000
+    random_lines(table, 1000, out)
+    multiply_adds(1000, np.float32(0.5), out)
+    best = [np.inf, np.inf]
+    for _ in range(3):
+        start = time.perf_counter()
+        random_lines(table, lines, out)
+        between = time.perf_counter()
+        multiply_adds(rounds, np.float32(0.5), out)
+        end = time.perf_counter()
+        best = [min(best[0], between - start), min(best[1], end - between)]
+    return {"random_lines_per_second": workers * lines / best[0],
+            "multiply_adds_per_second": workers * rounds * 8 * 16 / best[1]}
+
+
+def training_floor(rates: dict[str, float], samples: float, rows: float, width: int,
+                   ) -> dict[str, float]:
+    """Most rays a second that can be cast forward and backward.
+
+    Parameters
+    ----------
+    rates
+        Of `machine_rates`.
+    samples
+        Samples of a ray that take light.
+    rows
+        Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
+        must come from memory to be seen, and come and go when its record is taken up.
+    width
+        Values of a lattice point's row, 4 bytes each.
+
+    Returns
+    -------
+    figures
+        ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
+        ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
+    """
+    lines = rows * 3.0 * width * 4.0 / 64.0
+    # A sample: density, three colors and back five slopes of eight corners, and an exponential.
+    # A point: three dot products, and its step.
+    adds = samples * (8.0 * (1.0 + 3.0 + 5.0) + 60.0) + rows * (3.0 * 16.0 + 3.0 * width)
+    memory = rates["random_lines_per_second"] / max(lines, 1e-9)
+    compute = rates["multiply_adds_per_second"] / max(adds, 1e-9)
+    return {"samples_per_ray": samples, "rows_per_ray": rows, "lines_per_ray": lines,
+            "multiply_adds_per_ray": adds, "memory_rays_per_second": memory,
+            "compute_rays_per_second": compute, "rays_per_second": min(memory, compute)}
+
+
+def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dict[str, float]:
+    """Most rays a second that a GPU's memory lets be trained.
+
+    Parameters
+    ----------
+    process
+        The device's process.
+    rays
+        Rays of a step.
+    rows, width
+        As for `training_floor`.
+
+    Returns
+    -------
+    figures
+        ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied within
+        the device's memory, each read or written once.
+    """
+    moved = rows * 3.0 * width * 4.0
+    seconds = process.call("lfportrait.gpu.measuring:copy_seconds", int(rays * moved / 2.0))
+    return {"rows_per_ray": rows, "bytes_per_ray": moved, "rays_per_second": rays / seconds}

@@ -152,11 +152,9 @@ def transfer_table(figures: dict[str, Any]) -> str:
 
 def _embedded_photo() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """A frontal photo of the embedded head, 768 x 1024, and its landmarks."""
-    from lfportrait.capture import Camera
-    from lfportrait.demo import SITTER, landmarks, photograph
+    from lfportrait.demo import demo_photo
 
-    camera = Camera.arc(np.array([8.0]), distance=4.4, width=768, height=1024, focal=1500.0)
-    shot = photograph(SITTER, camera, 0).image
+    shot, points = demo_photo()
     alpha = shot[..., 3:].astype(np.float32) / 255.0
     image = (shot[..., :3] * alpha + 225.0 * (1.0 - alpha) + 0.5).astype(np.uint8)
-    return image, camera.project(landmarks(SITTER))[0][0]
+    return image, points

@@ -2,19 +2,17 @@
 
 `consistency` measures whether views agree, `likeness` whether the head is still the person,
 `features` (and `perceptual`, LPIPS) and `patches` how near the style is, `repeats`, by the head's
-`regions`, and `sharpness` what became of its paint; `views` are what is measured;
-`transfer_quality` and `strokes` measure the transfer alone; `people` what one looks at first in a
-face: eyes, forehead, mouth.
+`regions`, and `sharpness` what became of its paint; `views` are what is measured.
 """
 
 from .consistency import consistency, pair_error, view_pairs, warp
 from .features import (
     feature_distance,
     frechet_distance,
+    inception_features,
     kernel_distance,
     style_distance,
 )
-from .inception import inception_features
 from .job import evaluate_field, evaluate_job, landmarks_kept, without_nan
 from .likeness import contour_correlation, identity, landmark_error
 from .patches import PatchIndex, patch_fidelity

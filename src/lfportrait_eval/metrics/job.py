@@ -17,8 +17,7 @@ from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField, held_out_quality
 from lfportrait.progress import Progress
 
-from .crops import spread_crops
-from .features import feature_distance, style_distance
+from .features import feature_distance, spread_crops, style_distance
 from .likeness import identity
 from .patches import patch_fidelity
 from .perceptual import LPIPS_NETWORKS, lpips

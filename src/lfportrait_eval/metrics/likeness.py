@@ -13,13 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from skimage.draw import polygon2mask
 
-__all__ = ["Detector", "contour_correlation", "identity", "landmark_error"]
+__all__ = ["Detector", "contour_correlation", "face_region", "identity", "landmark_error"]
 
 Detector = Callable[[NDArray[np.uint8]], NDArray[np.float64] | None]
 
 _OUTER_EYES = (36, 45)
 _INNER = slice(17, 68)
+
+
+def face_region(shape: tuple[int, ...], landmarks: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """The face between jaw and brows, which every method paints; bool [H, W]."""
+    outline = np.concatenate([landmarks[:17], landmarks[17:27][::-1]])
+    return np.asarray(polygon2mask(shape[:2], outline[:, ::-1]), bool)
 
 
 def landmark_error(found: NDArray[np.floating], wanted: NDArray[np.floating]) -> float:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lfportrait import models
 from lfportrait.device import torch_device
 
-from .weights import exact, read_weights
+from .features import exact, read_weights
 
 __all__ = ["LPIPS_NETWORKS", "lpips"]
 

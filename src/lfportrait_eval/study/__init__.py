@@ -2,25 +2,26 @@
 
 `entries` finds what is compared and `design` lays down who sees what; `assembly` writes the page
 (its script and style are in ``web/``). `answers` reads the answer files, `analysis` makes
-figures of it with `statistics` and `ranking`, `results` writes them.
+figures of it with `statistics`, `results` writes them.
 """
 
 from .analysis import analyse
 from .answers import Answers, Trial, read_answers
 from .assembly import study_script, write_study
-from .charts import Row, interval_chart
 from .config import QUESTIONS, Question, StudyConfig, questions_of
 from .design import Pair, Sheet, pairs_of, sheets_of
 from .entries import Entry, entries_of
-from .ranking import Ranking, bradley_terry, rank
-from .results import write_results
+from .results import Row, interval_chart, write_results
 from .statistics import (
+    Ranking,
     Share,
+    bradley_terry,
     effective_answers,
     fleiss_kappa,
     holm,
     kendall_agreement,
     krippendorff_alpha,
+    rank,
     sign_test,
     wilson,
 )

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .answers import Answers, Trial
-from .ranking import rank
 from .statistics import (
     effective_answers,
     fleiss_kappa,
     holm,
     kendall_agreement,
     krippendorff_alpha,
+    rank,
     sign_test,
     wilson,
 )

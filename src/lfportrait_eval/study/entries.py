@@ -81,7 +81,8 @@ def _frontal(job: Path) -> NDArray[np.uint8]:
 
 def _built_in(style: str) -> NDArray[np.uint8] | None:
     """The painting of a style that is installed."""
-    from lfportrait.example import Exemplar, provided_styles
+    from lfportrait.example import Exemplar
+    from lfportrait.plugins import provided_styles
 
     return Exemplar.load(style).image if style in provided_styles() else None
 

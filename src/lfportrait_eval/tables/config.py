@@ -9,8 +9,7 @@ from typing import Any, Literal
 from lfportrait.errors import UserError
 from lfportrait.stylize import StylizeConfig
 
-from .methods import METHODS
-from .sizes import FULL, QUICK, Sizes
+from .methods import FULL, METHODS, QUICK, Sizes
 
 __all__ = ["TablesConfig"]
 

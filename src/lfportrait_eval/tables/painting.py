@@ -20,9 +20,8 @@ from lfportrait.progress import Progress
 from lfportrait.stylize import StylizeConfig, stylize_with_figures
 
 from ..baselines.transfer import NetworkConfig
-from .methods import METHODS, field_config, view_config
+from .methods import METHODS, Sizes, field_config, view_config
 from .sitters import Sitter, bytes_of, landmarks_in
-from .sizes import Sizes
 
 __all__ = ["Views", "paint_views", "real_views"]
 

@@ -30,10 +30,9 @@ from lfportrait.version import __version__
 
 from .config import TablesConfig
 from .documents import write_documents
-from .figures import Target, agreement, measure, missing_networks
+from .figures import Target, agreement, measure, missing_networks, photo_agreement
 from .methods import METHODS, field_config, own_parameters, view_config
 from .painting import Views, paint_views, real_views
-from .photos import photo_agreement
 from .sitters import SHOWN, Opener, Sitter, Source, field_of, linked
 from .speed import speed_tables
 from .summary import Cell
@@ -143,7 +142,7 @@ class _Run:
 
     def _base(self, source: Source) -> str:
         """Key of all that depends on the sitter and on the views."""
-        return key_of("lfportrait_eval.tables.sitters", self.keys[source.name], self.sizes.pixels,
+        return key_of(__name__, "sitters", self.keys[source.name], self.sizes.pixels,
                       self.sizes.render_size, self.sizes.close_size, self.config.views,
                       self.config.cone, self.seed)
 
@@ -153,11 +152,11 @@ class _Run:
                   if METHODS[method].kind == "field"
                   else view_config(method, self.sizes, self.seed))
         others = [name for name in models.registry() if name not in self.measuring]
-        return key_of("lfportrait_eval.tables.painting", self._base(source), exemplar.image,
+        return key_of(__name__, "painting", self._base(source), exemplar.image,
                       exemplar.landmarks, method, chosen, _networks(others))
 
     def _measure_key(self, source: Source, exemplar: Exemplar, method: str) -> str:
-        return key_of("lfportrait_eval.tables.figures", self._paint_key(source, exemplar, method),
+        return key_of(__name__, "figures", self._paint_key(source, exemplar, method),
                       "views" in self.config.chosen(), self.sizes.crops,
                       _networks([*self.measuring, "face-landmarker", "vgg16"]))
 
@@ -182,7 +181,7 @@ class _Run:
             return field_of(capture, file, ReconstructConfig(resolution=256, seed=self.seed),
                             self.teller.inside(f"{source.name}: field"))
 
-        key = key_of("field.reconstruction", self.keys[source.name], self.seed)
+        key = key_of(__name__, "field", self.keys[source.name], self.seed)
         self.folder.run(f"field.{source.name}", key, [f"{home}/field.npz"], field)
         return Sitter(source.name, VoxelField.load(file), capture, file, pixels=self.sizes.pixels,
                       device=self.device,
@@ -215,7 +214,7 @@ class _Run:
                     "content_network": "vgg16" if models.available("vgg16") else "embedded",
                  "skin_seconds": seconds, "skin_pixels": len(skin.index)}
 
-        key = key_of("lfportrait_eval.tables.figures", "floor", self._base(source),
+        key = key_of(__name__, "figures", "floor", self._base(source),
                      _networks(self.measuring))
         name, picture = f"floor.{source.name}", f"pictures/{source.name}/photo.png"
         if self.config.done_only:
@@ -297,7 +296,7 @@ class _Run:
     def _speed(self) -> dict[str, Any]:
         """Table 1 and Fig. 6, of the first sitter in the first style."""
         source, exemplar = self.sources[0], self.exemplars[0]
-        key = key_of("lfportrait_eval.tables.speed", self._base(source), exemplar.image,
+        key = key_of(__name__, "speed", self._base(source), exemplar.image,
                      self.config.size, machine())
 
         def found() -> dict[str, Any]:

@@ -10,8 +10,8 @@ from lfportrait.progress import Progress
 from ..baselines.transfer import NetworkConfig
 from ..bench import METHODS as TRANSFERS
 from ..bench import bench_masks, bench_transfer
+from .methods import Sizes
 from .sitters import Sitter
-from .sizes import Sizes
 
 __all__ = ["speed_tables"]
 

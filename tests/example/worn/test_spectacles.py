@@ -7,11 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from lfportrait.demo import demo_exemplar, demo_styles
+from lfportrait.demo import demo_styles
 from lfportrait.example import Exemplar
 from lfportrait.example.worn.glasses import find_spectacles, spectacles
 from lfportrait.face import face_pose
 from lfportrait.face.generic_head import MIRRORED
+from modelled_head import painted_exemplar
 from tests.example.worn.drawn_spectacles import KINDS, put_on
 
 SIZE = 480, 640
@@ -31,7 +32,7 @@ SKIN = ((646, 635), (665, 616), (593, 532), (781, 660), (603, 735), (712, 703), 
 
 @cache
 def painted(style, turn):
-    return demo_exemplar(style, *SIZE, turn=turn)
+    return painted_exemplar(style, *SIZE, turn=turn)
 
 
 def sitter(style, turn=0.0):

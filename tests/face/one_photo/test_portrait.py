@@ -8,11 +8,10 @@ from PIL import Image
 
 from lfportrait import models
 from lfportrait.capture import Camera, Capture, read_photos
-from lfportrait.demo import photograph
-from lfportrait.demo.people import SITTER
 from lfportrait.errors import UserError
 from lfportrait.face import is_portrait, portrait_capture, portrait_field
 from lfportrait.field import ReconstructConfig
+from modelled_head import SITTER, photograph
 
 pytestmark = pytest.mark.skipif(models.missing(["face-landmarker"]) != [],
                                 reason="the network for landmarks is not here")

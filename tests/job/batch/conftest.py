@@ -5,11 +5,12 @@ import hashlib
 import os
 import pickle
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from lfportrait.demo import PAINTED, SITTER, demo_capture, demo_exemplar
+from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.lightfield import Display
@@ -67,8 +68,10 @@ def digests(results: Path) -> dict[str, str]:
 
 def write_studio(folder: Path) -> None:
     """A folder with two sittings, two paintings, a display and a file of jobs."""
-    for name, model in (("anna", SITTER), ("bert", PAINTED)):
-        demo_capture(size=48, views=10, model=model).save(folder / "sittings" / name)
+    anna = demo_capture(size=48, views=10)
+    anna.save(folder / "sittings" / "anna")
+    darker = [picture // 2 for picture in anna.images]
+    replace(anna, images=darker).save(folder / "sittings" / "bert")
     write_painting(folder / "ken.png", "fauve")
     write_painting(folder / "chalk.png", "charcoal")
     PANEL.save(folder / "tiny.toml")

@@ -85,7 +85,7 @@ def test_parameters_of_another_packages_method(load):
     config = jobs.parameters("anna", "fauve").stylize
     found = config.parameters_of(config.other)
     assert (found.steps, found.views) == (3, 5) and len(config.parameters) == 1
-    assert config.makers[1:] == ("lfportrait_eval.baselines.field.methods",)
+    assert config.maker == "lfportrait_eval.baselines.field.methods"
 
 
 @pytest.mark.parametrize("text, told", [

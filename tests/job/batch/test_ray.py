@@ -2,7 +2,6 @@
 
 import importlib.util
 import os
-import shutil
 import signal
 
 import pytest
@@ -43,32 +42,27 @@ def joined(cluster):
     ray.shutdown()
 
 
-def test_a_cluster_gives_the_same_files(made, anna, joined, tmp_path):
-    events = []
-    figures = batch(anna, tmp_path / "results", RAY, watchers=[events.append])
+def test_a_cluster_gives_the_same_files_although_a_node_and_a_worker_die(made, anna, joined,
+                                                                         tmp_path):
+    node = joined.add_node(num_cpus=1)
+    done = []
+
+    def kill(event):
+        if event["event"] != "done":
+            return
+        done.append(event)
+        styled = [one for one in done if one["task"].endswith("/styled")]
+        # The first of the two that are painted side by side.
+        if len(styled) == 1 and styled[0] is event:
+            # First the worker: it may be one of the node, and end with it.
+            os.kill(int(event["worker"].rpartition(":")[2]), signal.SIGKILL)
+            joined.remove_node(node, allow_graceful=False)
+
+    figures = batch(anna, tmp_path / "results", RAY, watchers=[kill])
     assert not figures["failed"]
     assert figures["ran"] == {name: count // 2 for name, count in made[1]["ran"].items()}
     assert digests(tmp_path / "results") == of_anna(digests(made[0]))
-    assert len({event["worker"] for event in events if event["event"] == "done"}) >= 2
-
-
-def test_a_node_and_a_worker_that_die_are_made_up_for(made, studio, joined, copy):
-    for sitter in ("anna", "bert"):
-        shutil.rmtree(copy / sitter / "chalk")
-    node = joined.add_node(num_cpus=1)
-    did = []
-
-    def kill(event):
-        if event["event"] == "done":
-            did.append(event["task"])
-            if len(did) == 1:
-                # First the worker: it may be one of the node, and end with it.
-                os.kill(int(event["worker"].rpartition(":")[2]), signal.SIGKILL)
-                joined.remove_node(node, allow_graceful=False)
-
-    figures = batch(studio / "jobs.toml", copy, RAY, watchers=[kill])
-    assert not figures["failed"] and figures["ran"] == {"stylize": 2, "encode": 4, "page": 2}
-    assert digests(copy) == digests(made[0])
+    assert len({event["worker"] for event in done}) >= 2
 
 
 def test_failures_are_the_same(studio, joined, copy):

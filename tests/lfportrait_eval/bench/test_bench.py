@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.demo import SITTER, demo_exemplar, landmarks, photograph
+from lfportrait.demo import demo_exemplar, demo_landmarks, demo_photo
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display
 from lfportrait.lightfield.prints import PrintConfig
@@ -25,8 +25,7 @@ from lfportrait_eval.bench import (
     bench_transfer,
     transfer_table,
 )
-from lfportrait_eval.bench.floor import machine_rates, training_floor
-from lfportrait_eval.bench.plot import line_plot
+from lfportrait_eval.bench.run import line_plot, machine_rates, training_floor
 from tests.fields import shell_field
 from tests.share.test_video import ball
 
@@ -151,9 +150,8 @@ def test_a_plot_shows_its_curves_inside_its_axes():
 
 def test_transfer_reports_preparation_and_synthesis_apart(monkeypatch):
     monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 2)
-    camera = Camera.arc(np.array([5.0]), distance=4.4, width=120, height=160, focal=220.0)
-    photo = np.ascontiguousarray(photograph(SITTER, camera).image[..., :3])
-    points = camera.project(landmarks(SITTER))[0][0]
+    shot, points = demo_photo(160)
+    photo = np.ascontiguousarray(shot[..., :3])
     tiny = NetworkConfig(teacher="styleblit", pairs=2, steps=1, size=64, width=4)
     figures = bench_transfer(photo, points, demo_exemplar(width=144, height=192), repeats=1,
                              network=tiny)
@@ -188,7 +186,7 @@ def test_print_reports_both_ways():
 
 def test_stylize_reports_its_parts():
     capture = ball_capture()
-    head = np.asarray(landmarks(SITTER)) * 0.5
+    head = demo_landmarks() * 0.5
     figures = bench_stylize(ball(), replace(capture, landmarks=head),
                             demo_exemplar(width=144, height=192), size=96, views=2, steps=2,
                             pixels=96.0)

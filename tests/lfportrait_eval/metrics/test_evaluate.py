@@ -20,7 +20,9 @@ from lfportrait_eval.metrics import (
     patch_fidelity,
     style_distance,
 )
+from lfportrait_eval.metrics.likeness import face_region
 from lfportrait_eval.metrics.patches import lab, spread_places
+from tests.portraits import drawn_face
 
 
 def texture(seed: int, shape=(48, 60)) -> np.ndarray:
@@ -40,6 +42,14 @@ def test_landmark_error_is_relative_to_the_eyes():
     assert landmark_error(points, points) == 0
     assert landmark_error(points + np.array([3, 4]), points) == pytest.approx(5 / 50)
     assert landmark_error(2 * points + (6, 8), 2 * points) == pytest.approx(10 / 100)
+
+
+def test_the_region_of_the_face_lies_between_jaw_and_brows():
+    photo = drawn_face(120, 100)
+    region = face_region(photo.image.shape, photo.landmarks)
+    assert region[tuple(photo.landmarks[30].astype(int)[::-1])]
+    assert not region[:int(photo.landmarks[17:27, 1].min()) - 2].any()
+    assert not region[int(photo.landmarks[8, 1]) + 2:].any()
 
 
 def test_identity_counts_the_faces_that_are_found():

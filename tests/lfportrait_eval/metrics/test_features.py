@@ -12,7 +12,7 @@ from lfportrait.errors import UserError
 from lfportrait.models import ModelFile
 from lfportrait_eval.metrics import (
     feature_distance,
-    inception,
+    features,
     inception_features,
     lpips,
     perceptual,
@@ -67,7 +67,7 @@ def official_state(convolutions, seed=0):
 
 def test_batch_norm_is_folded_into_convolutions():
     state = official_state([("first", 3, 3, 3), ("Mixed_5b.branch1x1", 5, 1, 1)])
-    folded = inception._folded(state)
+    folded = features._folded(state)
     for name, width in (("first", 3), ("Mixed_5b.branch1x1", 5)):
         x = torch.randn(1, width, 7, 7, generator=torch.Generator().manual_seed(1))
         plain = torch.nn.functional.conv2d(x, state[f"{name}.conv.weight"])
@@ -78,7 +78,7 @@ def test_batch_norm_is_folded_into_convolutions():
         assert found.numpy() == pytest.approx(expected.numpy(), abs=1e-4)
     assert not any(key.endswith((".conv.weight", ".running_var")) for key in folded)
     packed = {"first.weight": torch.ones(1), "first.bias": torch.ones(1)}
-    assert inception._folded(packed) == packed
+    assert features._folded(packed) == packed
 
 
 def test_the_official_file_gives_the_features_of_the_folded_one(shelf):
@@ -329,7 +329,7 @@ def test_the_last_blocks_are_those_of_pytorch_fid(shelf):
     y = plain.e(y, "Mixed_7b", torch.nn.functional.avg_pool2d(
         y, 3, 1, 1, count_include_pad=False))
     expected = plain.e(y, "Mixed_7c", torch.nn.functional.max_pool2d(y, 3, 1, 1))
-    found = inception._Inception(inception._folded(state)).last(x)
+    found = features._Inception(features._folded(state)).last(x)
     assert found.shape == expected.shape == (2, 24, 4, 4)
     assert found.numpy() == pytest.approx(expected.numpy(), rel=1e-3, abs=1e-4)
 

@@ -52,10 +52,10 @@ def test_jobs_tell_method_style_and_sitter(tmp_path, ink):
 
 
 def test_a_built_in_style_needs_no_picture(tmp_path, monkeypatch):
-    from lfportrait import example
+    from lfportrait import example, plugins
 
     made = example.Exemplar(np.full((30, 20, 3), 5, np.uint8), np.zeros((68, 2)))
-    monkeypatch.setattr(example, "provided_styles", lambda: {"ink": lambda: made})
+    monkeypatch.setattr(plugins, "provided_styles", lambda: {"ink": lambda: made})
     monkeypatch.setattr(example.Exemplar, "load", staticmethod(lambda style: made))
     found = entries_of([str(job(tmp_path / "1")), f"other={job(tmp_path / '2')}"])
     assert found[0].painting[0, 0, 0] == 5

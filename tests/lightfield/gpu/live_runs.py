@@ -10,7 +10,7 @@ from lfportrait.lightfield import EncodeConfig
 from lfportrait.lightfield.gpu import live as module
 from lfportrait.lightfield.gpu.blit import Blit, pixels_of
 from lfportrait.lightfield.gpu.live import LiveCoder
-from lfportrait.lightfield.screens.live import Live, Unseen, check_pixels
+from lfportrait.lightfield.screens.live import Live, OffscreenWindow, check_pixels
 
 
 def settled(device, field, display, wanted, photo=None, page=None):
@@ -60,7 +60,7 @@ def played(device, field, panel, config, script, frames, photo=None, seconds=0.0
     said = []
     live = Live(device, field, config, panel, panel, photo, seconds=seconds,
                 say=lambda line, stays: said.append(line))
-    screen = Unseen((panel.width, panel.height), script, frames, exact=exact)
+    screen = OffscreenWindow((panel.width, panel.height), script, frames, exact=exact)
     screen.run(device, panel, live)
     live.close()
     return screen.pictures, said, live.figures(), live.over
@@ -96,7 +96,7 @@ def hundred(device, field, panel):
     live = Live(device, field, EncodeConfig(), panel, panel)
     found = []
     for frames in (20, 100):
-        screen = Unseen((panel.width, panel.height), {}, frames, keep=False)
+        screen = OffscreenWindow((panel.width, panel.height), {}, frames, keep=False)
         screen.run(device, panel, live)
         device.wait()
         counts = wgpu.diagnostics.object_counts.get_dict()

@@ -40,7 +40,7 @@ def process(adapter, shared, monkeypatch):
 
     one = shared
     shared.calls = getattr(shared, "calls", 0) + 1
-    if shared.calls % 12 == 0:
+    if shared.calls % 30 == 0:
         shared.close()
     monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: one)
     monkeypatch.setattr(device, "gpu_adapters", lambda: [adapter])

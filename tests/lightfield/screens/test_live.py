@@ -16,7 +16,12 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.gpu import Adapter
 from lfportrait.lightfield import Display, EncodeConfig, encode
-from lfportrait.lightfield.screens import fields_to_show, show_live
+from lfportrait.lightfield.screens import (
+    OffscreenWindow,
+    fields_to_show,
+    show_field,
+    show_live,
+)
 from lfportrait.lightfield.screens.live import one_eyed
 from lfportrait.lightfield.screens.live_controls import Controls
 from lfportrait.metrics import psnr
@@ -326,3 +331,10 @@ def test_a_screen_of_another_size_is_refused(saved, adapter, x_server):
     done = command(saved, "--live", DISPLAY=x_server)
     assert done.returncode == 2
     assert "no screen has the 176 x 96 pixels" in done.stderr.splitlines()[-1]
+
+
+def test_nothing_is_shown_live_without_a_gpu():
+    window = OffscreenWindow((PANEL.width, PANEL.height))
+    with pytest.raises(UserError, match="--device cpu has none here"):
+        show_field(shell_field(), PANEL, window=window, device="cpu")
+    assert window.pictures == []

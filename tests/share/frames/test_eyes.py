@@ -7,7 +7,7 @@ from PIL import Image
 from lfportrait.errors import UserError
 from lfportrait.field import VoxelField
 from lfportrait.lightfield import EncodeConfig
-from lfportrait.share import FrameConfig, export_frame
+from lfportrait.share import ExportContext, FrameConfig, export_field
 from lfportrait.share.frames.eyes import anaglyph_of
 from lfportrait.share.frames.moving import FLAT, Flat
 from tests.fields import head_field
@@ -24,7 +24,7 @@ def read(path):
 
 def test_a_pair_has_the_left_eye_on_the_left(tmp_path):
     path = tmp_path / "x_2x1.jpg"
-    figures = export_frame(marked_field(), path, SMALL)
+    figures = export_field(marked_field(), path, SMALL)
     picture = read(path)
     assert picture.shape == (200, 300, 3)
     left, right = ball_x(picture[:, :150]), ball_x(picture[:, 150:])
@@ -37,7 +37,7 @@ def test_a_pair_has_the_left_eye_on_the_left(tmp_path):
 def test_the_angle_between_the_eyes_is_what_is_asked_for(tmp_path):
     def apart(**options):
         path = tmp_path / "x_2x1.png"
-        export_frame(marked_field(), path, FrameConfig(pixels=(450, 600), **options))
+        export_field(marked_field(), path, FrameConfig(pixels=(450, 600), **options))
         picture = read(path)
         return ball_x(picture[:, :450]) - ball_x(picture[:, 450:])
 
@@ -48,9 +48,9 @@ def test_the_angle_between_the_eyes_is_what_is_asked_for(tmp_path):
 
 
 def test_a_displays_size_sets_the_eyes_apart(tmp_path):
-    near = export_frame(marked_field(), tmp_path / "a_2x1.png", FrameConfig(
+    near = export_field(marked_field(), tmp_path / "a_2x1.png", FrameConfig(
         pixels=(90, 160), display="lookingglass-go"))["parallax_percent"][1]
-    far = export_frame(marked_field(), tmp_path / "b_2x1.png", FrameConfig(
+    far = export_field(marked_field(), tmp_path / "b_2x1.png", FrameConfig(
         pixels=(90, 160), display="lookingglass-32-portrait"))["parallax_percent"][1]
     assert near > 2 * far  # the same eyes before a screen several times as large
 
@@ -68,7 +68,7 @@ def test_an_anaglyph_shows_each_eye_its_own(tmp_path):
     white = marked_field()
     white = VoxelField(white.links, white.density, np.full_like(white.sh, 1.2))
     path = tmp_path / "x_anaglyph.png"
-    export_frame(white, path, SMALL, EncodeConfig(focus=-1.0))
+    export_field(white, path, SMALL, ExportContext(EncodeConfig(focus=-1.0)))
     picture = read(path).astype(int)
     columns = np.nonzero(picture.max(axis=(0, 2)) > 128)[0]
     # All of it behind the picture: what the left eye sees lies further left.
@@ -79,7 +79,7 @@ def test_an_anaglyph_shows_each_eye_its_own(tmp_path):
 
 def test_depth_is_right_of_the_color_and_white_near(tmp_path):
     path = tmp_path / "x_rgbd.png"
-    export_frame(marked_field(), path, SMALL)
+    export_field(marked_field(), path, SMALL)
     picture = read(path)
     color, depth = picture[:, :150].astype(int), picture[:, 150:]
     assert depth.shape == color.shape and (depth == depth[..., :1]).all()
@@ -94,7 +94,7 @@ def test_depth_is_right_of_the_color_and_white_near(tmp_path):
 def test_a_flat_video_is_what_the_panel_plays(tmp_path):
     """HEVC, BT.709, 4:2:0; the head inside the safe areas in all frames, on white."""
     path = tmp_path / "flat.mp4"
-    figures = export_frame(head_field(64), path, FrameConfig(pixels=(216, 384), frames=4, sway=30))
+    figures = export_field(head_field(64), path, FrameConfig(pixels=(216, 384), frames=4, sway=30))
     assert figures["kind"] == "flat" and FLAT == (2160, 3840)
     facts, frames = decoded(path)
     assert (facts["codec"], facts["pixels"], facts["tag"], facts["matrix"]) == (
@@ -122,7 +122,7 @@ def test_a_flat_video_lies_on_its_side_for_the_panels_player(tmp_path):
 
 def test_pairs_move_too(tmp_path):
     path = tmp_path / "x_2x1.mp4"
-    export_frame(marked_field(), path, FrameConfig(pixels=(120, 160), frames=2))
+    export_field(marked_field(), path, FrameConfig(pixels=(120, 160), frames=2))
     facts, frames = decoded(path)
     assert facts["codec"] == "h264" and frames[0].shape == (160, 240, 3)
     assert ball_x(frames[0][:, :120]) > 0 > ball_x(frames[0][:, 120:])
@@ -132,7 +132,7 @@ def test_the_head_fills_the_frame_but_no_more(tmp_path):
     path = tmp_path / "x_2x1.png"
     field = head_field(32)
     for encode in (EncodeConfig(), EncodeConfig(focus=-0.5), EncodeConfig(depth_scale=0.5)):
-        export_frame(field, path, SMALL, encode)
+        export_field(field, path, SMALL, ExportContext(encode))
         picture = read(path)
         for eye in (picture[:, :150], picture[:, 150:]):
             rows, columns = np.nonzero(eye.max(axis=-1) > 30)
@@ -141,4 +141,4 @@ def test_the_head_fills_the_frame_but_no_more(tmp_path):
             # One of the two directions is used up.
             assert max(free[:2]) < 30 or max(free[2:]) < 30
     with pytest.raises(UserError, match="does not fit"):
-        export_frame(field, path, SMALL, EncodeConfig(focus=5))
+        export_field(field, path, SMALL, ExportContext(EncodeConfig(focus=5)))

@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.lightfield import EncodeConfig, ground_of
 from lfportrait.metrics import psnr
-from lfportrait.share import FrameConfig, export_frame
+from lfportrait.share import ExportContext, FrameConfig, export_field
 from lfportrait.share.frames.eyes import TwoEyes, anaglyph_of
 from lfportrait.share.frames.framing import Margins, framed
 from lfportrait.share.frames.moving import Flat
@@ -40,7 +40,7 @@ def seen(field):
 
 def test_each_eye_sees_it_with_the_parallax_of_its_depth(field, seen, tmp_path):
     eyes, place, both = seen
-    figures = export_frame(field, tmp_path / "x_2x1.png", CONFIG, PLAIN)
+    figures = export_field(field, tmp_path / "x_2x1.png", CONFIG, ExportContext(PLAIN))
     pair = read(tmp_path / "x_2x1.png")
     for picture, (free, ground) in zip((pair[:, :SIZE[0]], pair[:, SIZE[0]:]), both):
         assert 0.2 < free.mean() < 0.8
@@ -55,14 +55,14 @@ def test_each_eye_sees_it_with_the_parallax_of_its_depth(field, seen, tmp_path):
 
 def test_an_anaglyph_has_it_too(field, seen, tmp_path):
     eyes, place, _ = seen
-    export_frame(field, tmp_path / "x_anaglyph.png", CONFIG, PLAIN)
+    export_field(field, tmp_path / "x_anaglyph.png", CONFIG, ExportContext(PLAIN))
     left, right, _ = eyes.both(field, place)
     assert left[:8].mean() > 60  # the head does not reach there
     assert np.array_equal(read(tmp_path / "x_anaglyph.png"), anaglyph_of(left, right))
 
 
 def test_beside_the_color_it_is_the_farthest(field, tmp_path):
-    figures = export_frame(field, tmp_path / "x_rgbd.png", CONFIG, PLAIN)
+    figures = export_field(field, tmp_path / "x_rgbd.png", CONFIG, ExportContext(PLAIN))
     picture = read(tmp_path / "x_rgbd.png")
     color, depth = picture[:, :SIZE[0]], picture[:, SIZE[0]:, 0]
     assert figures["covered"] == 1 and depth.max() == 255
@@ -77,7 +77,7 @@ def test_beside_the_color_it_is_the_farthest(field, tmp_path):
 
 def test_a_flat_video_shows_it_still_behind_the_head_that_turns(field, tmp_path):
     config = FrameConfig(pixels=(108, 192), frames=4, sway=20)
-    export_frame(field, tmp_path / "flat.mp4", config, PLAIN)
+    export_field(field, tmp_path / "flat.mp4", config, ExportContext(PLAIN))
     frames = decoded(tmp_path / "flat.mp4")[1]
     flat = Flat.of(field, PLAIN, config)
     ground = analytic(field, flat.window, dataclasses.replace(flat.encode, ground_blur=0.0), 0.0,
@@ -90,7 +90,8 @@ def test_a_flat_video_shows_it_still_behind_the_head_that_turns(field, tmp_path)
 @pytest.mark.parametrize("grey", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("name", ["x_2x1.png", "x_rgbd.png", "x_anaglyph.png"])
 def test_who_asks_for_a_grey_level_gets_it(field, tmp_path, name, grey):
-    export_frame(field, tmp_path / name, FrameConfig(pixels=(60, 80), backdrop=grey), PLAIN)
+    export_field(field, tmp_path / name, FrameConfig(pixels=(60, 80), backdrop=grey),
+                 ExportContext(PLAIN))
     assert np.abs(read(tmp_path / name)[0, 0] - 255.0 * grey).max() <= 1.5
 
 

@@ -14,7 +14,7 @@ from PIL import Image
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.lightfield import Display, QuiltLayout, layout_of_file
-from lfportrait.share import FrameConfig, export_frame, kind_of, write_quilt
+from lfportrait.share import FrameConfig, export_field, export_of, write_quilt
 from lfportrait.share.frames import moving
 from lfportrait.share.frames.names import QuiltName
 from lfportrait.share.frames.pictures import check_picture
@@ -48,7 +48,7 @@ def user_comment(path):
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp"])
 def test_other_readers_find_layout_and_views(tmp_path, suffix):
     path = tmp_path / f"anna_qs4x3a0.75{suffix}"
-    figures = export_frame(marked_field(), path, FrameConfig(pixels=(240, 240)))
+    figures = export_field(marked_field(), path, FrameConfig(pixels=(240, 240)))
     assert figures["views"] == 12 and figures["size"] == (240, 240)
     assert {item.name for item in tmp_path.iterdir()} == {path.name, f"{path.name}.json"}
     with Image.open(path) as picture:
@@ -81,14 +81,14 @@ def test_a_layout_is_found_in_the_name_the_side_file_or_the_exif(tmp_path):
 
 def test_a_video_that_is_renamed_keeps_its_layout(tmp_path):
     path = tmp_path / "x_qs3x2a0.75.mp4"
-    export_frame(marked_field(16), path, FrameConfig(pixels=(96, 96), frames=1))
+    export_field(marked_field(16), path, FrameConfig(pixels=(96, 96), frames=1))
     assert layout_of_file(path.rename(tmp_path / "y.mp4")) == QuiltLayout(3, 2, 0.75)
 
 
 def test_a_quilt_shows_the_displays_window_whatever_its_tiles_are(tmp_path):
     """Tiles may be squeezed: the ball stays in the middle of a view from the middle."""
     path = tmp_path / "x_qs3x1a0.5625.png"
-    export_frame(marked_field(), path, FrameConfig(pixels=(240, 60)))
+    export_field(marked_field(), path, FrameConfig(pixels=(240, 60)))
     middle = tiles_of(read(path), 3, 1)[1]
     assert abs(ball_x(middle)) < 0.02
 
@@ -110,7 +110,7 @@ def test_the_name_chooses_display_and_layout(name, display, layout):
 
 def test_names_with_zoom_and_focus_are_left_as_they_are(tmp_path):
     path = tmp_path / "x_qs2x2a0.75z1.2f0.0.png"
-    assert export_frame(marked_field(), path, SMALL)["out"] == path
+    assert export_field(marked_field(), path, SMALL)["out"] == path
     assert QuiltName.of(path.name) == QuiltName(2, 2, 0.75)
 
 
@@ -146,12 +146,13 @@ def test_formats_take_what_they_can():
     check_picture(Path("a.jpg"), 65500, 10)
     with pytest.raises(UserError, match="16383"):
         check_picture(Path("a.webp"), 10, 16384)
-    assert kind_of(Path("a.glb")) is None
+    assert export_of(Path("a_qs8x6a0.75.mp4")).kind == "quilt"
+    assert export_of(Path("a.mp4")).kind == "flat"
 
 
 def test_a_package_holds_the_quilt_and_its_settings(tmp_path):
     path = tmp_path / "anna & ben.hop"
-    figures = export_frame(marked_field(), path, FrameConfig(pixels=(160, 120)))
+    figures = export_field(marked_field(), path, FrameConfig(pixels=(160, 120)))
     assert figures["views"] == 48 and figures["bytes"] == path.stat().st_size
     with zipfile.ZipFile(path) as package:
         assert package.testzip() is None
@@ -178,7 +179,7 @@ def decoded(path):
     ("x_qs3x2a0.75.mp4", "h264"), ("x_qs3x2a0.75.webm", "vp9")])
 def test_quilts_move(tmp_path, name, codec):
     config = FrameConfig(pixels=(180, 160), frames=4, sway=20)
-    figures = export_frame(marked_field(), tmp_path / name, config)
+    figures = export_field(marked_field(), tmp_path / name, config)
     assert figures["frames"] == 4 and figures["codec"] == codec
     facts, frames = decoded(tmp_path / name)
     assert facts["codec"] == codec and facts["pixels"] == "yuv420p" and len(frames) == 4
@@ -191,7 +192,7 @@ def test_quilts_move(tmp_path, name, codec):
 
 def test_a_package_may_hold_a_video(tmp_path):
     path = tmp_path / "x.hop"
-    export_frame(marked_field(), path, FrameConfig(pixels=(160, 120), frames=2))
+    export_field(marked_field(), path, FrameConfig(pixels=(160, 120), frames=2))
     with zipfile.ZipFile(path) as package:
         movie, side = package.namelist()
         settings = json.loads(package.read(side))
@@ -203,7 +204,7 @@ def test_a_package_may_hold_a_video(tmp_path):
 def test_quilts_beyond_h264_are_hevc(tmp_path, monkeypatch):
     monkeypatch.setattr(moving, "_LARGEST_H264", 100)
     path = tmp_path / "x_qs3x2a0.75.mp4"
-    assert export_frame(marked_field(), path, FrameConfig(pixels=(180, 160), frames=2))[
+    assert export_field(marked_field(), path, FrameConfig(pixels=(180, 160), frames=2))[
         "codec"] == "hevc"
     facts, frames = decoded(path)
     assert facts["codec"] == "hevc" and facts["tag"] == "hvc1" and facts["matrix"] == 1
@@ -216,11 +217,11 @@ def test_without_hevc_vp9_takes_its_place(tmp_path, monkeypatch):
     path = tmp_path / "x_qs3x2a0.75.mp4"
     config = FrameConfig(pixels=(180, 160), frames=1)
     with pytest.warns(UserWarning, match="can't code HEVC"):
-        export_frame(marked_field(), path, config)
+        export_field(marked_field(), path, config)
     assert decoded(path)[0]["codec"] == "vp9"
     with warnings.catch_warnings(), pytest.raises(UserError, match="libx265 is missing"):
         warnings.simplefilter("error")
-        export_frame(marked_field(), tmp_path / "flat.mp4", config)
+        export_field(marked_field(), tmp_path / "flat.mp4", config)
     assert not (tmp_path / "flat.mp4").exists()
 
 

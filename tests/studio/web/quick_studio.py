@@ -1,7 +1,6 @@
-"""The studio as its command starts it, but its built-in paintings are drawn small.
+"""The studio as its command starts it, but its built-in paintings are small.
 
-At full size each takes six seconds to draw, which the screens wait for, in each test file again.
-The head that they are drawn from is kept coarser, too: to bake it takes as long as the rest.
+What is found out of a painting takes seconds at full size, in each test file again.
 """
 
 from lfportrait.cli import program
@@ -18,13 +17,11 @@ class QuickChild(previews.Child):
 
 def serve():
     """What that process does."""
-    from lfportrait.demo import demo_exemplar, studio
+    from lfportrait.demo import demo_exemplar
     from lfportrait.studio.work import resident
 
-    studio._GRID = 65
-
-    name, _, _, *others = demo_exemplar.__defaults__
-    demo_exemplar.__defaults__ = (name, 96, 128, *others)
+    name, *_ = demo_exemplar.__defaults__
+    demo_exemplar.__defaults__ = name, 96, 128
     resident.serve()
 
 

@@ -2,8 +2,6 @@
 
 import io
 
-import pytest
-
 from tests.studio.web.conftest import picture
 
 
@@ -74,54 +72,53 @@ def test_the_editors_show_the_painting_at_once_and_say_when_a_preview_comes(open
     opened.page.wait_for_selector("header [role=status]:text('Saved')")
 
 
-@pytest.mark.parametrize("how", ["here", "again"])
-def test_the_chosen_painting_stays_chosen(opened, how):
-    opened.go("style/ben")
-    cards = opened.page.locator(".paintings [data-style]")
-    chosen = "[data-style]:has([aria-pressed=true])"
-    first = opened.page.get_attribute(chosen, "data-style")
-    other = next(name for name in cards.evaluate_all("all => all.map(a => a.dataset.style)")
-                 if name != first)
-    opened.page.click(f"[data-style='{other}'] button")
-    opened.go("making/ben")
-    if how == "again":
-        opened.until("""async (id) => {
-          const { projects } = await (await fetch("/api/projects")).json();
-          return projects.find((each) => each.id === "ben").style === id;
-        }""", other)
-        opened.reload()
-    opened.go("style/ben")
-    assert opened.page.get_attribute(chosen, "data-style") == other
+def test_the_chosen_painting_stays_chosen(opened):
+    """When its screen is left, and when the page is read again."""
+    for again in (False, True):
+        opened.go("style/ben")
+        cards = opened.page.locator(".paintings [data-style]")
+        chosen = "[data-style]:has([aria-pressed=true])"
+        first = opened.page.get_attribute(chosen, "data-style")
+        other = next(name for name in cards.evaluate_all("all => all.map(a => a.dataset.style)")
+                     if name != first)
+        opened.page.click(f"[data-style='{other}'] button")
+        opened.go("making/ben")
+        if again:
+            opened.until("""async (id) => {
+              const { projects } = await (await fetch("/api/projects")).json();
+              return projects.find((each) => each.id === "ben").style === id;
+            }""", other)
+            opened.reload()
+        opened.go("style/ben")
+        assert opened.page.get_attribute(chosen, "data-style") == other
 
 
-@pytest.mark.parametrize(("how", "target"), [("drop", "#main h1"), ("drop", "#main"),
-                                             ("paste", "body")])
-def test_a_painting_is_dropped_anywhere_or_pasted_and_is_chosen(opened, how, target):
-    opened.go("style/ben")
-    name = f"{how}{len(target)}"
-    give(opened, how, target, f"{name}.png", png(50 + len(target)))
-    kept = "pasted" if how == "paste" else name
+def test_a_painting_is_dropped_anywhere_or_pasted_and_is_chosen(opened):
     pressed = ".paintings [aria-pressed=true] .name"
-    opened.page.wait_for_selector(f"{pressed}:text-matches('^{kept}')")
-    chosen = opened.page.inner_text(pressed)
-    opened.go("making/ben")
-    opened.go("style/ben")
-    assert opened.page.inner_text(".paintings [aria-pressed=true] .name") == chosen
+    for how, target in (("drop", "#main h1"), ("drop", "#main"), ("paste", "body")):
+        opened.go("style/ben")
+        name = f"{how}{len(target)}"
+        give(opened, how, target, f"{name}.png", png(50 + len(target)))
+        kept = "pasted" if how == "paste" else name
+        opened.page.wait_for_selector(f"{pressed}:text-matches('^{kept}')")
+        chosen = opened.page.inner_text(pressed)
+        opened.go("making/ben")
+        opened.go("style/ben")
+        assert opened.page.inner_text(pressed) == chosen
 
 
-@pytest.mark.parametrize(("how", "target"), [("drop", "#main .lead"), ("paste", "body")])
-def test_photos_are_dropped_anywhere_or_pasted(opened, how, target):
+def test_photos_are_dropped_anywhere_or_pasted(opened):
     opened.go("photos/ben")
-    give(opened, "hold", target, "x.png", png(1))
+    give(opened, "hold", "#main .lead", "x.png", png(1))
     shown = "() => getComputedStyle(document.getElementById('main')).outlineStyle"
-    if how == "drop":
-        assert opened.run(shown) == "dashed"
-        words = opened.run("() => getComputedStyle(main, '::after').content")
-        assert "the photos are added" in words
-    give(opened, how, target, f"{how}-there.png", png(70 + len(target)))
-    opened.page.wait_for_selector(f".shot-card .name:text('{how}-there')")
-    if how == "drop":
-        assert opened.run(shown) == "none"
+    assert opened.run(shown) == "dashed"
+    words = opened.run("() => getComputedStyle(main, '::after').content")
+    assert "the photos are added" in words
+    give(opened, "drop", "#main .lead", "drop-there.png", png(81))
+    opened.page.wait_for_selector(".shot-card .name:text('drop-there')")
+    assert opened.run(shown) == "none"
+    give(opened, "paste", "body", "paste-there.png", png(74))
+    opened.page.wait_for_selector(".shot-card .name:text('paste-there')")
 
 
 def test_a_text_that_is_dragged_or_pasted_is_no_file(opened):

@@ -9,6 +9,7 @@ import pytest
 
 import lfportrait
 from lfportrait import models, studio
+from lfportrait.share import own_exports
 from lfportrait.studio.projects import ADVICE
 from tests.share.page.browser import program
 
@@ -20,7 +21,8 @@ FINDINGS = ("job/photo_check.py", "job/style_check.py", "job/style_findings.py",
             "lightfield/budget.py", "lightfield/screens/bridge.py")
 """Every sentence in these is shown: advice, what a painting will give, the machine, the depth."""
 FILES = ("lightfield/prints/config.py", "lightfield/prints/sizes.py", "lightfield/prints/sheet.py",
-         "lightfield/prints/depth.py", "lightfield/prints/files.py", "share/page/budget.py")
+         "lightfield/prints/depth.py", "lightfield/prints/files.py", "share/page/budget.py",
+         "plugins.py")
 """What is wrong with a choice for a file."""
 SHOWN = {"Refusal": 1, "UserError": 0, "_fail": 2, "update": 1, "say": 0, "warn": 0, "note": 0}
 """Functions of the studio and of stages whose argument of this place is shown."""
@@ -100,6 +102,8 @@ def said():
             yield path.name, called(ast.parse(path.read_text("utf-8")), stages)
     yield "models.py", {*models.PURPOSES.values()}
     yield "projects.py", {*ADVICE.values()}
+    yield "kinds.py", {text for one in own_exports() if one.group for text in (
+        one.title, one.purpose, *(option.note for option in one.options))}
 
 
 def test_whatever_the_server_says_is_there_in_german():

@@ -158,8 +158,9 @@ def kept(opened, *jobs):
 
 def test_files_say_what_they_are_of_and_can_go_on(opened):
     drafted(opened)
+    kinds = opened.ask("GET", "/api/projects/anna/exports")["kinds"]
     opened.page.route("**/api/projects/anna/exports", lambda route: route.fulfill(json={
-        "kinds": [], "exports": [{
+        "kinds": kinds, "exports": [{
             "id": "x", "name": "Anna.png", "kind": "coded", "version": "v-try", "size_bytes": 2e6,
             "created": 1.0, "fine": False, "file": "/x", "path": "/exports/Anna.png"}]}))
     opened.go("show/anna/files")
@@ -245,11 +246,11 @@ def test_every_choice_of_a_file_says_what_it_is(opened):
         opened.page.get_by_role("combobox").filter(has_text="Deutsch").select_option(label=language)
         opened.page.wait_for_selector(f"html[lang={code}]", state="attached")
         notes = opened.run("""async (kinds) => {
-          const { known } = await import("/static/i18n.js");
-          return kinds.flatMap(({ kind, options }) => options.map(({ name }) =>
-            known("option", `${kind}.${name}`, known("option", name, ""))));
+          const { said } = await import("/static/i18n.js");
+          return kinds.flatMap(({ options }) => options.map(({ note }) => [note, said(note)]));
         }""", kinds)
-        assert all(len(note) > 10 for note in notes), notes
+        assert all(len(note) > 10 for note, _ in notes), notes
+        assert all((note == shown) is (code == "en") for note, shown in notes), notes
     card = opened.page.locator(".kind-card", has_text="Linsenrasterdruck")
     card.wait_for()
     assert ".0 MB" not in card.inner_text(), "nobody knows it that well"

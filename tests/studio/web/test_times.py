@@ -4,6 +4,8 @@ import re
 
 import pytest
 
+from tests.studio.web.conftest import Opened
+
 JOB = {"id": "j-1", "kind": "head", "project": "ben", "name": "ben", "version": None,
        "export": None, "state": "running", "place": 0, "progress": 0.5, "left": 0, "notes": [],
        "error": None, "result": None}
@@ -14,9 +16,16 @@ def stage(name, state, left, seconds=0.0):
             "seconds": seconds, "left": left, "picture": None}
 
 
-def words(opened, job, *moments, again=()):
+@pytest.fixture(scope="module")
+def page(browser, studio):
+    """One page for all that is computed of a job that is handed over, and kept nowhere."""
+    with Opened(browser, studio) as each:
+        yield each
+
+
+def words(page, job, *moments, again=()):
     """What is said of the first stage and of the job, at moments in seconds after an event."""
-    return opened.run("""async ([job, moments, again]) => {
+    return page.run("""async ([job, moments, again]) => {
       const { heardJob, heardStage, leftOfJob, leftOfStage } = await import("/static/times.js");
       heardJob(job, null, 0);
       for (const [moment, left] of again) {
@@ -28,37 +37,37 @@ def words(opened, job, *moments, again=()):
     }""", [job, moments, again])
 
 
-def test_a_stage_counts_down_and_says_when_it_is_late(opened):
+def test_a_stage_counts_down_and_says_when_it_is_late(page):
     job = {**JOB, "stages": [stage("capture", "running", 20), stage("surface", "waiting", 10)]}
-    assert words(opened, job, 0, 8, 17, 29, 31) == [
+    assert words(page, job, 0, 8, 17, 29, 31) == [
         ["about 20 s left", "about 30 s left"], ["about 12 s left", "about 22 s left"],
         ["a few seconds left", "about 13 s left"], ["a few seconds left", "about 10 s left"],
         ["takes longer than usual", "takes longer than usual"]]
 
 
-def test_what_is_late_stays_late_while_nothing_is_known_to_be_left(opened):
+def test_what_is_late_stays_late_while_nothing_is_known_to_be_left(page):
     job = {**JOB, "stages": [stage("capture", "running", 5)]}
     # The server says again and again that nothing is left.
     again = [[6, 0], [9, 0], [14, 0]]
-    assert words(opened, job, 14, 16, again=again)[1][0] == "takes longer than usual"
+    assert words(page, job, 14, 16, again=again)[1][0] == "takes longer than usual"
     # Once it knows better, that counts.
-    assert words(opened, job, 16, again=[*again, [15, 40]]) == [["about 39 s left"] * 2]
+    assert words(page, job, 16, again=[*again, [15, 40]]) == [["about 39 s left"] * 2]
 
 
-def test_a_long_stage_is_late_later(opened):
+def test_a_long_stage_is_late_later(page):
     job = {**JOB, "stages": [stage("reconstruct", "running", 0, seconds=600)]}
-    assert [said[0] for said in words(opened, job, 60, 160)] == [
+    assert [said[0] for said in words(page, job, 60, 160)] == [
         "a few seconds left", "takes longer than usual"]
 
 
-def test_what_is_late_says_how_much_the_others_take_at_least(opened):
+def test_what_is_late_says_how_much_the_others_take_at_least(page):
     job = {**JOB, "stages": [stage("capture", "running", 0), stage("reconstruct", "waiting", 240)]}
-    assert words(opened, job, 20) == [["takes longer than usual", "more than 4 min left"]]
+    assert words(page, job, 20) == [["takes longer than usual", "more than 4 min left"]]
 
 
-def test_nothing_is_said_where_nobody_knows(opened):
+def test_nothing_is_said_where_nobody_knows(page):
     job = {**JOB, "stages": [stage("capture", "running", None), stage("surface", "waiting", 9)]}
-    assert words(opened, job, 3) == [["…", ""]]
+    assert words(page, job, 3) == [["…", ""]]
 
 
 def heard(opened, job):

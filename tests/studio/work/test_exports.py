@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("starlette")
 
-from lfportrait.studio.exports import KINDS, checked_options, entries, keep, remove, target
+from lfportrait.studio.exports import checked_options, entries, keep, kind_of, remove, target
 from lfportrait.studio.orders import Order
 from lfportrait.studio.projects import Project
 from lfportrait.studio.work.exports import export
@@ -24,7 +24,7 @@ def styled(tmp_path_factory) -> Path:
 
 def exported(project: Project, styled: Path, kind: str, name: str, **options) -> dict:
     """A file as the page orders it; its entry."""
-    one = KINDS[kind]
+    one = kind_of(kind)
     keep(project, export(Order("export", project.own, display="generic-1080p", more={
         "target": str(target(project, one, name)), "kind": kind, "placement": {},
         "options": checked_options(one, options), "look": {"styled": str(styled)}}),

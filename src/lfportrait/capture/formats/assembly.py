@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,7 @@ class DataSet(NamedTuple):
 
 
 class Views(NamedTuple):
-    """Calibrated photos of a reader: a `Capture` without data of the head.
+    """Calibrated photos of a reader: the fields of a `Capture`, most without data of the head.
 
     Attributes
     ----------
@@ -110,17 +110,23 @@ class Views(NamedTuple):
         bool [V], views that are tested on.
     frame
         float64 [4, 4], from the source's frame to the portrait frame.
+    landmarks
+        float64 [68, 3] in the portrait frame (NaN = unknown), where the format keeps them.
+    figures
+        What calibration measured, where the format keeps it.
     depths
         What the photos' files keep of depth, one or None a view; None where no file has any.
     """
 
     cameras: Camera
-    images: list[NDArray[np.uint8]]
-    alphas: list[NDArray[np.uint8]] | None
+    images: Sequence[NDArray[np.uint8]]
+    alphas: Sequence[NDArray[np.uint8]] | None
     names: list[str]
     held_out: NDArray[np.bool_]
     frame: NDArray[np.float64]
-    depths: list[DepthMap | None] | None = None
+    landmarks: NDArray[np.float64] | None = None
+    figures: dict[str, Any] | None = None
+    depths: Sequence[DepthMap | None] | None = None
 
 
 def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
@@ -213,7 +219,8 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
     matted = bool(transparent) and len(alphas) == len(images)
     flat_depths = some_depth([None if depth is None else straightened(depth, lens)
                               for depth, lens in zip(depths or (), lenses)])
-    return Views(cameras, images, alphas if matted else None, names, held_out, frame, flat_depths)
+    return Views(cameras, images, alphas if matted else None, names, held_out, frame,
+                 depths=flat_depths)
 
 
 def read_shots(found: DataSet, holdout: int) -> Views:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +22,9 @@ from ...errors import UserError
 from ...media.folders import Finder
 from ..distortion import Lens
 from .assembly import DataSet, Shot
+from .capture_format import CaptureFormat
 
-__all__ = ["ColmapImage", "find_colmap", "lens_of", "photo_count", "read_model"]
+__all__ = ["Colmap", "ColmapImage", "lens_of", "read_model"]
 
 Float = NDArray[np.float64]
 
@@ -246,7 +248,7 @@ def _photo_folder(model: Path, root: Path, names: list[str], finder: Finder) -> 
                     f"{root / 'images'}")
 
 
-def photo_count(model: Path) -> int:
+def _photo_count(model: Path) -> int:
     """Photos of a COLMAP model; 0 where it can't be read."""
     try:
         return len(read_model(model)[1])
@@ -254,29 +256,55 @@ def photo_count(model: Path) -> int:
         return 0
 
 
-def find_colmap(model: Path, root: Path) -> DataSet:
-    """The shots of a COLMAP model.
+class Colmap(CaptureFormat):
+    """COLMAP's models.
 
     Masks, by COLMAP's custom ``masks/NAME.png`` for the photo ``NAME``, suffix included, become
     the photos' alpha.
-
-    Parameters
-    ----------
-    model
-        Folder with the model's files.
-    root
-        Folder of the data set, where ``images`` is looked for first.
-
-    Raises
-    ------
-    UserError
-        If the model is damaged or its photos are not found.
     """
-    lenses, images = read_model(model)
-    finder = Finder()
-    folder = _photo_folder(model, root, [image.name for image in images], finder)
-    return DataSet("COLMAP", [_shot(image, lenses[image.camera], finder.find(folder, image.name)
-                             or folder / image.name, root) for image in images], model)
+
+    name, files = "COLMAP", "COLMAP model"
+
+    def recognises(self, path: Path) -> bool:
+        """See `CaptureFormat.recognises`."""
+        return path.is_dir() and bool(_colmap_models(path))
+
+    def read(self, path: Path, holdout: int) -> DataSet:
+        """See `CaptureFormat.read`."""
+        model = _largest_model(_colmap_models(path), path)
+        lenses, images = read_model(model)
+        finder = Finder()
+        folder = _photo_folder(model, path, [image.name for image in images], finder)
+        return DataSet(self.name, [
+            _shot(image, lenses[image.camera], finder.find(folder, image.name)
+                  or folder / image.name, path) for image in images], model)
+
+
+def _colmap_models(path: Path) -> list[Path]:
+    """Folders with a COLMAP model: where COLMAP and programs that call it leave them."""
+    found = []
+    for part in ("", "sparse", "colmap/sparse", "dense/sparse", "dense/0/sparse",
+                 "distorted/sparse", "colmap"):
+        folder = path / part
+        numbered = (sorted((one for one in folder.iterdir() if one.is_dir() and one.name.isdigit()),
+                           key=lambda one: int(one.name)) if folder.is_dir() else [])
+        found += [place for place in (folder, *numbered)
+                  if any((place / f"cameras.{kind}").is_file() for kind in ("bin", "txt"))]
+        if found:
+            break
+    return found
+
+
+def _largest_model(models: list[Path], root: Path) -> Path:
+    """The model with the most photos; a line says so where there are others."""
+    if len(models) == 1:
+        return models[0]
+    counts = [_photo_count(model) for model in models]
+    best = int(np.argmax(counts))
+    warnings.warn(f"{root} has {len(models)} COLMAP models; the largest, "
+                  f"{models[best].relative_to(root)} with {counts[best]} photos, is taken",
+                  stacklevel=2)
+    return models[best]
 
 
 def _shot(image: ColmapImage, lens: Lens, path: Path, root: Path) -> Shot:

@@ -13,9 +13,10 @@ from ...media.folders import list_pictures, stem_key, visible
 from ...media.pictures import open_picture
 from ..distortion import Lens
 from .assembly import DataSet, Shot
+from .capture_format import CaptureFormat
 from .placed import warn_unmatched
 
-__all__ = ["find_llff", "find_nsvf", "nsvf_folders"]
+__all__ = ["Llff", "Nsvf"]
 
 # Pixels along the longer side beyond which a reduced copy is preferred.
 _LARGEST_SIDE = 1600
@@ -53,48 +54,45 @@ def _llff_pictures(folder: Path, count: int) -> list[Path]:
     return best[1]
 
 
-def find_llff(folder: Path, holdout: int) -> DataSet:
-    """The shots of an LLFF data set.
+class Llff(CaptureFormat):
+    """LLFF.
 
     ``poses_bounds.npy`` has 17 numbers a picture: a [3, 5] matrix whose columns are the camera's
     down, right and backward axes, its position, and (height, width, focal length); then the near
     and far depth, which are not needed. The pictures lie in ``images`` or, reduced, ``images_N``.
-
-    Parameters
-    ----------
-    folder
-        The data set.
-    holdout
-        Every ``holdout``-th picture, from the first on as is the custom with these data sets,
-        becomes a test view; 0 holds out none.
-
-    Raises
-    ------
-    UserError
-        If the file is damaged or does not fit the pictures.
+    Held out are every so many pictures from the first on, as is the custom with these data sets.
     """
-    source = folder / "poses_bounds.npy"
-    try:
-        table = np.load(source, allow_pickle=False).astype(np.float64)
-        matrices = table[:, :15].reshape(-1, 3, 5)
-    except UNREADABLE_ARRAYS as error:
-        raise UserError(f"{source} is not an LLFF camera file: {error}") from error
-    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()
-            and (np.round(matrices[:, :2, 4]) >= 1).all()):
-        raise UserError(f"{source} is not an LLFF camera file: sizes and focal lengths must be "
-                        "positive numbers")
-    files = _llff_pictures(folder, len(matrices))
-    poses = np.tile(np.eye(4), (len(matrices), 1, 1))
-    poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], matrices[:, :, 0]
-    poses[:, :3, 2], poses[:, :3, 3] = -matrices[:, :, 2], matrices[:, :, 3]
-    split = 1 < holdout <= len(files) // 2
-    shots = []
-    for number, (file, pose, matrix) in enumerate(zip(files, poses, matrices)):
-        height, width, focal = (float(value) for value in matrix[:, 4])
-        lens = Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
-        shots.append(Shot(file, file.name, pose, lens.resized, (lens.width, lens.height),
-                          test=number % holdout == 0 if split else None))
-    return DataSet("LLFF", shots, source)
+
+    name, files = "LLFF", "poses_bounds.npy"
+
+    def recognises(self, path: Path) -> bool:
+        """See `CaptureFormat.recognises`."""
+        return (path / self.files).is_file()
+
+    def read(self, path: Path, holdout: int) -> DataSet:
+        """See `CaptureFormat.read`."""
+        source = path / "poses_bounds.npy"
+        try:
+            table = np.load(source, allow_pickle=False).astype(np.float64)
+            matrices = table[:, :15].reshape(-1, 3, 5)
+        except UNREADABLE_ARRAYS as error:
+            raise UserError(f"{source} is not an LLFF camera file: {error}") from error
+        if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()
+                and (np.round(matrices[:, :2, 4]) >= 1).all()):
+            raise UserError(f"{source} is not an LLFF camera file: sizes and focal lengths must be "
+                            "positive numbers")
+        files = _llff_pictures(path, len(matrices))
+        poses = np.tile(np.eye(4), (len(matrices), 1, 1))
+        poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], matrices[:, :, 0]
+        poses[:, :3, 2], poses[:, :3, 3] = -matrices[:, :, 2], matrices[:, :, 3]
+        split = 1 < holdout <= len(files) // 2
+        shots = []
+        for number, (file, pose, matrix) in enumerate(zip(files, poses, matrices)):
+            height, width, focal = (float(value) for value in matrix[:, 4])
+            lens = Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
+            shots.append(Shot(file, file.name, pose, lens.resized, (lens.width, lens.height),
+                              test=number % holdout == 0 if split else None))
+        return DataSet(self.name, shots, source)
 
 
 def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
@@ -123,52 +121,50 @@ def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
     return box
 
 
-def nsvf_folders(path: Path) -> tuple[Path, Path] | None:
+def _nsvf_folders(path: Path) -> tuple[Path, Path] | None:
     """The folders of pictures and of poses of an NSVF data set, or None if it is none."""
     pictures = [path / name for name in ("rgb", "images", "image") if (path / name).is_dir()]
     poses = [path / name for name in ("pose", "poses") if (path / name).is_dir()]
     return (pictures[0], poses[0]) if pictures and poses else None
 
 
-def find_nsvf(folder: Path) -> DataSet:
-    """The shots of an NSVF data set.
+class Nsvf(CaptureFormat):
+    """NSVF.
 
     Poses are camera-to-world with OpenCV axes, one text file a picture; the names' prefix says the
     split: ``0_`` training, ``1_`` validation, ``2_`` test. ``bbox.txt``, if there is one, gives the
     subject's position, for a world that is not normalised.
-
-    Parameters
-    ----------
-    folder
-        The data set.
-
-    Raises
-    ------
-    UserError
-        If a file is missing or damaged.
     """
-    folders = nsvf_folders(folder)
-    if folders is None:
-        raise UserError(f"{folder} is not an NSVF data set: it needs the folders rgb and pose")
-    rgb, pose_folder = folders
-    fx, fy, cx, cy = _nsvf_intrinsics(folder / "intrinsics.txt")
-    box = _nsvf_box(folder / "bbox.txt")
-    pictures = _pictures(rgb)
-    poses = {stem_key(file): file for file in visible(pose_folder)
-             if file.suffix.lower() == ".txt"}
-    files = [file for file in pictures if stem_key(file) in poses]
-    if not files:
-        raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
-    warn_unmatched({stem_key(file) for file in pictures}, poses.keys(), rgb, pose_folder)
-    prefixes = {file.name.split("_")[0] for file in files}
-    split = prefixes <= {"0", "1", "2"} and len(prefixes) > 1
-    shots = []
-    for file in files:
-        try:
-            pose = np.loadtxt(poses[stem_key(file)], encoding="utf-8-sig").reshape(4, 4)
-        except (OSError, ValueError) as error:
-            raise UserError(f"the pose of {file.name} can't be read: {error}") from error
-        shots.append(Shot(file, file.name, pose,
-                          lambda width, height: Lens(width, height, (fx, fy), (cx, cy)),
-                          test=not file.name.startswith("0_") if split else None))
-    return DataSet("NSVF", shots, rgb, box)
+
+    name, files = "NSVF", "pose/ folder"
+
+    def recognises(self, path: Path) -> bool:
+        """See `CaptureFormat.recognises`."""
+        return _nsvf_folders(path) is not None
+
+    def read(self, path: Path, holdout: int) -> DataSet:
+        """See `CaptureFormat.read`."""
+        folders = _nsvf_folders(path)
+        assert folders is not None
+        rgb, pose_folder = folders
+        fx, fy, cx, cy = _nsvf_intrinsics(path / "intrinsics.txt")
+        box = _nsvf_box(path / "bbox.txt")
+        pictures = _pictures(rgb)
+        poses = {stem_key(file): file for file in visible(pose_folder)
+                 if file.suffix.lower() == ".txt"}
+        files = [file for file in pictures if stem_key(file) in poses]
+        if not files:
+            raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
+        warn_unmatched({stem_key(file) for file in pictures}, poses.keys(), rgb, pose_folder)
+        prefixes = {file.name.split("_")[0] for file in files}
+        split = prefixes <= {"0", "1", "2"} and len(prefixes) > 1
+        shots = []
+        for file in files:
+            try:
+                pose = np.loadtxt(poses[stem_key(file)], encoding="utf-8-sig").reshape(4, 4)
+            except (OSError, ValueError) as error:
+                raise UserError(f"the pose of {file.name} can't be read: {error}") from error
+            shots.append(Shot(file, file.name, pose,
+                              lambda width, height: Lens(width, height, (fx, fy), (cx, cy)),
+                              test=not file.name.startswith("0_") if split else None))
+        return DataSet(self.name, shots, rgb, box)

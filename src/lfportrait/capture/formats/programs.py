@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import unicodedata
 import warnings
-from collections.abc import Callable
+from abc import abstractmethod
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,74 +24,110 @@ from ...errors import UserError
 from ...media.folders import folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
 from .assembly import DataSet, Shot
+from .capture_format import CaptureFormat
 from .graphs import is_graph, read_graph
 from .metashape import read_metashape
 from .placed import Placed
 from .tables import is_camera_table, read_bundler, read_camera_table, read_visualsfm
 
-__all__ = ["find_program", "program_file"]
+__all__ = ["Bundler", "CameraTable", "Meshroom", "Metashape", "OpenMvg", "VisualSfm"]
 
-_READERS: dict[str, Callable[[Path], list[Placed]]] = {
-    ".xml": read_metashape, ".out": read_bundler, ".nvm": read_visualsfm,
-    ".csv": read_camera_table, ".sfm": read_graph, ".json": read_graph}
-_NAMES = {".xml": "Metashape", ".out": "Bundler", ".nvm": "VisualSfM",
-          ".csv": "RealityCapture or a camera table", ".sfm": "Meshroom",
-          ".json": "Meshroom or OpenMVG"}
-_PATTERNS = ("cameras.xml", "bundle.out", "bundle/bundle.out", "*.nvm", "*.sfm", "*.json", "*.csv")
+class _Program(CaptureFormat):
+    """A photogrammetry program's file with cameras, which lies beside the photos."""
+
+    patterns: ClassVar[tuple[str, ...]]
+    """Names that it may have in a data set's folder; the suffix of the first is that of all."""
+
+    @abstractmethod
+    def placed(self, file: Path) -> list[Placed]:
+        """The photos that the file names."""
+
+    def is_cameras(self, file: Path) -> bool:
+        """Whether a file of this suffix holds cameras: tables and JSON may hold other things."""
+        return True
+
+    def _file(self, path: Path) -> Path | None:
+        """The file that ``path`` is, or that lies in this folder."""
+        suffix = Path(self.patterns[0]).suffix
+        if path.is_file():
+            return path if path.suffix.lower() == suffix and self.is_cameras(path) else None
+        files = (file for pattern in self.patterns if path.is_dir()
+                 for file in sorted(path.glob(pattern)))
+        return next((one for one in files if not is_junk(one) and self.is_cameras(one)), None)
+
+    def recognises(self, path: Path) -> bool:
+        return self._file(path) is not None
+
+    def read(self, path: Path, holdout: int) -> DataSet:
+        file = self._file(path)
+        assert file is not None
+        try:
+            shots = self.placed(file)
+        except OSError as error:
+            raise UserError(f"can't read {file}: {error.strerror or error}") from error
+        except (ValueError, LookupError, AttributeError, TypeError, OverflowError,
+                np.linalg.LinAlgError, ElementTree.ParseError) as error:
+            raise UserError(f"{file} can't be read: {' '.join(str(error).split())}") from error
+        if not shots:
+            raise UserError(f"{file} has no aligned cameras")
+        found = _photos(file.parent)
+        known = [(shot, photo) for shot in shots
+                 if (photo := _photo(shot.name, found)) is not None]
+        if not known:
+            raise UserError(f"none of the photos named in {file} were found; put them into "
+                            f"{file.parent / 'images'}")
+        if len(known) < len(shots):
+            warnings.warn(f"{len(shots) - len(known)} photos named in {file} are not there",
+                          stacklevel=2)
+        known.sort(key=lambda one: natural_key(one[1]))
+        bases = [photo.name for _, photo in known]
+        views = [Shot(photo, photo.name if bases.count(photo.name) == 1
+                      else f"{photo.parent.name}_{photo.name}", shot.pose, shot.lens, shot.size,
+                      (file.parent / "masks", photo.parent.parent / "masks"))
+                 for shot, photo in known]
+        return DataSet(self.name, views, file)
 
 
-def program_file(path: Path) -> Path | None:
-    """The file with a program's cameras that ``path`` is, or that lies in this folder."""
-    if path.is_file():
-        return path if _is_cameras(path) else None
-    for pattern in _PATTERNS if path.is_dir() else ():
-        for file in sorted(path.glob(pattern)):
-            if not is_junk(file) and _is_cameras(file):
-                return file
-    return None
+class Metashape(_Program):
+    """Agisoft Metashape."""
+
+    name, files, patterns = "Metashape", "cameras.xml", ("cameras.xml",)
+    placed = staticmethod(read_metashape)
 
 
-def _is_cameras(file: Path) -> bool:
-    """Whether a file holds cameras: tables and JSON of other kinds have the same suffixes."""
-    suffix = file.suffix.lower()
-    if suffix == ".csv":
-        return is_camera_table(file)
-    if suffix == ".json":
-        return is_graph(file)
-    return suffix in _READERS
+class Bundler(_Program):
+    """Bundler, with the photos' names in ``list.txt``."""
+
+    name, files, patterns = "Bundler", "bundle.out", ("bundle.out", "bundle/bundle.out")
+    placed = staticmethod(read_bundler)
 
 
-def find_program(file: Path) -> DataSet:
-    """The shots of a photogrammetry program's file.
+class VisualSfm(_Program):
+    """VisualSfM."""
 
-    Raises
-    ------
-    UserError
-        If the file is damaged, or its photos are not found.
-    """
-    try:
-        shots = _READERS[file.suffix.lower()](file)
-    except OSError as error:
-        raise UserError(f"can't read {file}: {error.strerror or error}") from error
-    except (ValueError, LookupError, AttributeError, TypeError, OverflowError,
-            np.linalg.LinAlgError, ElementTree.ParseError) as error:
-        raise UserError(f"{file} can't be read: {' '.join(str(error).split())}") from error
-    if not shots:
-        raise UserError(f"{file} has no aligned cameras")
-    found = _photos(file.parent)
-    known = [(shot, path) for shot in shots if (path := _photo(shot.name, found)) is not None]
-    if not known:
-        raise UserError(f"none of the photos named in {file} were found; put them into "
-                        f"{file.parent / 'images'}")
-    if len(known) < len(shots):
-        warnings.warn(f"{len(shots) - len(known)} photos named in {file} are not there",
-                      stacklevel=2)
-    known.sort(key=lambda one: natural_key(one[1]))
-    bases = [path.name for _, path in known]
-    views = [Shot(path, path.name if bases.count(path.name) == 1
-                  else f"{path.parent.name}_{path.name}", shot.pose, shot.lens, shot.size,
-                  (file.parent / "masks", path.parent.parent / "masks")) for shot, path in known]
-    return DataSet(_NAMES[file.suffix.lower()], views, file)
+    name, files, patterns = "VisualSfM", ".nvm", ("*.nvm",)
+    placed = staticmethod(read_visualsfm)
+
+
+class Meshroom(_Program):
+    """Meshroom (AliceVision)."""
+
+    name, files, patterns = "Meshroom", ".sfm", ("*.sfm",)
+    placed = staticmethod(read_graph)
+
+
+class OpenMvg(_Program):
+    """The same as JSON, and OpenMVG's."""
+
+    name, files, patterns = "Meshroom or OpenMVG", "sfm_data.json", ("*.json",)
+    placed, is_cameras = staticmethod(read_graph), staticmethod(is_graph)
+
+
+class CameraTable(_Program):
+    """The CSV of RealityCapture and RealityScan, and tables like it."""
+
+    name, files, patterns = "RealityCapture or a camera table", "camera table (.csv)", ("*.csv",)
+    placed, is_cameras = staticmethod(read_camera_table), staticmethod(is_camera_table)
 
 
 def _photos(folder: Path) -> dict[str, list[Path]]:

@@ -16,10 +16,11 @@ from ...files import read_json
 from ...media.folders import Finder, visible
 from ..distortion import Lens
 from .assembly import DataSet, Shot
+from .capture_format import CaptureFormat
 from .graphs import is_graph
 from .placed import brown, fisheye
 
-__all__ = ["find_transforms", "transform_files"]
+__all__ = ["Transforms", "transform_files"]
 
 _TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -162,32 +163,41 @@ def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> boo
     return "train" not in file.stem if several else None
 
 
-def find_transforms(files: list[Path]) -> DataSet:
-    """The shots of one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
-    shots: list[Shot] = []
-    finder = Finder()
-    for file in files:
-        data = read_json(file)
-        if not isinstance(data, dict) or not isinstance(data.get("frames"), list):
-            raise UserError(f"{file} has no list of frames; is it a NeRF transforms file?")
-        missing = 0
-        for frame in data["frames"]:
-            shot = _shot(file, frame, data, len(files) > 1, finder)
-            if shot is None:
-                missing += 1
-            else:
-                shots.append(shot)
-        if missing:
-            warnings.warn(f"{missing} pictures named in {file} are not there", stacklevel=2)
-    if not shots:
-        raise UserError(f"none of the pictures named in {files[0]} exist")
-    shots.sort(key=lambda shot: (bool(shot.test), shot.name))
-    if len({Path(shot.name).stem for shot in shots}) < len(shots):
-        shots = [replace(shot, name=f"{index:04d}_{shot.name}")
-                 for index, shot in enumerate(shots)]
-    own = isinstance(data, dict) and data.get("generator") == "lfportrait"
-    return DataSet("lfportrait capture" if own else "transforms.json (NeRF, nerfstudio)", shots,
-                   files[0])
+class Transforms(CaptureFormat):
+    """One or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
+
+    name = "transforms.json (NeRF, nerfstudio)"
+    files = "transforms.json"
+
+    def recognises(self, path: Path) -> bool:
+        """See `CaptureFormat.recognises`."""
+        return bool(transform_files(path))
+
+    def read(self, path: Path, holdout: int) -> DataSet:
+        """See `CaptureFormat.read`."""
+        files, finder = transform_files(path), Finder()
+        shots: list[Shot] = []
+        for file in files:
+            shots += _shots(file, len(files) > 1, finder)
+        if not shots:
+            raise UserError(f"none of the pictures named in {files[0]} exist")
+        shots.sort(key=lambda shot: (bool(shot.test), shot.name))
+        if len({Path(shot.name).stem for shot in shots}) < len(shots):
+            shots = [replace(shot, name=f"{index:04d}_{shot.name}")
+                     for index, shot in enumerate(shots)]
+        return DataSet(self.name, shots, files[0])
+
+
+def _shots(file: Path, several: bool, finder: Finder) -> list[Shot]:
+    """The shots of a file whose pictures are there."""
+    data = read_json(file)
+    if not isinstance(data, dict) or not isinstance(data.get("frames"), list):
+        raise UserError(f"{file} has no list of frames; is it a NeRF transforms file?")
+    shots = [_shot(file, frame, data, several, finder) for frame in data["frames"]]
+    missing = sum(shot is None for shot in shots)
+    if missing:
+        warnings.warn(f"{missing} pictures named in {file} are not there", stacklevel=3)
+    return [shot for shot in shots if shot is not None]
 
 
 def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool, finder: Finder,

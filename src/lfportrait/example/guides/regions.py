@@ -50,11 +50,14 @@ class Regions:
         float32 [H, W], head, hair, neck and clothes against the background.
     hair
         float32 [H, W], or None where hair and skin could not be separated.
+    known_nearest
+        `nearest`, where it is known already.
     """
 
     landmarks: Float64
     person: Float32
     hair: Float32 | None
+    known_nearest: Float32 | None = None
     frame: FaceFrame = field(init=False)
 
     def __post_init__(self) -> None:
@@ -156,6 +159,8 @@ class Regions:
 
         Below the chin of a picture that shows no body, a pixel stays where it is.
         """
+        if self.known_nearest is not None:
+            return self.known_nearest
         frame, person = self.frame, self.person
         margin = 0.03 * frame.height
         depth_inside = distance_transform_edt(np.pad(person > 0.5, 1, mode="edge"))[1:-1, 1:-1]

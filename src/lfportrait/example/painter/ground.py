@@ -134,7 +134,7 @@ def known_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed: i
         picture, pixels = painted_ground(exemplar, config, seed)
         return {"picture": picture, "pixels": np.array(pixels), "light": lit_side(exemplar)}
 
-    key = key_of("example.painter.ground", exemplar.image, exemplar.landmarks, exemplar.mask,
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, exemplar.mask,
                  exemplar.hair, models.in_use(["person-segmentation", "hair-segmentation"]), config,
                  seed)
     kept = kept_arrays("grounds", key, find, most=MOST)

@@ -54,7 +54,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]
         shares = painted_shares(exemplar, regions, labels, strict)
         return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
 
-    key = key_of("example.painter.picture_materials", exemplar.image, exemplar.landmarks,
+    key = key_of(__name__, exemplar.image, exemplar.landmarks,
                  regions.person, regions.hair, strict)
     # A file keeps rounded numbers: the first run continues with the numbers that the next one
     # reads.

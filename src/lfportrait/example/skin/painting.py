@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...labels import MATERIALS
-from ...renamed import accepts_old_names
 from ..exemplar import Exemplar
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
@@ -73,7 +72,6 @@ STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class SkinConfig(PainterConfig):
     """Painting on the skin."""

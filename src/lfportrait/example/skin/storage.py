@@ -43,7 +43,7 @@ _PLAIN = ("boxes", "low", "cell", "landmarks", "pixels", "regions", *_CAMERAS, *
 
 def skin_key(*made_of: Any) -> str:
     """What a skin and the form of its file depend on, as a short text."""
-    return key_of("example.skin.storage", *made_of)
+    return key_of(__name__, *made_of)
 
 
 def as_stored(skin: Skin, key: str) -> Skin:

@@ -86,7 +86,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     def find() -> dict[str, NDArray[Any]]:
         return _found(exemplar, regions, fringe) or {}
 
-    key = key_of("example.worn.filled", exemplar.image, exemplar.landmarks, regions.person,
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person,
                  regions.hair, fringe)
     found = kept_arrays("bared", key, find, most=30)
     if not found:
@@ -117,7 +117,7 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         bare = grown(hole, 2 * AROUND * height) & (beside > 0) & ~behind
         return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
 
-    key = key_of("example.worn.filled", "spectacles", exemplar.image, exemplar.landmarks)
+    key = key_of(__name__, "spectacles", exemplar.image, exemplar.landmarks)
     found = kept_arrays("bared", key, find, most=30)
     return replace(exemplar, image=found["image"]) if found else exemplar
 

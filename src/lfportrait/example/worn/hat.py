@@ -101,7 +101,7 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
         found = _found(exemplar, regions or exemplar.regions())
         return {} if found is None else {"hat": np.asarray(255 * found + 0.5, np.uint8)}
 
-    key = key_of("example.worn.hat", exemplar.image, exemplar.landmarks, exemplar.mask)
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, exemplar.mask)
     kept = kept_arrays("hats", key, find, most=30)
     mask = kept["hat"].astype(np.float32) / np.float32(255) if kept else None
     if exemplar.by_hand is None:

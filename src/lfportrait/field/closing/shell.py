@@ -29,6 +29,13 @@ FRONT = np.radians(60.0)
 """Angle from the front up to which what photos see at grazing angles keeps its colors."""
 WELL, FAIRLY = 0.25, 0.2
 """Cosines to a surface from which on photos show where it lies, and which colors it has."""
+OUTWARDS = 2.0
+"""Voxels before the surface up to which lattice points are added."""
+_PART = 1 << 17
+"""Lattice points that are looked up at a time."""
+FACED, SURELY = 0.5, 4
+"""What stands out from a guessed surface stays where at least so many photos see a surface that
+faces them at such a cosine: an ear, but no fringe."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the new surface; at most twice that."""
 
@@ -73,6 +80,21 @@ class Shell:
         deep[inside] = ((self._at(self.distance, places[:, inside]) - away[inside])
                         * self._at(self.cosine, places[:, inside]) / self.voxel)
         return deep, places
+
+    def cells(self, field: VoxelField, outwards: float) -> NDArray[np.int64]:
+        """Empty lattice points (x, y, z) that may be part of it, int64 [N, 3].
+
+        They lie up to ``outwards`` voxels before the surface.
+        """
+        voxels = self.voxel / float(self.cosine.min())
+        low, high = (f(self.distance, 3, mode=("nearest", "wrap"))
+                     for f in (ndimage.minimum_filter, ndimage.maximum_filter))
+        low = np.where(self.gap, low - (SHELL + 0.1) * voxels, np.inf).min(axis=1)
+        high = np.where(self.gap, high + (outwards + 0.1) * voxels, -np.inf).max(axis=1)
+        inwards = (SHELL / self.cosine + 1) * self.voxel
+        corners = [self.chart.points(self.distance + by)[self.gap]
+                   for by in (3 * self.voxel, -inwards)]
+        return self.chart.cells_between(field, low, high, np.concatenate(corners))
 
     def coefficients(self, places: Float64, basis: int) -> NDArray[np.float32]:
         """Coefficients [N, 3, B] of the colors at places: the same from all sides."""
@@ -148,6 +170,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     if shell.guessed:
         outwards = shell.normals(places[:, near])
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
+        well |= photos.faced(points[near], FACED) >= SURELY
         hardly = (seen > 0) & (deep[near] > FRINGE)
         density[near] = np.where(well, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))
@@ -171,28 +194,17 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
 def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
                ) -> tuple[NDArray[np.int64], Float64, Float64]:
     """Lattice cells (x, y, z) [N, 3] that the shell needs, how deep they lie, places [2, N]."""
-    chart, voxel = shell.chart, shell.voxel
-    inwards = (SHELL / shell.cosine + 1) * voxel
-    corners = np.concatenate([chart.points(shell.distance + by)[shell.gap]
-                              for by in (3 * voxel, -inwards)])
-    low, high = (np.rint((f(corners, axis=0) - field.bounds[0]) / field.spacing - 0.5).astype(int)
-                 for f in (np.min, np.max))
-    size = np.array(field.links.shape[::-1])
-    low, high = np.clip(low, 0, size - 1), np.clip(high + 1, 1, size)
-
-    def slab(k: int) -> tuple[NDArray[np.int64], Float64, Float64]:
-        j, i = np.nonzero(field.links[k, low[1]:high[1], low[0]:high[0]] < 0)
-        cells = np.stack([i + low[0], j + low[1], np.full(len(i), k)], axis=1)
+    def part(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], Float64, Float64]:
         points = _points(field, cells)
         deep, places = shell.depth(points)
-        new = (deep > -2) & (deep < SHELL)
+        new = (deep > -OUTWARDS) & (deep < SHELL)
         if cut is not None:
-            new &= cut.above(points) > -2 * voxel
+            new &= cut.above(points) > -2 * shell.voxel
         return cells[new], deep[new], places[:, new]
 
-    # Slab by slab: the box may hold a hundred million.
-    found = [(np.empty((0, 3), np.int64), np.empty(0), np.empty((2, 0))),
-             *side_by_side(slab, range(low[2], high[2]))]
+    cells = shell.cells(field, OUTWARDS)
+    # Part by part: there may be millions.
+    found = side_by_side(part, np.array_split(cells, 1 + len(cells) // _PART))
     return (np.concatenate([part[0] for part in found]),
             np.concatenate([part[1] for part in found]),
             np.concatenate([part[2] for part in found], axis=1))

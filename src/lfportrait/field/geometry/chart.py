@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..grid import VoxelField
 from ..harmonics import C0
+from ..kernels.chart_rays import march_chart, mark_between
 from ..trimming import Cut
 
 __all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]
@@ -94,6 +95,41 @@ class Chart:
         column = (np.arctan2(x, z) - self.angle[0]) / (self.angle[1] - self.angle[0])
         return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y) / self.scale
 
+    def cells_between(self, field: VoxelField, low: Float64, high: Float64, corners: Float64,
+                      ) -> NDArray[np.int64]:
+        """Empty lattice points that may be between distances ``low`` and ``high`` of their rows.
+
+        Some that are not are among them: rows are looked at roughly, in a tenth of the time that
+        `places` takes.
+
+        Parameters
+        ----------
+        field
+            Its lattice.
+        low, high
+            float64 [V] each, world units.
+        corners
+            float64 [N, 3], world units: only lattice points in their box.
+
+        Returns
+        -------
+        cells
+            int64 [M, 3] (x, y, z), z after z.
+        """
+        first, last = (np.rint((f(corners, axis=0) - field.bounds[0]) / field.spacing - 0.5)
+                       .astype(np.int64) for f in (np.min, np.max))
+        size = np.array(field.links.shape[::-1])
+        first, last = np.clip(first, 0, size - 1), np.clip(last + 1, 1, size)
+        # Above the brows rays fan out: all of them count.
+        below, top = self.level - 1, self.level
+        bounds = [np.append(f.reduce(np.stack([part[:below], part[1:top]])), f.reduce(part[below:]))
+                  * self.scale for f, part in ((np.minimum, low), (np.maximum, high))]
+        frame = np.eye(4) if self.frame is None else self.frame
+        marks = np.empty((last - first)[::-1], bool)
+        mark_between(field.links, first, field.bounds[0] + 0.5 * field.spacing, field.spacing,
+                     frame[:3].astype(np.float64), self.axis[:top], self.cell, *bounds, marks)
+        return np.argwhere(marks)[:, ::-1] + first
+
 
 def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:
     """Rays around the middle of head and neck: half its width behind the foremost points.
@@ -144,35 +180,16 @@ def read_surface(field: VoxelField, chart: Chart, cut: Cut | None) -> tuple[Floa
     """Distances of the surface, [V, U], NaN where none is opaque, and colors [V, U, 3]."""
     voxel = float(field.spacing.mean())
     # A row more, for what lies outside.
-    density = np.append(np.maximum(field.density, 0), np.float32(0)) * voxel
+    density = np.append(np.maximum(field.density, 0), np.float32(0)) * np.float32(voxel)
     colors = np.concatenate([np.clip(0.5 + C0 * field.sh[:, :, 0], 0, 1), np.zeros((1, 3))])
-    scale, offset = field.lattice[3:6], field.lattice[6:9]
-    size = np.array(field.links.shape[::-1])
-    # A ray each, flat; those that are through drop out.
-    rays = chart.rays.reshape(-1, 3)
+    rays = np.ascontiguousarray(chart.rays.reshape(-1, 3))
     origins = np.repeat(chart.origins, len(chart.angle), axis=0)
+    reach = float(np.linalg.norm(np.abs(field.bounds - chart.origins[-1]).max(axis=0)))
+    plane = np.array([0.0, 0.0, 0.0, -1.0]) if cut is None else np.append(cut.normal, cut.height)
     found = np.full(len(rays), np.nan)
     color, clear = np.zeros((len(rays), 3)), np.ones(len(rays))
-    left, since = np.arange(len(rays)), np.zeros(len(rays), np.int64)
-    reach = float(np.linalg.norm(np.abs(field.bounds - chart.origins[-1]).max(axis=0)))
-    for distance in np.arange(reach, 0.0, -voxel):
-        points = origins[left] + rays[left] * distance
-        places = np.rint(points * scale + offset).astype(np.int64)
-        inside: Bools = np.all((places >= 0) & (places < size), axis=1)
-        if cut is not None:
-            inside &= cut.above(points) > 0
-        x, y, z = np.where(inside[:, None], places, 0).T
-        rows = np.where(inside, field.links[z, y, x], -1)
-        before = clear[left]
-        after = before * np.exp(-density[rows])
-        color[left] += (before - after)[:, None] * colors[rows]
-        # Between two samples, where half of the light is gone.
-        part = (before - 0.5) / np.maximum(before - after, 1e-9)
-        hit = (before >= 0.5) & (after < 0.5)
-        found[left[hit]] = distance + voxel * (1.0 - part[hit])
-        clear[left] = after
-        since[left] += after < 0.5
-        left = left[since[left] <= WITHIN]
+    march_chart(origins, rays, np.arange(reach, 0.0, -voxel), density, colors, field.links,
+                field.lattice[3:9].reshape(2, 3), plane, WITHIN, found, clear, color)
     solid = np.isfinite(found) & (clear < 0.1)
     shape = len(chart.axis), len(chart.angle)
     return (np.where(solid, found, np.nan).reshape(shape),

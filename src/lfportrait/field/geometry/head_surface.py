@@ -30,6 +30,7 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
+from ...lanes.threads import side_by_side
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
 from .plate import fitted_plate, smoothed
@@ -332,6 +333,7 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
     inside = along < 0
     if inside.all() or not inside.any():
         return along, clearance
-    out = ndimage.distance_transform_edt(~inside, spacing).astype(np.float32)
-    within = ndimage.distance_transform_edt(inside, spacing).astype(np.float32)
+    out, within = side_by_side(
+        lambda points: ndimage.distance_transform_edt(points, spacing).astype(np.float32),
+        (~inside, inside))
     return np.where(inside, np.maximum(along, -within), np.minimum(along, out)), clearance

@@ -2,5 +2,5 @@
 
 `trainer` runs the levels; `pixels` says which rays, `casting` casts them, `steps` says how far a
 step goes; `lattice` refines and prunes, `poses` and `align` move cameras; `checkpoint` keeps the
-state, `meter` and `event_log` the curves.
+state, `meter` the curves.
 """

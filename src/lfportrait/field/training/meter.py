@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
 
-from .event_log import EventLog
+from ...errors import UserError
 
-__all__ = ["CurvePoint", "Meter"]
+__all__ = ["CurveFile", "CurvePoint", "Meter"]
 
 
 class CurvePoint(TypedDict):
@@ -34,13 +37,57 @@ class CurvePoint(TypedDict):
     """PSNR in dB of the held-out views, where it was measured."""
 
 
+class CurveFile:
+    """A table (CSV) of the curves: a row a point, the columns as in `CurvePoint`.
+
+    Every row is on the disk when `write` returns, so that curves can be watched as they grow.
+
+    Parameters
+    ----------
+    path
+        The file. A run that goes on from a checkpoint adds its rows to those that are there.
+
+    Raises
+    ------
+    UserError
+        If the file can't be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream = open(path, "a", encoding="utf-8", newline="")  # noqa: SIM115
+        except OSError as error:
+            raise UserError(f"can't write the log {path}: {error.strerror}") from error
+        self._rows = csv.DictWriter(self._stream, list(CurvePoint.__annotations__))
+        self._empty = self._stream.tell() == 0
+
+    def write(self, point: CurvePoint) -> None:
+        """Add a row."""
+        try:
+            if self._empty:
+                self._rows.writeheader()
+                self._empty = False
+            self._rows.writerow(point)
+            self._stream.flush()
+        except OSError as error:
+            raise UserError(f"can't write the log {self.path}: {error.strerror}; free some "
+                            "space") from error
+
+    def close(self) -> None:
+        """Close the file."""
+        with suppress(OSError):  # of a row that was not written and said so
+            self._stream.close()
+
+
 class Meter:
     """Keeps the curves of a reconstruction and writes them to a log.
 
     Parameters
     ----------
     log
-        Where the curves go; their steps are rays, and TensorBoard also shows them by time.
+        Where the curves go.
     every
         Seconds between two points.
     measure_every
@@ -48,7 +95,7 @@ class Meter:
         still meanwhile.
     """
 
-    def __init__(self, log: EventLog | None = None, every: float = 1.0,
+    def __init__(self, log: CurveFile | None = None, every: float = 1.0,
                  measure_every: float = 0.0) -> None:
         self.log, self.every, self.measure_every = log, every, measure_every
         self.points: list[CurvePoint] = []
@@ -98,15 +145,12 @@ class Meter:
             "resolution": resolution, "held_out_psnr": held_out}
         self.points.append(point)
         if self.log is not None:
-            for name in ("loss", "psnr", "rays_per_second", "voxels", "resolution", "seconds"):
-                self.log.scalar(f"train/{name}", float(point[name]), rays)
-            if held_out is not None:
-                self.log.scalar("test/psnr", held_out, rays)
+            self.log.write(point)
 
     def finish(self, rays: int, seconds: float, held_out: float) -> None:
         """Add the end: after ``seconds``, with the held-out views' PSNR in dB."""
         if self.points:
             self.points.append({**self.points[-1], "seconds": round(seconds, 3), "rays": rays,
                                 "held_out_psnr": held_out})
-        if self.log is not None:
-            self.log.scalar("test/psnr", held_out, rays)
+            if self.log is not None:
+                self.log.write(self.points[-1])

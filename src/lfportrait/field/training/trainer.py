@@ -95,7 +95,7 @@ class Trainer:
         # Recomputed mattes, deflated, as a checkpoint stores them.
         self.laid: NDArray[np.uint8] | None = None
         self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
-        self.key = key_of("field.reconstruction", config, len(self.views),
+        self.key = key_of(__name__, config, len(self.views),
                           int(self.data.pixels[::997].sum()), self.workers)
         self.began = self._saved = time.perf_counter()
         self._save_took = 0.0

@@ -14,9 +14,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from filelock import Timeout
+
 from ...errors import UserError
+from ...files import lock
 from ...leftovers import sweep_below
-from ...locks import lock
 
 __all__ = ["FOLDER", "Event", "Journal", "Watcher", "is_running", "locked",
            "locked_file", "read_events"]
@@ -81,9 +83,11 @@ def read_events(results: Path) -> list[Event]:
 @contextmanager
 def locked_file(path: Path) -> Iterator[None]:
     """A block that one process of a machine is in at a time; others wait."""
-    with open(path, "ab") as stream:
-        lock(stream, wait=True)
+    held = lock(path, wait=-1)
+    try:
         yield
+    finally:
+        held.release()
 
 
 @contextmanager
@@ -97,18 +101,18 @@ def locked(results: Path) -> Iterator[None]:
     """
     try:
         (results / FOLDER).mkdir(parents=True, exist_ok=True)
-        stream = open(results / FOLDER / "lock", "ab")  # noqa: SIM115
+        held = lock(results / FOLDER / "lock")
+    except Timeout as error:
+        raise UserError(f"another batch is writing to {results}; wait for it, or choose "
+                        "another folder with --out") from error
     except OSError as error:
         raise UserError(f"can't write to {results}: {error.strerror}; choose another folder with "
                         "--out") from error
-    with stream:
-        try:
-            lock(stream)
-        except OSError as error:
-            raise UserError(f"another batch is writing to {results}; wait for it, or choose "
-                            "another folder with --out") from error
+    try:
         sweep_below(results)  # of tasks that were killed with an earlier batch
         yield
+    finally:
+        held.release()
 
 
 def is_running(results: Path) -> bool:
@@ -117,8 +121,7 @@ def is_running(results: Path) -> bool:
     if not path.is_file() or not os.access(path, os.W_OK):
         return False
     try:
-        with open(path, "ab") as stream:
-            lock(stream)
+        lock(path).release()
     except OSError:
         return True
     return False

@@ -11,13 +11,11 @@ import difflib
 import functools
 import types
 import typing
-import warnings
 from collections.abc import Mapping
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
 from ...errors import UserError
 from ...plugins import Choice
-from ...renamed import NEW_NAMES
 from ...stylize import StylizeConfig
 
 __all__ = ["checked", "overlaid", "unknown_key"]
@@ -111,10 +109,6 @@ def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
              if entry.name not in ("seed", "parameters")]
     changed: dict[str, Any] = {}
     for key, value in table.items():
-        if key not in known and NEW_NAMES.get(key) in known:
-            warnings.warn(f"{where}: {key} is {NEW_NAMES[key]} now; the old name will go with the "
-                          "next version", stacklevel=2)
-            key = NEW_NAMES[key]
         if key not in known and isinstance(config, StylizeConfig) and (
                 (section := config.section(key)) is not None):
             # Parameters of another package's method.

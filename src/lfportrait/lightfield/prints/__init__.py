@@ -8,15 +8,6 @@ are coded and written in bands (`write_print`), as are test pages for pitch and 
 these, too. `SheetView` is what an eye sees through the lenses.
 """
 
-from .config import PrintConfig
-from .depth import PrintDepth, fitted
-from .files import check_file
-from .lenses import write_lenses
-from .pages import write_print
-from .sheet import PrintSheet
-from .sizes import paper_size
-from .trial import write_pitch_test
-from .view import SheetView, through_lenses
+import lazy_loader
 
-__all__ = ["PrintConfig", "PrintDepth", "PrintSheet", "SheetView", "check_file", "fitted",
-           "paper_size", "through_lenses", "write_lenses", "write_pitch_test", "write_print"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -19,6 +19,7 @@ from ...field import VoxelField
 from ..coding import encode_rows
 from ..display import Display
 from ..placement import EncodeConfig
+from .depth import fitted
 from .sheet import PrintSheet
 
 __all__ = ["SheetView", "through_lenses"]
@@ -96,9 +97,20 @@ class SheetView:
     coded: NDArray[np.uint8]
 
     @staticmethod
-    def of(field: VoxelField, sheet: PrintSheet, config: EncodeConfig,
+    def of(field: VoxelField, sheet: PrintSheet, config: EncodeConfig | None = None,
            height: int = 960) -> SheetView:
-        """Code about ``height`` rows of the finished print."""
+        """Code about ``height`` rows of the finished print.
+
+        Parameters
+        ----------
+        field, sheet
+            As for `write_print`.
+        config
+            How to place and code the head; by default as `write_print` does.
+        height
+            About as many rows are coded.
+        """
+        config = config or fitted(field, sheet)[0]
         trim = sheet.trim
         apart = max(1, trim.height // height)
         rows = np.arange(trim.top, trim.bottom, apart)

@@ -1,9 +1,11 @@
 """Pictures, or fields live, shown on real panels: full screen, or through Looking Glass Bridge."""
 
 from .bridge import URL, Bridge, DepthPicture, Device, Entry
-from .live_show import fields_to_show, show_live
+from .live import OffscreenWindow
+from .live_show import fields_to_show, live_adapter, show_field, show_live
 from .live_window import LiveWindow, check_packages, screen_sizes
 from .show import PygameDriver, show
 
-__all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry", "LiveWindow", "PygameDriver",
-           "check_packages", "fields_to_show", "screen_sizes", "show", "show_live"]
+__all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry", "LiveWindow", "OffscreenWindow",
+           "PygameDriver", "check_packages", "fields_to_show", "live_adapter", "screen_sizes",
+           "show", "show_field", "show_live"]

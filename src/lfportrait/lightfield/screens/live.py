@@ -1,8 +1,8 @@
 """A light field shown live: its field, what the viewer changes, and the pictures that follow.
 
-`Live` is driven by a screen: a window (`live_window`), or `Unseen`, which draws into memory for
-tests and measurements. The window of a panel shows the picture pixel for pixel; an ordinary one
-shows what an eye in the middle sees, by the same shaders without a lens.
+`Live` is driven by a screen: a window (`live_window`), or `OffscreenWindow`, which draws into
+memory for tests and measurements. The window of a panel shows the picture pixel for pixel; an
+ordinary one shows what an eye in the middle sees, by the same shaders without a lens.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ..ground import backdrop_of
 from ..placement import EncodeConfig
 from .live_controls import HELP, Controls
 
-__all__ = ["Live", "Unseen", "check_pixels", "one_eyed"]
+__all__ = ["Live", "OffscreenWindow", "check_pixels", "one_eyed"]
 
 _KEPT = 10000
 """Pictures, the latest ones, whose times the figures are about."""
@@ -143,8 +143,8 @@ class Live:
         self.coder.close()
 
 
-class Unseen:
-    """A screen in memory: runs a script of events, one picture after the other.
+class OffscreenWindow:
+    """A panel's window in memory: runs a script of events, one picture after the other.
 
     Parameters
     ----------
@@ -165,7 +165,11 @@ class Unseen:
     ----------
     pictures
         What was shown, uint8 [H, W, 3] each.
+    screen
+        0: it stands for a panel's, not for an ordinary window.
     """
+
+    screen = 0
 
     def __init__(self, size: tuple[int, int],
                  script: Mapping[int, Sequence[Mapping[str, Any]]] | None = None,
@@ -175,6 +179,13 @@ class Unseen:
         self._script, self._frames, self._rate, self._keep = script or {}, frames, rate, keep
         self._exact = exact
         self.pictures: list[NDArray[np.uint8]] = []
+
+    def open(self) -> tuple[int, int]:
+        """Its width and height in pixels."""
+        return self.size
+
+    def close(self) -> None:
+        """Nothing is left open."""
 
     def run(self, device: Device, display: Display, live: Live) -> None:
         """Show pictures until it is over."""

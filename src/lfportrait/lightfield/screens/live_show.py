@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...device import device_name
+from ...device import device_name, gpu_adapter
 from ...errors import UserError
 from ...field import VoxelField
 from ...gpu import Adapter
@@ -14,10 +14,74 @@ from ...gpu.device import Device
 from ..display import Display
 from ..gpu.live import same_points
 from ..placement import EncodeConfig
-from .live import Live, one_eyed
-from .live_window import LiveWindow
+from .live import Live, OffscreenWindow, one_eyed
+from .live_window import LiveWindow, check_packages
 
-__all__ = ["fields_to_show", "show_live"]
+__all__ = ["fields_to_show", "live_adapter", "show_field", "show_live"]
+
+
+def live_adapter(choice: str) -> Adapter:
+    """The GPU for a choice of ``--device``.
+
+    Raises
+    ------
+    UserError
+        If there is none: nothing else is fast enough.
+    """
+    adapter = gpu_adapter(choice)
+    if adapter is None:
+        raise UserError(f"a light field is shown live by a GPU, and --device {choice} has none "
+                        "here: see `lfportrait devices`; --device gpu takes software, slowly, "
+                        "where there is no other")
+    return adapter
+
+
+def show_field(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
+               photo: VoxelField | None = None, screen: int = -1, simulate: bool = False,
+               window: OffscreenWindow | None = None, seconds: float = 0.0, device: str = "gpu",
+               ) -> dict[str, Any]:
+    """Show a field live on an attached panel, as ``lfportrait show --live`` does.
+
+    A graphics card codes each picture. The pointer turns the head, keys move, flatten and mix it;
+    the key ``h`` prints which.
+
+    Parameters
+    ----------
+    field
+        What is shown.
+    display
+        The panel.
+    config
+        How the field is placed at first.
+    photo
+        A field of the same points whose colors the viewer can mix in.
+    screen
+        Number of the panel's screen; -1: the one that has its pixels.
+    simulate
+        An ordinary window instead, with what an eye in the middle sees.
+    window
+        Draw into this one in memory instead: for tests, and to keep the pictures.
+    seconds
+        How long; 0: until the window is closed.
+    device
+        Which graphics card: ``"gpu"``, ``"gpu:NAME"``, or ``"auto"`` (`lfportrait.device`).
+
+    Returns
+    -------
+    figures
+        Pictures a second and milliseconds for each.
+
+    Raises
+    ------
+    UserError
+        If a package, the graphics card or the panel's screen is missing.
+    """
+    if window is None:
+        check_packages()
+    adapter = live_adapter(device)
+    shown: LiveWindow | OffscreenWindow = window or LiveWindow(display, screen, simulate)
+    return show_live(shown, adapter, field, config or EncodeConfig(), display, photo,
+                     seconds=seconds)
 
 
 def fields_to_show(source: Path, photo: Path | None) -> tuple[VoxelField, VoxelField | None]:
@@ -49,8 +113,9 @@ def fields_to_show(source: Path, photo: Path | None) -> tuple[VoxelField, VoxelF
     return field, None
 
 
-def show_live(window: LiveWindow, adapter: Adapter, field: VoxelField, config: EncodeConfig,
-              panel: Display, photo: VoxelField | None = None, *, seconds: float = 0.0,
+def show_live(window: LiveWindow | OffscreenWindow, adapter: Adapter, field: VoxelField,
+              config: EncodeConfig, panel: Display, photo: VoxelField | None = None, *,
+              seconds: float = 0.0,
               say: Callable[[str, bool], None] = lambda line, stays: None) -> dict[str, Any]:
     """Show a field until the viewer closes the window, or the time is up.
 
@@ -59,7 +124,7 @@ def show_live(window: LiveWindow, adapter: Adapter, field: VoxelField, config: E
     Parameters
     ----------
     window
-        The panel's, or an ordinary one.
+        The panel's, an ordinary one, or one in memory.
     adapter
         The GPU.
     field, config, panel, photo, seconds, say

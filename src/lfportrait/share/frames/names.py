@@ -7,46 +7,19 @@ import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from ...errors import UserError
 from ...lightfield import QuiltHint, QuiltLayout, quilt_part
 
-__all__ = ["PICTURES", "VIDEOS", "Kind", "QuiltName", "kind_of", "safe_names"]
+__all__ = ["PICTURES", "VIDEOS", "QuiltName", "safe_names"]
 
-Kind = Literal["quilt", "hop", "pair", "rgbd", "anaglyph", "flat"]
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 VIDEOS = (".mp4", ".mov", ".mkv", ".webm")
-_ENDINGS: dict[str, Kind] = {"_2x1": "pair", "_rgbd": "rgbd", "_anaglyph": "anaglyph"}
 _MOST_VIEWS, _MOST_TILES = 108, 50
 _RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt")
                                          for number in range(1, 10))}
 _LONGEST = 100
 """Letters of a name on a drive, without what is put behind it."""
-
-
-def kind_of(path: Path) -> Kind | None:
-    """What the name of a file asks for; None for what is no matter of frames.
-
-    Raises
-    ------
-    UserError
-        If it is a picture's name that does not say of which kind.
-    """
-    suffix, stem = path.suffix.lower(), path.stem.lower()
-    if suffix == ".hop":
-        return "hop"
-    if suffix not in PICTURES + VIDEOS:
-        return None
-    if quilt_part(stem):
-        return "quilt"
-    for ending, kind in _ENDINGS.items():
-        if stem.endswith(ending):
-            return kind
-    if suffix in VIDEOS:
-        return "flat"
-    raise UserError(f"can't tell what {path.name} is to hold: end the name in _qs8x6a0.75 (a quilt "
-                    "and its columns, rows and aspect), _2x1 (a stereo pair), _rgbd or _anaglyph")
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,6 @@ the field, `budget` keeps to the size that is asked for, `poster` is the picture
 docs/portrait-page.md for what the page does. `recolored` gives a page that is open other colors.
 """
 
-from .assembly import page_script, write_page
-from .config import PageConfig
-from .recolored import OpenPage, recolored
-from .serving import serve_page
+import lazy_loader
 
-__all__ = ["OpenPage", "PageConfig", "page_script", "recolored", "serve_page", "write_page"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,9 +5,9 @@ field, `cloud` renders them, `frames` turns them as a file is to hold them, `for
 """
 
 from .cloud import Splats, render_splats
-from .field_splats import SplatConfig, field_splats
+from .field_splats import field_splats
 from .formats import WRITERS as SPLAT_WRITERS
 from .frames import framed, is_down
 
-__all__ = ["SPLAT_WRITERS", "SplatConfig", "Splats", "field_splats", "framed",
+__all__ = ["SPLAT_WRITERS", "Splats", "field_splats", "framed",
            "is_down", "render_splats"]

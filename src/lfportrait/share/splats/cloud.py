@@ -213,6 +213,21 @@ def splat_view(splats: Splats, cameras: Camera, view: int = 0) -> SplatView:
 
 def render_splats(splats: Splats, cameras: Camera, view: int = 0,
                   background: float = 1.0) -> Float:
-    """A picture of splats on a grey background, float32 [H, W, 3], sRGB."""
+    """A picture of splats.
+
+    Parameters
+    ----------
+    splats
+        In the world of the cameras.
+    cameras, view
+        A batch of cameras and which of them.
+    background
+        Grey level in [0, 1] behind the splats.
+
+    Returns
+    -------
+    picture
+        float32 [H, W, 3], sRGB.
+    """
     image = splat_view(splats, cameras, view).image
     return np.asarray(image[..., :3] + (1 - image[..., 3:]) * np.float32(background), np.float32)

@@ -4,40 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from ...errors import UserError
 from ...field import VoxelField
+from ..config import SplatConfig
 from ..paths import orbit_cameras
 from .cloud import Splats, render_splats
 from .fitting import fit_splats
-from .frames import Up
 from .placing import place_splats
 
-__all__ = ["SplatConfig", "field_splats", "splat_psnr"]
+__all__ = ["field_splats", "splat_psnr"]
 
 CHECKED = 8
 """Views of a level orbit with which splats are compared to the field."""
-
-
-@dataclass(frozen=True)
-class SplatConfig:
-    """Parameters of Gaussian splats."""
-
-    count: int = 400_000
-    """Number of splats at most: one for each point of the visible surface."""
-    steps: int = 120
-    """Views of the field to which the splats are fitted, one after the other; 0 does not fit."""
-    degree: Literal[0, 1, 2] | None = None
-    """Degree of the spherical harmonics; by default the field's. Painted fields have degree 0."""
-    seed: int = 0
-    """Of the choice of views."""
-    up: Up = "auto"
-    """Which way is up in the file. y-down: turned by 180 degrees about z, which SuperSplat undoes.
-    auto: y-down in PLY and SOG files, y-up in SPZ and GLB files."""
 
 
 def field_splats(field: VoxelField, config: SplatConfig | None = None,

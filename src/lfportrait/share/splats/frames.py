@@ -9,17 +9,15 @@ metres, SPZ's description +y up.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
 from ...errors import UserError
+from ..config import Up
 from ..units import METRES
 from .cloud import Splats
 
-__all__ = ["Up", "framed", "half_turned", "is_down"]
-
-Up = Literal["auto", "y-up", "y-down"]
+__all__ = ["framed", "half_turned", "is_down"]
 
 DOWN = {".ply", ".sog"}
 """Endings of files that programs take to have +y down."""

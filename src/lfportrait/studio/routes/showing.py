@@ -212,7 +212,7 @@ async def export(call: Call) -> tuple[int, dict[str, Any]]:
     choices = export_order(call.desk, project, data)
     ordered = [Path(job.order["target"]).name for job in call.desk.jobs.jobs.values()
                if job.kind == "export" and job.project == project.id and not job.over]
-    target = exports.target(project, exports.KINDS[choices["kind"]], text(data, "name", ""),
+    target = exports.target(project, exports.kind_of(choices["kind"]), text(data, "name", ""),
                             ordered)
     job = call.desk.export(project, version, {**choices, "target": str(target)})
     return 201, call.desk.jobs.entry(job)

@@ -9,14 +9,6 @@ import { selection } from "./selection.js";
 import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
 import { leftOfJob } from "./times.js";
 
-const GROUPS = {
-  panel: ["coded", "quilt", "hop", "rgbd"],
-  screen: ["page", "sweep", "flat", "stereo", "anaglyph", "print"],
-  solid: ["glb", "usdz", "obj", "ply"],
-  splats: ["splats_ply", "spz", "sog"],
-  further: ["field", "checkpoint"],
-};
-
 // Refusals that something else in the dialog is the answer to.
 const TYPED = ["bad_request", "bad_name", "exists", "user_error"];
 
@@ -47,25 +39,21 @@ export class Exports {
 
   async load() {
     await this.readMade();
-    const left = new Map(this.about_.kinds.map((kind) => [kind.kind, kind]));
+    const kinds = this.about_.kinds;
     fill(
       this.kinds,
-      Object.entries(GROUPS).map(([group, names]) => {
-        const some = names.map((name) => left.get(name)).filter(Boolean);
-        return (
-          some.length > 0 &&
+      [...new Set(kinds.map(({ group }) => group))].map((group) =>
+        h(
+          "section.stack",
+          {},
+          h("h2", { text: known("files", group) }),
           h(
-            "section.stack",
+            "ul.kinds-grid",
             {},
-            h("h2", { text: t(`files.${group}`) }),
-            h(
-              "ul.kinds-grid",
-              {},
-              some.map((kind) => this.kind(kind)),
-            ),
-          )
-        );
-      }),
+            kinds.filter((kind) => kind.group === group).map((kind) => this.kind(kind)),
+          ),
+        ),
+      ),
     );
   }
 
@@ -88,9 +76,14 @@ export class Exports {
     return [t(`job.${job.state}`), job.state === "running" && leftOfJob(job)].filter(Boolean).join(" · ");
   }
 
+  /** What a kind is called; by its short name where it is gone. */
+  title(kind) {
+    return said(this.about_.kinds.find((one) => one.kind === kind)?.title ?? kind ?? "");
+  }
+
   /** What a file is, of which version, and whether that was a preview. */
   kindOf(kind, version, fine) {
-    return [known("file", kind ?? "", kind ?? ""), this.nameOf(version), !fine && t("version.draft")]
+    return [this.title(kind), this.nameOf(version), !fine && t("version.draft")]
       .filter(Boolean)
       .join(" · ");
   }
@@ -130,7 +123,7 @@ export class Exports {
             h(
               "div",
               {},
-              h("strong", { text: job.title ?? known("file", job.export ?? "", job.name ?? "") }),
+              h("strong", { text: job.title ?? this.title(job.export) }),
               " ",
               this.parts.get(job.id).how,
               h("p.small.soft", { text: this.kindOf(job.export, job.version, job.quality !== "preview") }),
@@ -215,18 +208,20 @@ export class Exports {
     return h(
       "li.card.kind-card",
       {},
-      h("h3", { text: known("file", kind.kind, kind.title) }),
-      h("p.small.soft", { text: known("purpose", kind.kind, kind.purpose) }),
+      h("h3", { text: said(kind.title) }),
+      h("p.small.soft", { text: said(kind.purpose) }),
       h(
         "div.row.between",
         {},
         h("span.small.soft", {
-          text: `${kind.suffix} · ${t("files.about", { size: size(kind.about_bytes, 0) })}`,
+          text: [kind.suffix, kind.about_bytes && t("files.about", { size: size(kind.about_bytes, 0) })]
+            .filter(Boolean)
+            .join(" · "),
         }),
         button(
           t("files.make"),
           doing(() => this.make(kind)),
-          { "aria-label": t("files.make.one", { name: known("file", kind.kind, kind.title) }) },
+          { "aria-label": t("files.make.one", { name: said(kind.title) }) },
         ),
       ),
     );
@@ -263,16 +258,16 @@ export class Exports {
     const { fine, from_command_line: given, id } = this.version();
     const first = !fine && !given && t(fineJob(this.sitter.id, id) ? "files.wait" : "files.fine.first");
     return ask(
-      known("file", kind.kind, kind.title),
+      said(kind.title),
       h(
         "div.stack",
         {},
         wrong && h("p.note.bad", { role: "alert" }, icon("bad"), wrong),
-        h("p.soft", { text: known("purpose", kind.kind, kind.purpose) }),
+        h("p.soft", { text: said(kind.purpose) }),
         kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
         !fine && h("p.note.fair", {}, icon("fair"), t("files.draft")),
         h("label.field", {}, h("span", { text: t("name") }), name),
-        kind.options.map((option) => this.option(kind.kind, option, values)),
+        kind.options.map((option) => this.option(option, values)),
       ),
       [
         ["", t("cancel")],
@@ -282,9 +277,8 @@ export class Exports {
     );
   }
 
-  option(kind, { name, type, choices, min, max }, values) {
-    const id = fresh("option"),
-      note = known("option", `${kind}.${name}`, known("option", name, ""));
+  option({ name, note, type, choices, min, max }, values) {
+    const id = fresh("option");
     const put = (value) => {
       values[name] = value;
     };
@@ -321,6 +315,6 @@ export class Exports {
             step: type === "whole" ? 1 : "any",
             oninput: (event) => put(isNumber ? Number(event.target.value) : event.target.value),
           });
-    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input, h("small.soft", { id: `${id}-note`, text: note }));
+    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input, h("small.soft", { id: `${id}-note`, text: said(note) }));
   }
 }

@@ -107,11 +107,10 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     teller.tell("stages", expected(("capture", "capture"), ("reconstruct", "field"),
                                    ("surface", "skin")))
     config = order.config()
-    kernels = ("reconstruct", "transfer", "stylize", "encode")
-    with Warmup(("photograph", *kernels) if order.demo else kernels) as warmup:
+    with Warmup(("reconstruct", "transfer", "stylize", "encode")) as warmup:
         look.warmup = warmup
         if order.demo and not any(order.source.glob("transforms.json")):
-            _photograph(order, teller, warmup)
+            _take_embedded(order)
         look_at(order.source)
         get_networks(order.source, None, config.keep_background, offline=True, quiet=True)
         capture = capture_key(source_key(order.source), config, 0)
@@ -140,15 +139,12 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     return {"views": len(taken), "voxels": len(field.density)}
 
 
-def _photograph(order: Order, teller: Teller, warmup: Warmup) -> None:
-    """Photos of the built-in head."""
+def _take_embedded(order: Order) -> None:
+    """Lay the photos of the built-in head where those of a sitter are."""
     scale = QUICK if order.options.get("quick") else FULL
     size, views = (int(order.options.get(name, usual)) for name, usual in (
         ("size", scale.size), ("views", scale.views)))
-    with teller.stage("capture") as progress:
-        progress.total = views
-        warmup.wait(("photograph",), progress)
-        demo_capture(size=size, views=views, progress=progress).save(order.source)
+    demo_capture(size=size, views=views).save(order.source)
 
 
 def _check(order: Order, teller: Teller) -> dict[str, Any]:

@@ -3,31 +3,66 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from lfportrait.errors import UserError
 
-__all__ = ["ArfConfig", "RefNprConfig", "StylizedNerfConfig", "check_views"]
+__all__ = ["ArfConfig", "DescentConfig", "RefNprConfig", "StylizedNerfConfig", "ViewsConfig"]
 
 Network = Literal["auto", "vgg16", "vgg19-se", "embedded"]
 
 
-def check_views(size: int, views: int) -> None:
-    """Raise `UserError` for views too small for the networks, or too few of them."""
-    if size < 64:
-        raise UserError(f"the size of a method's views must be at least 64 pixels, not {size}")
-    if views < 1:
-        raise UserError(f"a method needs at least one view, not {views}")
+@dataclass(frozen=True)
+class ViewsConfig:
+    """The views that a method works with."""
+
+    size: int = 256
+    """Longer side of the views in pixels."""
+    views: int = 24
+    """Photos of the capture that are used, evenly spread around the head."""
+
+    def check(self) -> None:
+        """Raise `UserError` where parameters are out of range.
+
+        Views may be too small for the networks, or too few.
+        """
+        if self.size < 64:
+            raise UserError("the size of a method's views must be at least 64 pixels, "
+                            f"not {self.size}")
+        if self.views < 1:
+            raise UserError(f"a method needs at least one view, not {self.views}")
 
 
 @dataclass(frozen=True)
-class ArfConfig:
+class DescentConfig(ViewsConfig):
+    """A fit, and steps down the losses of whole views, as ARF and Ref-NPR take."""
+
+    method: ClassVar[str]
+    """Before the options' names."""
+    network: Network = "auto"
+    """Features of the losses; auto: vgg16 if its weights are at hand, else embedded."""
+    image_smoothness: float = 1.0
+    """Weight of the total variation of the rendered view."""
+    color_smoothness: float = 0.005
+    """Weight of the total variation of the voxels' colors."""
+    smoothed_share: float = 0.01
+    """Share of the voxels that a step smooths."""
+
+    def check(self) -> None:
+        """Raise `UserError` where parameters are out of range."""
+        super().check()
+        if not 0.0 < self.smoothed_share <= 1.0:
+            raise UserError(f"--{self.method}.smoothed-share must lie between 0 and 1, not at "
+                            f"{self.smoothed_share:g}")
+
+
+@dataclass(frozen=True)
+class ArfConfig(DescentConfig):
     """ARF (Zhang et al. 2022): nearest-neighbour feature matching between two color transfers."""
 
+    method = "arf"
     size: int = 384
     """Longer side of the views in pixels; the network sees them at half the size."""
-    views: int = 24
-    """Photos of the capture that are used, evenly spread around the head."""
     fit_iterations: int = 6
     """Iterations of the fit to the recolored photos, before the steps."""
     steps: int = 300
@@ -37,33 +72,14 @@ class ArfConfig:
     content_weight: float = 0.04
     """Weight of the content loss, on features with a mean square of 1; the original's 0.001 is for
     features that are about six times larger. The style loss has 1."""
-    image_smoothness: float = 1.0
-    """Weight of the total variation of the rendered view."""
-    color_smoothness: float = 0.005
-    """Weight of the total variation of the voxels' colors."""
-    smoothed_share: float = 0.01
-    """Share of the voxels that a step smooths."""
     refit_iterations: int = 3
     """Iterations of the fit to the recolored renders, after the steps; the original has none."""
-    network: Network = "auto"
-    """Features of both losses; auto: vgg16 if its weights are at hand, else embedded."""
-
-    def check(self) -> None:
-        """Raise `UserError` where parameters are out of range."""
-        check_views(self.size, self.views)
-        if not 0.0 < self.smoothed_share <= 1.0:
-            raise UserError("--arf.smoothed-share must lie between 0 and 1, not at "
-                            f"{self.smoothed_share:g}")
 
 
 @dataclass(frozen=True)
-class StylizedNerfConfig:
+class StylizedNerfConfig(ViewsConfig):
     """StylizedNeRF (Huang et al. 2022): a painting network and the field teach each other."""
 
-    size: int = 256
-    """Longer side of the views in pixels."""
-    views: int = 24
-    """Photos of the capture that are used, evenly spread around the head."""
     tune_steps: int = 120
     """Steps of the decoder before the field is fitted, one view each."""
     rounds: int = 3
@@ -89,7 +105,7 @@ class StylizedNerfConfig:
 
     def check(self) -> None:
         """Raise `UserError` where parameters are out of range."""
-        check_views(self.size, self.views)
+        super().check()
         if self.rounds < 1:
             raise UserError(f"--stylized-nerf.rounds must be at least 1, not {self.rounds}")
         if self.latent < 0:
@@ -97,13 +113,10 @@ class StylizedNerfConfig:
 
 
 @dataclass(frozen=True)
-class RefNprConfig:
+class RefNprConfig(DescentConfig):
     """Ref-NPR (Zhang et al. 2023): one painted view registered to the field."""
 
-    size: int = 256
-    """Longer side of the views in pixels."""
-    views: int = 24
-    """Photos of the capture that are used, evenly spread around the head."""
+    method = "ref-npr"
     fit_iterations: int = 8
     """Iterations of the fit to the painted view and to what others see of it, before the steps."""
     steps: int = 180
@@ -122,18 +135,3 @@ class RefNprConfig:
     content_weight: float = 0.2
     """Weight of the content loss, on features with a mean square of 1; the original's 0.005 is for
     features that are about six times larger."""
-    image_smoothness: float = 1.0
-    """Weight of the total variation of the rendered view."""
-    color_smoothness: float = 0.005
-    """Weight of the total variation of the voxels' colors."""
-    smoothed_share: float = 0.01
-    """Share of the voxels that a step smooths."""
-    network: Network = "auto"
-    """Features of matches and content; auto: vgg16 if its weights are at hand, else embedded."""
-
-    def check(self) -> None:
-        """Raise `UserError` where parameters are out of range."""
-        check_views(self.size, self.views)
-        if not 0.0 < self.smoothed_share <= 1.0:
-            raise UserError("--ref-npr.smoothed-share must lie between 0 and 1, not at "
-                            f"{self.smoothed_share:g}")

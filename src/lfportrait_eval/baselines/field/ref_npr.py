@@ -49,8 +49,7 @@ from lfportrait.stylize.networks import FeatureNetwork, load_network
 from .config import RefNprConfig
 from .descent import ColorDescent
 from .features import best_network, head_places, nearest_places
-from .photo_views import PhotoView, dump_views, photo_views, tensor, view_of
-from .warp import TOLERANCE, seen_from
+from .photo_views import TOLERANCE, PhotoView, dump_views, photo_views, seen_from, tensor, view_of
 
 __all__ = ["paint_by_reference", "painted_view", "registered", "steady_places"]
 

@@ -4,18 +4,6 @@ FaceBlit (Texler et al. 2021), FaceStyle (Fiser et al. 2017), and a network that
 (Futschik et al. 2019). All hand back a `Painted`.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from lfportrait.lazy import attach
-
-if TYPE_CHECKING:
-    from .config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
-    from .faceblit import STEPS, FaceBlit, published_table
-    from .facestyle import FaceStyle
-    from .network import StyleNetwork
-    from .painted import Painted
-
-__all__ = ["STEPS", "FaceBlit", "FaceBlitConfig", "FaceStyle", "FaceStyleConfig", "NetworkConfig",
-           "Painted", "StyleNetwork", "published_table"]
-
-__getattr__, __dir__ = attach(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

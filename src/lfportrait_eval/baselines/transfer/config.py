@@ -1,16 +1,18 @@
-"""Parameters of the published methods of transfer."""
+"""Parameters of the published methods of transfer, and what they hand back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
 import tyro
+from numpy.typing import NDArray
 
-from lfportrait.renamed import accepts_old_names
+from lfportrait.files import write_image
 
-__all__ = ["FaceBlitConfig", "FaceStyleConfig", "NetworkConfig"]
+__all__ = ["FaceBlitConfig", "FaceStyleConfig", "NetworkConfig", "Painted"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,6 @@ class FaceBlitConfig:
     """Side in pixels of the box that softens the mask of the face."""
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class FaceStyleConfig:
     """Guided patch synthesis after FaceStyle."""
@@ -98,3 +99,28 @@ class NetworkConfig:
     """Seed of examples and weights."""
     device: tyro.conf.Suppress[str] = "auto"
     """Where the network computes, a choice of ``--device``."""
+
+
+@dataclass
+class Painted:
+    """A picture stylised by a published method.
+
+    Attributes
+    ----------
+    image
+        float32 [H, W, 3] in [0, 1].
+    seconds
+        ``precalculation_seconds`` (once per style), ``guides_seconds`` and ``synthesis_seconds``
+        (per picture).
+    pictures
+        Intermediates by name, uint8 or float in [0, 1].
+    """
+
+    image: NDArray[np.float32]
+    seconds: dict[str, float]
+    pictures: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
+
+    def dump(self, folder: str | Path) -> None:
+        """Write the result and every intermediate as a picture into ``folder``."""
+        for name, picture in {**self.pictures, "result": self.image}.items():
+            write_image(Path(folder) / f"{name}.png", picture)

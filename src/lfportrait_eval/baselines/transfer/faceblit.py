@@ -21,9 +21,8 @@ from lfportrait.example.exemplar import Exemplar
 from lfportrait.example.guides.position import pixel_centres, position_guide
 from lfportrait.example.styleblit import elect, pack_colors, shift_planes, vote
 
-from .config import FaceBlitConfig
+from .config import FaceBlitConfig, Painted
 from .kernels.flood import NOWHERE, flood, search_windows, sweep_windows
-from .painted import Painted
 
 __all__ = ["STEPS", "FaceBlit", "published_table"]
 

@@ -37,8 +37,7 @@ from lfportrait.example.patches import (
 )
 from lfportrait.labels import PICTURE_LABELS
 
-from .config import FaceStyleConfig
-from .painted import Painted
+from .config import FaceStyleConfig, Painted
 
 __all__ = ["FaceStyle"]
 

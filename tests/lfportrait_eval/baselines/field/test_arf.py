@@ -10,7 +10,7 @@ from lfportrait.errors import UserError
 from lfportrait.field import C0
 from lfportrait.stylize import FieldTask, StylizeConfig, stylize_with_figures
 from lfportrait.stylize.losses import total_variation
-from lfportrait_eval.baselines.field.color_match import ColorMap
+from lfportrait_eval.baselines.field.arf import ColorMap
 from lfportrait_eval.baselines.field.config import ArfConfig
 from lfportrait_eval.baselines.field.descent import following_rows, total_variation_slope
 from lfportrait_eval.baselines.field.kernels.rmsprop import rmsprop_step

@@ -19,10 +19,12 @@ from lfportrait_eval.baselines.field.adain import (
     statistics_of,
 )
 from lfportrait_eval.baselines.field.config import StylizedNerfConfig
-from lfportrait_eval.baselines.field.latent_colors import LatentColors
-from lfportrait_eval.baselines.field.photo_views import photo_views, tensor
-from lfportrait_eval.baselines.field.stylized_nerf import PaintingTeacher, paint_by_mutual_teaching
-from lfportrait_eval.baselines.field.warp import seen_from
+from lfportrait_eval.baselines.field.photo_views import photo_views, seen_from, tensor
+from lfportrait_eval.baselines.field.stylized_nerf import (
+    LatentColors,
+    PaintingTeacher,
+    paint_by_mutual_teaching,
+)
 from tests.other_memory import PLACE
 
 SMALL = StylizedNerfConfig(size=96, views=4, tune_steps=4, round_steps=2, rounds=2,

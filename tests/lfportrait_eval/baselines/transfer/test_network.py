@@ -17,7 +17,7 @@ from lfportrait.face import write_landmarks
 from lfportrait.files import read_json, write_image
 from lfportrait.media.pictures import read_image
 from lfportrait_eval.baselines.transfer import NetworkConfig, StyleNetwork
-from lfportrait_eval.baselines.transfer.training_photos import folder_sittings, varied
+from lfportrait_eval.baselines.transfer.network import folder_sittings, varied
 from lfportrait_eval.bench import METHODS
 from tests.other_memory import PLACE
 from tests.portraits import drawn_face

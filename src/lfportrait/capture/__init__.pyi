@@ -1,0 +1,56 @@
+from .calibration.database import USUAL_FOCAL
+from .calibration.head_motion import HeadMotion, follow_head, place_by_head
+from .camera import Camera
+from .capture import Capture
+from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
+from .data_set_facts import DataSetFacts, data_set_facts
+from .depths import some_depth
+from .distortion import Lens, undistort
+from .formats import (
+    CaptureFormat,
+    DataSet,
+    Shot,
+    Views,
+    capture_formats,
+    held_out_views,
+    is_calibrated,
+)
+from .frame import (
+    focus_point,
+    looks_normalised,
+    portrait_frame_from_cameras,
+    portrait_frame_from_landmarks,
+    pose_corrections,
+    without_drift,
+)
+from .late_pictures import LatePictures
+from .mattes import (
+    consistent_mattes,
+    matte_agreement,
+    mattes_share,
+    refine_changes,
+    refine_matte,
+    views_share,
+)
+from .photo_cameras import CalibrateConfig, PhotosError, calibrate
+from .photos import Photo, is_video, photo_listing, picture_files, read_photos
+from .picture_facts import DepthFacts, PictureFacts, picture_facts
+from .sharpness import fineness, relative_sharpness
+from .sources import load_photos, read_source
+from .video import read_video, video_frames
+from .video_facts import VideoFacts, video_facts
+
+__all__ = [
+    "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",
+    "Capture", "CaptureFormat", "DataSet", "DataSetFacts", "DepthFacts", "HeadMotion",
+    "LatePictures", "Lens", "Photo",
+    "PhotosError", "PictureFacts", "Shot", "VideoFacts", "Views", "calibrate",
+    "capture_formats", "consistent_mattes",
+    "contact_sheet", "data_set_facts", "fineness", "focus_point", "follow_head", "font",
+    "held_out_views", "is_calibrated", "is_video", "load_photos", "looks_normalised",
+    "matte_agreement", "mattes_share", "photo_listing", "picture_facts", "picture_files",
+    "place_by_head", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
+    "pose_corrections", "read_photos", "read_source", "read_video", "refine_changes",
+    "refine_matte", "relative_sharpness", "some_depth", "undistort", "video_facts", "video_frames",
+    "views_share", "without_drift",
+]

@@ -1,0 +1,83 @@
+from .exemplar import Exemplar, face_size
+from .guides.appearance import appearance_guide
+from .guides.face_frame import FaceFrame
+from .guides.maps import Guides
+from .guides.position import position_guide
+from .guides.regions import Regions, find_regions
+from .guides.scalp import photo_regions
+from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
+from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
+from .painter.ground import GroundConfig, known_ground
+from .painter.picture_materials import painted_shares
+from .patches import PatchConfig
+from .region_styles import mix_regions
+from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
+from .styleblit import BlitConfig, Synthesis, synthesise
+from .surface_guide import SurfaceGuide, surface_position_guide
+from .table import LookUpTable, TableConfig, build_table
+from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
+from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
+from .versions import as_painted, fitting, from_the_front
+from .video import VideoTransfer
+from .worn import bared, spectacles, without_spectacles
+
+__all__ = [
+    "FRONTAL",
+    "PROFILE",
+    "Atlas",
+    "BlitConfig",
+    "Exemplar",
+    "FaceFrame",
+    "GroundConfig",
+    "Guides",
+    "Lids",
+    "LookUpTable",
+    "Method",
+    "MethodConfig",
+    "Painting",
+    "PatchConfig",
+    "PhotoMethod",
+    "Regions",
+    "Sitting",
+    "Skin",
+    "SkinConfig",
+    "SkinPainter",
+    "SurfaceGuide",
+    "Synthesis",
+    "TableConfig",
+    "Transfer",
+    "TransferConfig",
+    "TransferResult",
+    "VideoTransfer",
+    "appearance_guide",
+    "as_painted",
+    "asked_lids",
+    "bared",
+    "build_table",
+    "closed_words",
+    "draw_atlas",
+    "eye_opening",
+    "eye_openings",
+    "face_landmarks",
+    "face_size",
+    "find_regions",
+    "fitting",
+    "from_the_front",
+    "frontal_view",
+    "head_mesh",
+    "known_ground",
+    "mix_regions",
+    "paint",
+    "painted_shares",
+    "photo_method",
+    "photo_regions",
+    "position_guide",
+    "prepare",
+    "shut_eyes",
+    "spectacles",
+    "suited",
+    "surface_position_guide",
+    "synthesise",
+    "transfer",
+    "without_spectacles",
+]

@@ -1,0 +1,16 @@
+from .backdrop import Backdrop, head_points
+from .config import ReconstructConfig, lattice_points
+from .coverage import Coverage
+from .grid import Rendering, SampleWeights, VoxelField, camera_row
+from .harmonics import C0
+from .quality import held_out_quality
+from .reconstruction import reconstruct, reconstruct_with_figures
+from .storage import check_field_path, read_arrays, save_checkpoint, save_field
+from .surface import Mesh, PointCloud, field_mesh, field_points
+from .texture import SurfaceTexture
+
+__all__ = ["C0", "Backdrop", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
+           "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "check_field_path",
+           "field_mesh", "field_points", "head_points", "held_out_quality", "lattice_points",
+           "read_arrays", "reconstruct", "reconstruct_with_figures", "save_checkpoint",
+           "save_field"]

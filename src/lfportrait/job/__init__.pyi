@@ -1,0 +1,39 @@
+from .check_drawing import check_picture
+from .first_look import FirstLook
+from .graph import (
+    STAGES,
+    Task,
+    capture_key,
+    code_key,
+    field_key,
+    finished,
+    share_key,
+    stage_key,
+    style_key,
+)
+from .inspection import Inspection, inspect
+from .inspection_text import inspection_lines
+from .known_captures import capture_of_face
+from .networks import get_networks
+from .person import cut_person
+from .photo_check import PhotoCheck, PhotoFacts, check_photos
+from .pipeline import MakeConfig, make, run_figures
+from .prepare import find_face, prepare_capture
+from .scales import FULL, QUICK, Scale
+from .session import Session
+from .steps import fitted, look_at, painting_key, source_key
+from .style_check import StyleCheck, check_style, chosen_face
+from .style_drawing import style_picture
+from .style_landmarks import add_style
+from .time_left import TimeLeft
+from .usual_steps import Source
+from .warmup import Warmup
+from .work import Tools, do_stage
+
+__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
+           "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
+           "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
+           "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
+           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks", "inspect",
+           "inspection_lines", "look_at", "make", "painting_key", "prepare_capture", "run_figures",
+           "share_key", "source_key", "stage_key", "style_key", "style_picture"]

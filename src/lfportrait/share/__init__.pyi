@@ -1,0 +1,33 @@
+from .config import ExportConfig, SplatConfig
+from .exporter import Export, ExportContext, NoParameters, Option
+from .frames import (
+    QUILTS,
+    SECONDS,
+    DrivePlan,
+    FrameConfig,
+    QuiltName,
+    fill_drive,
+    write_quilt,
+)
+from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
+from .paths import (
+    orbit_cameras,
+    path_cameras,
+    sweep_cameras,
+    sweep_degrees,
+    sweep_frames,
+    sweep_ground,
+)
+from .registry import export_field, export_of, exports, own_exports
+from .report import Picture, Report, Section, Table, write_report
+from .sequence import SequenceConfig, each_frame, write_sequence
+from .video import write_video
+
+__all__ = ["QUILTS", "SECONDS", "DrivePlan", "Export", "ExportConfig", "ExportContext",
+           "FrameConfig", "NoParameters", "OpenPage", "Option", "PageConfig", "Picture",
+           "QuiltName", "Report", "Section", "SequenceConfig", "SplatConfig", "Table", "each_frame",
+           "export_field", "export_of", "exports", "fill_drive", "orbit_cameras", "own_exports",
+           "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
+           "sweep_degrees", "sweep_frames", "sweep_ground", "write_page", "write_quilt",
+           "write_report",
+           "write_sequence", "write_video"]

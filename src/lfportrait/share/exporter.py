@@ -1,0 +1,202 @@
+"""What a kind of export is: each kind is a class above `Export` (`kinds`, or another package's)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import field as option
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ..lightfield import EncodeConfig
+from ..plugins import blamed
+from ..progress import Progress
+
+if TYPE_CHECKING:
+    from ..field import VoxelField
+
+__all__ = ["Export", "ExportContext", "NoParameters", "Option"]
+
+_TYPES = {bool: "bool", int: "whole", float: "number", str: "text"}
+
+
+@dataclass(frozen=True)
+class NoParameters:
+    """Of a kind without parameters."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """A parameter that the studio asks for: a field of `Export.parameters`, and a line beside it.
+
+    ``min`` and ``max`` bound a number, ``choices`` a text; an empty text leaves the default.
+    """
+
+    name: str
+    note: str
+    default: bool | int | float | str
+    min: float | None = None
+    max: float | None = None
+    choices: tuple[str, ...] | None = None
+
+    @property
+    def type(self) -> str:
+        """``bool``, ``whole``, ``number``, ``text`` or ``choice``."""
+        return "choice" if self.choices else _TYPES[type(self.default)]
+
+
+@dataclass(frozen=True)
+class ExportContext:
+    """What an export has beside its own parameters.
+
+    Placement and ground of the head; the panel (a preset's name or a display file, empty: none is
+    named); and where it says how far it is.
+    """
+
+    encode: EncodeConfig = option(default_factory=EncodeConfig)
+    display: str = ""
+    progress: Progress = option(default_factory=lambda: Progress("export", enabled=False))
+
+    def tell(self, share: float, text: str) -> None:
+        """Say how much is done, 0 to 1, and what is being done."""
+        self.progress.total = 100
+        self.progress.update(int(100 * share), text)
+
+    def step(self, number: int, count: int) -> None:
+        """Say that a frame of a video begins."""
+        self.progress.total = count
+        self.progress.update(number, f"frame {number + 1} of {count}")
+
+
+class Export(ABC):
+    """One kind of file that a portrait is exported as.
+
+    Attributes
+    ----------
+    name
+        Short, one among all kinds.
+    title, purpose
+        For people, in English; one line each.
+    ending, suffixes
+        What the studio puts behind a name (``.glb``, ``_2x1.jpg``); suffixes that it can be written
+        with, by default that of ``ending``.
+    mark
+        How a name's stem must end to ask for this kind; empty: its suffix is enough.
+    contents
+        What ``--kind`` calls it, by default its name; several kinds may be one in several formats.
+    parameters, options
+        A frozen data class, whose fields are ``--NAME.FIELD``; those that the studio asks for.
+    megabytes
+        A file of a head of 64 photos takes about; 0: nobody knows.
+    group
+        Where the studio's page shows it: ``panel``, ``screen``, ``solid``, ``splats`` or
+        ``further``; empty: nowhere.
+    needs_display
+        Whether it is made for a panel.
+    command
+        What writes it on the command line; the name of a file asks only for kinds of ``export``.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    purpose: ClassVar[str]
+    ending: ClassVar[str]
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    mark: ClassVar[str] = ""
+    contents: ClassVar[str] = ""
+    parameters: ClassVar[type] = NoParameters
+    options: ClassVar[tuple[Option, ...]] = ()
+    megabytes: ClassVar[float] = 0
+    group: ClassVar[str] = "further"
+    needs_display: ClassVar[bool] = False
+    command: ClassVar[str] = "export"
+
+    @abstractmethod
+    def write(self, field: VoxelField, path: Path, parameters: Any,
+              context: ExportContext) -> dict[str, Any]:
+        """Write the file, which appears under its name when it is whole.
+
+        Parameters
+        ----------
+        field
+            The field; a `StyledField` where the file holds one.
+        path, parameters, context
+            The file; an instance of ``parameters``; what else there is.
+
+        Returns
+        -------
+        figures
+            For ``--json``; whole numbers are also printed. ``out``, where the file has another name
+            than ``path``, and ``bytes``, where there are files beside it.
+
+        Raises
+        ------
+        UserError
+            If the parameters make no sense or the file can't be written.
+        """
+
+    def check(self) -> None:
+        """Complain of a class that can't be used; those of other packages are looked at."""
+        for name in ("name", "title", "purpose", "ending"):
+            if not isinstance(getattr(self, name, None), str):
+                raise TypeError(f"it has no {name}")
+        if not is_dataclass(self.parameters):
+            raise TypeError("its parameters are no data class")
+        self.parameters()
+        {option.name: option.type for option in self.options}
+
+    @property
+    def kind(self) -> str:
+        """What ``--kind`` calls it."""
+        return self.contents or self.name
+
+    @property
+    def written(self) -> tuple[str, ...]:
+        """All suffixes that it can be written with, the usual one first."""
+        return self.suffixes or (Path(f"x{self.ending}").suffix,)
+
+    def claim(self, path: Path) -> int:
+        """How clearly a file's name asks for this kind.
+
+        0: not at all, 1: by its suffix, 2: by a mark in its stem.
+        """
+        if path.suffix.lower() not in self.written:
+            return 0
+        if not self.mark:
+            return 1
+        return 2 if path.stem.lower().endswith(self.mark) else 0
+
+    def make(self, field: VoxelField, path: Path, parameters: Any = None,
+             context: ExportContext | None = None) -> dict[str, Any]:
+        """Write the file; its figures with ``kind``, ``out`` and ``bytes``.
+
+        Raises
+        ------
+        UserError
+            As `write`, and where the code of another package fails.
+        """
+        with blamed(self):
+            figures = self.write(field, path, self.parameters() if parameters is None
+                                 else parameters, context or ExportContext())
+            out = Path(figures.get("out", path))
+            return {"kind": self.kind, "bytes": out.stat().st_size, **figures, "out": out}
+
+    def chosen(self, options: Mapping[str, Any]) -> Any:
+        """Parameters by the options that the studio asks for; an empty text leaves its default."""
+        with blamed(self):
+            return self.parameters(**{name: value for name, value in options.items()
+                                      if value != ""})
+
+    def facts(self, figures: Mapping[str, Any]) -> list[str]:
+        """What the command line says of a file: the numbers of what is in it."""
+        counts = [f"{value:,} {name}" for name, value in figures.items()
+                  if isinstance(value, int) and name != "bytes"]
+        return [*counts, *([f"{figures['psnr']:.1f} dB to the field"] if "psnr" in figures else [])]
+
+    def entry(self) -> dict[str, Any]:
+        """As the studio's page and ``--json`` have it."""
+        return {"kind": self.name, "title": self.title, "purpose": self.purpose,
+                "suffix": Path(f"x{self.ending}").suffix, "group": self.group,
+                "about_bytes": round(1e6 * self.megabytes), "needs_display": self.needs_display,
+                "options": [{**asdict(one), "type": one.type} for one in self.options]}

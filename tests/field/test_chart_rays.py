@@ -1,0 +1,85 @@
+"""Rays of a chart stop at the surface that a plain march finds; no lattice point is missed."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from lfportrait.field.geometry.chart import WITHIN, Chart, read_surface
+from lfportrait.field.harmonics import C0
+from lfportrait.field.trimming import Cut
+from tests.fields import head_field
+
+FRAME = np.array([[0.8, 0.0, -0.6, 0.03], [0.0, 1.0, 0.0, -0.02], [0.6, 0.0, 0.8, 0.01],
+                  [0, 0, 0, 1]]) * [[1.3], [1.3], [1.3], [1.0]]
+
+
+def chart(frame=None, rows=24, level=16, columns=30):
+    axis = np.stack([np.full(rows, 0.02), np.minimum(np.arange(rows), level - 1) * 0.08 - 1.0,
+                     0.01 * np.minimum(np.arange(rows), level - 1)], axis=1)
+    elevation = np.maximum(np.arange(rows) - (level - 1), 0) * 0.17
+    angle = (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi
+    return Chart(axis, elevation, angle, 0.08, level, frame)
+
+
+def plain_march(field, one, cut):
+    """`read_surface`, a ray after the other."""
+    voxel = float(field.spacing.mean())
+    distance, color = np.full((24, 30), np.nan), np.zeros((24, 30, 3))
+    reach = float(np.linalg.norm(np.abs(field.bounds - one.origins[-1]).max(axis=0)))
+    low = field.bounds[0] + 0.5 * field.spacing
+    for v, u in np.ndindex(24, 30):
+        left, behind, seen = 1.0, 0, np.zeros(3)
+        for away in np.arange(reach, 0.0, -voxel):
+            point = one.origins[v] + away * one.rays[v, u]
+            place = np.rint((point - low) / field.spacing).astype(int)
+            row = -1
+            if ((place >= 0) & (place < field.links.shape[::-1])).all():
+                row = field.links[tuple(place[::-1])]
+            if row < 0 or (cut is not None and cut.above(point) <= 0):
+                after = left
+            else:
+                after = left * np.exp(-max(field.density[row], 0) * voxel)
+                seen += (left - after) * np.clip(0.5 + C0 * field.sh[row, :, 0], 0, 1)
+            if left >= 0.5 > after:
+                distance[v, u] = away + voxel * (1 - (left - 0.5) / (left - after))
+            left, behind = after, behind + (after < 0.5)
+            if behind > WITHIN:
+                break
+        color[v, u] = seen / max(1 - left, 1e-6)
+        if left >= 0.1:
+            distance[v, u] = np.nan
+    return distance, color
+
+
+@pytest.mark.parametrize("cut", [None, Cut(np.array([0.0, 1.0, 0.0]), -0.4)])
+@pytest.mark.parametrize("frame", [None, FRAME])
+def test_a_surface_is_read_as_by_a_plain_march(cut, frame):
+    field, one = head_field(24), chart(frame)
+    distance, color = read_surface(field, one, cut)
+    expected, shade = plain_march(field, one, cut)
+    assert np.isfinite(expected).any() and (cut is None or np.isnan(expected).any())
+    assert np.array_equal(np.isnan(distance), np.isnan(expected))
+    assert np.allclose(distance, expected, atol=1e-4, equal_nan=True)
+    assert np.allclose(color, shade, atol=1e-4)
+
+
+@settings(max_examples=15, deadline=None)
+@given(some.integers(0, 10 ** 6), some.booleans())
+def test_no_lattice_point_between_two_surfaces_is_missed(seed, turned):
+    generator = np.random.default_rng(seed)
+    field, one = head_field(24), chart(FRAME if turned else None)
+    low = 0.1 + 0.3 * generator.random(24)
+    high = low + 0.2 * generator.random(24)
+    box = generator.uniform(-1.2, 1.2, (2, 3))
+    cells = one.cells_between(field, low, high, box)
+    empty = np.argwhere(field.links < 0)[:, ::-1]
+    places, away = one.places(field.bounds[0] + field.spacing * (empty + 0.5))
+    row = np.clip(np.rint(places[0]).astype(int), 0, 23)
+    first, last = (np.rint((corner - field.bounds[0]) / field.spacing - 0.5)
+                   for corner in (box.min(0), box.max(0)))
+    wanted = ((places[0] >= 0) & (places[0] <= 23) & (away > low[row]) & (away < high[row])
+              & (empty >= first).all(1) & (empty <= last).all(1))
+    found = set(map(tuple, cells))
+    assert len(found) == len(cells)
+    assert set(map(tuple, empty[wanted])) <= found <= set(map(tuple, empty))
