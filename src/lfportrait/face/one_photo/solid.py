@@ -41,6 +41,9 @@ NECK_OVERLAP = 0.05
 """How far the body goes up into the model's neck, portrait units."""
 SOFT_NECK, SOFT_HAIR = 0.03, 0.008
 """Widths of the joints, portrait units."""
+TAPER, RECEDING = 0.12, 0.15
+"""Height from which on the model's neck, downwards, and the body's, upwards, recede behind, and by
+how much at their ends: else each would stand out from the other's nape as a ledge."""
 LOWEST = -1.35
 """Nothing lies lower."""
 
@@ -114,15 +117,21 @@ class Solid:
         """
         head = np.full(len(points), np.inf)
         asked = np.ones(len(points), bool) if near is None else near
-        head[asked] = np.maximum(self.head.distance(points[asked], reach),
-                                 self.neck[3] - points[asked] @ self.neck[:3])
+        places, depth = self.parts.places(points)
+        above = points @ self.neck[:3] - self.neck[3]
+        receding = np.zeros(len(points))
+        if self.body is not None:
+            receding = RECEDING * np.clip((depth - self.body.middle.mean()) / RECEDING, 0, 1)
+        head[asked] = np.maximum(
+            self.head.distance(points[asked], reach)
+            + receding[asked] * np.clip(1 - above[asked] / TAPER, 0, 1) ** 2, -above[asked])
         owner = np.full(len(points), HEAD, np.uint8)
         out = head
-        places, depth = self.parts.places(points)
         if self.body is not None:
             # It goes on into the neck, up to a plane.
-            body = np.maximum(self.body.distance(self.parts, places, depth),
-                              points @ self.neck[:3] - self.neck[3] - NECK_OVERLAP)
+            above -= NECK_OVERLAP
+            body = np.maximum(self.body.distance(self.parts, places, depth)
+                              + receding * np.clip(1 + above / TAPER, 0, 1) ** 2, above)
             owner[body < out] = BODY
             out = _joined(out, body, SOFT_NECK)
         if self.hair is not None:
