@@ -170,7 +170,7 @@ def test_missing_empty_and_too_few_photos(tmp_path: Path) -> None:
         write_image(tmp_path / f"{count}.png", texture(count, 64))
         with pytest.raises(UserError, match=rf"only {count} usable photo"):
             calibrate(tmp_path)
-    with pytest.raises(UserError, match="neither a folder"):
+    with pytest.raises(UserError, match="neither a photo"):
         calibrate(tmp_path / "notes.txt")
 
 

@@ -25,7 +25,7 @@ from ..capture import (
     follow_head,
     is_calibrated,
     is_video,
-    picture_files,
+    photo_listing,
     portrait_frame_from_landmarks,
     read_photos,
 )
@@ -240,8 +240,9 @@ def _least_by_face(capture: Capture, landmarks: dict[str, Any], need_face: bool)
 
 def _few(photos: Path) -> bool:
     """Whether there are too few photos to find cameras by what they have in common."""
-    return not (is_calibrated(photos) or is_video(photos)) and len(
-        picture_files(photos, say=False)) < _FEWEST
+    if is_calibrated(photos) or is_video(photos):
+        return False
+    return not photos.is_dir() or 0 < len(photo_listing(photos).files) < _FEWEST
 
 
 def _portrait(photos: Path, config: CalibrateConfig, progress: Progress | None,

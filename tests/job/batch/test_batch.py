@@ -190,7 +190,8 @@ def bad_studio(studio, tmp_path, monkeypatch):
     for number in range(4):
         write_image(folder / "sittings" / "noise" / f"{number}.png",
                     random.integers(0, 256, (96, 128, 3), dtype=np.uint8))
-    write_image(folder / "sittings" / "two" / "1.png", np.zeros((8, 8, 3)))
+    (folder / "sittings" / "none").mkdir()
+    (folder / "sittings" / "none" / "notes.txt").write_text("no photo")
     torn = shutil.copytree(folder / "sittings" / "anna", folder / "sittings" / "torn")
     picture = sorted(torn.rglob("view_003*.png"))[0]
     picture.write_bytes(picture.read_bytes()[:200])
@@ -203,18 +204,18 @@ def test_bad_sitters_stop_nobody_else(made, bad_studio, copy, inline):
     shutil.rmtree(copy / "bert" / "chalk")
     events = []
     figures = batch(bad_studio / "jobs.toml", copy, watchers=[events.append])
-    assert set(figures["failed"]) == {"noise/capture", "torn/capture", "two",
+    assert set(figures["failed"]) == {"noise/capture", "torn/capture", "none",
                                       "vague/capture"}
     assert "overlap" in figures["failed"]["noise/capture"]
     assert "view_003" in figures["failed"]["torn/capture"]
-    assert "too few" in figures["failed"]["two"]
+    assert "no photos" in figures["failed"]["none"]
     assert "not valid JSON" in figures["failed"]["vague/capture"]
     assert digests(copy).items() >= digests(made[0]).items()
     states = Counter((row["sitter"], row["state"]) for row in figures["jobs"])
     assert states == {("anna", "done"): 6, ("bert", "done"): 6, ("noise", "failed"): 6,
-                      ("torn", "failed"): 6, ("two", "failed"): 1, ("vague", "failed"): 6}
+                      ("torn", "failed"): 6, ("none", "failed"): 1, ("vague", "failed"): 6}
     page = (copy / "index.html").read_text()
-    assert "noise/capture" in page and "too few" in page
+    assert "noise/capture" in page and "no photos" in page
     assert batch_status(copy)[1]["failed"] == figures["failed"]
     # They are tried again, and only they.
     again = []

@@ -6,12 +6,10 @@ import sys
 import time
 from collections import Counter
 
-import numpy as np
 import pytest
 
 from lfportrait import models
 from lfportrait.errors import UserError
-from lfportrait.files import write_image
 from lfportrait.job.batch import load_jobs, prepare_batch
 from lfportrait.job.batch.costs import Estimates, cores_of_a_task
 from lfportrait.job.batch.driver import _Left
@@ -104,11 +102,12 @@ def test_methods_without_skin_need_none(studio, jobs_text):
     assert "anna/skin-48" in plan.tasks["anna/ken/styled"].needs
 
 
-def test_too_few_photos_refuse_their_sitter_alone(studio, jobs_text, tmp_path):
+def test_a_folder_without_photos_refuses_its_sitter_alone(studio, jobs_text, tmp_path):
     folder = shutil.copytree(studio, tmp_path / "studio")
-    write_image(folder / "sittings" / "cora" / "1.png", np.zeros((8, 8, 3)))
+    (folder / "sittings" / "cora").mkdir()
+    (folder / "sittings" / "cora" / "notes.txt").write_text("no photo")
     plan = planned(folder, jobs_text)
-    assert list(plan.refused) == ["cora"] and "too few" in plan.refused["cora"]
+    assert list(plan.refused) == ["cora"] and "no photos" in plan.refused["cora"]
     assert len(plan.tasks) == 22
 
 
