@@ -119,7 +119,7 @@ class Progress:
         return int(count[1]) / max(1, int(count[2])) if count else None
 
     def _tick(self) -> None:
-        """Draw the line anew every second, until it is closed: the time goes on."""
+        """Draw the line again every second, until it is closed: the time goes on."""
         while not self._closed.wait(1.0):
             with self._lock:
                 if self.enabled and self._due(self._note, 0.9 if self._tty else 10.0):

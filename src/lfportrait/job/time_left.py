@@ -1,6 +1,6 @@
 """The time that a job will still take, from what its steps usually cost.
 
-Each stage shows a few steps on its progress line, and how long one takes can't be told from the
+Each stage shows a few steps on its progress line, and how long one takes can't be seen from the
 ones before it. So there is a table of what each step usually costs (`usual_steps`). The steps that
 are still to come are added up by it. That this machine is another one, or has other work, is learnt
 from the steps that are done: all that is to come is scaled by what they took over what they were to
@@ -32,7 +32,7 @@ _MOST = 8.0
 
 
 class TimeLeft:
-    """The steps of a job, told by its progress lines what is being done (`progress.Outlook`).
+    """The steps of a job, as its progress lines name them (`progress.Outlook`).
 
     Parameters
     ----------

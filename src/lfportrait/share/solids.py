@@ -108,7 +108,7 @@ def write_splats(field: VoxelField, path: Path, config: ExportConfig,
     if config.world == "source" and up != "auto":
         raise UserError(f"--splats.up {up} does not go with --world source, whose coordinates are "
                         "kept as they are; leave one of them away")
-    is_down(suffix, up)  # what can't be written is told before the fit
+    is_down(suffix, up)  # what can't be written is refused before the fit
     splats, psnr = field_splats(field, config.splats, context.tell)
     splats = (splats.moved(np.linalg.inv(field.frame)) if config.world == "source"
               else framed(splats, suffix, up))
