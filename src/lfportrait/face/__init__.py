@@ -13,7 +13,7 @@ from .. import models
 from ..cache import key_of
 from .detect import detect_faces, detect_landmarks, face_mesh, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
-from .limits import PORTRAIT_CONE
+from .limits import FIT, PORTRAIT_CONE
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
 from .pose import FacePose, face_pose
@@ -64,7 +64,7 @@ def capture_from_faces(photos: Path, config: Any, progress: Any = None) -> Any:
 
 def is_portrait(capture: Any) -> bool:
     """Whether a capture's head was fitted to its photos (`one_photo`)."""
-    return "head_fit" in capture.figures
+    return FIT in capture.figures
 
 
 def portrait_capture(photos: Any, progress: Any = None) -> Any:

@@ -1,6 +1,8 @@
-"""How far a head from one photo can be looked at."""
+"""A head from one photo: how it is recognised, and how far around it can be looked at."""
 
-__all__ = ["PORTRAIT_CONE"]
+__all__ = ["FIT", "PORTRAIT_CONE"]
 
 PORTRAIT_CONE = 40.0
 """Degrees in all."""
+FIT = "head_fit"
+"""Key of a capture's figures under which the fit of a head is kept."""

@@ -6,6 +6,6 @@ the head laid over its photo (`warp`), hair and body inflated from the matte (`r
 points of a lattice around the surface (`lattice`), and their colors (`paint`).
 """
 
-from .portrait import FIT, is_portrait, portrait_capture, portrait_field
+from .portrait import portrait_capture, portrait_field
 
-__all__ = ["FIT", "is_portrait", "portrait_capture", "portrait_field"]
+__all__ = ["portrait_capture", "portrait_field"]

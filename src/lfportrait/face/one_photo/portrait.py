@@ -17,7 +17,7 @@ from ...progress import Progress
 from ..detect import detect_faces
 from ..head_fit import HeadFit, Picture, View, check_faces, fit_head
 from ..head_prior import HeadPrior, generic_prior, head_prior
-from ..limits import PORTRAIT_CONE
+from ..limits import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .lattice import shell_of
 from .paint import Shot, painted
@@ -26,20 +26,13 @@ from .samples import MeshSamples
 from .solid import solid_of
 from .warp import warped
 
-__all__ = ["FIT", "is_portrait", "portrait_capture", "portrait_field"]
+__all__ = ["portrait_capture", "portrait_field"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-FIT = "head_fit"
-"""Key of a capture's figures under which the fit is kept."""
 _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
-
-
-def is_portrait(capture: Capture) -> bool:
-    """Whether a capture's head was fitted to its photos, so that `portrait_field` makes it."""
-    return FIT in capture.figures
 
 
 def portrait_capture(photos: list[Photo], progress: Progress | None = None,
