@@ -36,6 +36,7 @@ _REACH = 1.2  # distance from the origin to which the person may reach towards t
 _WIDEST = 100.0  # degrees between two cameras from which on the anchors are too far apart
 _CLOSE = 0.75  # a wall at more than this part of the person's inverse depth hides as the person does
 _PLAIN = 0.3  # part of the person's inverse depth at which a wall without texture is put
+_TEXTURED = 0.03  # part of the room with depth that is needed to believe it
 _FEWEST = 200  # points of the room, fewer of which say nothing
 _BEHIND, _BEFORE = 0.35, 0.6  # parts of the way from the room to the person, in inverse depth
 _HUNCH = 0.02  # weight of what the network takes for the person and depth says nothing of
@@ -132,14 +133,15 @@ class CleanPlates:
         views = views[np.linspace(0, len(views) - 1, min(_ANCHORS, len(views))).astype(int)]
         maps = sweep_depth(capture, views, _REACH, endless=True, planes=_PLANES)
         small = [_reduced(mattes[view], one.depth.shape) for view, one in zip(views, maps)]
-        person, room = (np.concatenate([1.0 / one.depth[mask & np.isfinite(one.depth)]
-                                        for one, mask in zip(maps, masks)])
+        person, room = (np.concatenate([1.0 / one.depth[mask] for one, mask in zip(maps, masks)])
                         for masks in ([matte > 0.9 for matte in small],
                                       [_away(matte) for matte in small]))
-        if len(person) < _FEWEST:
+        if np.isfinite(person).sum() < _FEWEST:
             return None
-        near = float(np.median(person))
-        far = float(np.median(room)) if len(room) >= _FEWEST else _PLAIN * near
+        near = float(np.nanmedian(person))
+        # A wall without texture has depth here and there, and wrong.
+        plain = np.isfinite(room).mean() < _TEXTURED if len(room) else True
+        far = _PLAIN * near if plain else float(np.nanmedian(room))
         return cls(capture, mattes, views, maps, near, far) if far < _CLOSE * near else None
 
     def _surface(self, camera: Camera) -> Plane:
