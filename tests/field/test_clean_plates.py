@@ -36,7 +36,8 @@ def photo(cameras, view, plain=False):
     image[ball] = np.array([0.8, 0.55, 0.4]) * (0.7 + 0.5 * texture(near, 2, 12.0)[:, :1])
     shape = int(cameras.height[view]), int(cameras.width[view])
     noise = np.random.default_rng(view).normal(0, 0.008, (len(ball), 3))
-    return np.uint8(np.clip(image + noise, 0, 1) * 255 + 0.5).reshape(*shape, 3), ball.reshape(shape)
+    levels = np.uint8(np.clip(image + noise, 0, 1) * 255 + 0.5)
+    return levels.reshape(*shape, 3), ball.reshape(shape)
 
 
 def filmed(plain=False, degrees=14.0, gains=None):

@@ -34,7 +34,7 @@ _ANCHORS, _PLANES = 16, 48
 _SIDE = 480  # height or width of a plate
 _REACH = 1.2  # distance from the origin to which the person may reach towards the cameras
 _WIDEST = 100.0  # degrees between two cameras from which on the anchors are too far apart
-_CLOSE = 0.75  # a wall at more than this part of the person's inverse depth hides as the person does
+_CLOSE = 0.75  # part of the person's inverse depth above which a wall moves like the person
 _PLAIN = 0.3  # part of the person's inverse depth at which a wall without texture is put
 _TEXTURED = 0.03  # part of the room with depth that is needed to believe it
 _FEWEST = 200  # points of the room, fewer of which say nothing
@@ -225,7 +225,7 @@ class CleanPlates:
         room = -0.5 * (squared + np.log(plate.variance)).sum(axis=-1)
         # The person's colors are those that the network calls so, but for what is the wall's.
         alike = (squared.sum(axis=-1) < 9.0) & (plate.variance.mean(axis=-1) < 0.06**2)
-        own, near = color_likelihood(image, np.float32((matte > 0.8) & ~alike), 4)
+        own, near = color_likelihood(image, ((matte > 0.8) & ~alike).astype(np.float32), 4)
         # A color that neither has is a new one of the person's: nobody else came in.
         odds = np.clip(np.maximum(own, -8.0) - np.maximum(room, -14.0), -_CERTAIN, _CERTAIN)
         odds = cv2.GaussianBlur(np.where(near > 0.01, odds, 0.0).astype(np.float32), (0, 0), 0.6)
@@ -323,7 +323,7 @@ def _completed(color: NDArray[np.float32], noise: Plane, known: Plane) -> Plate:
     weighted = color * sure[..., None]
     sums = np.dstack([cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (
         sure.astype(np.float32), weighted, weighted * color)])
-    around = _continued(sums, 4.0)
+    around = _continued(np.asarray(sums, np.float32), 4.0)
     mean, square = (np.asarray(cv2.resize(part, sure.shape[::-1], interpolation=cv2.INTER_LINEAR))
                     for part in (around[..., :3], around[..., 3:]))
     spread = np.maximum(square - mean**2, 0.0) + 0.03**2

@@ -28,7 +28,7 @@ def compose_plate(  # type: ignore[no-untyped-def]
     wanted
         uint8 [h, w], zero where nothing is to be filled.
     camera, others
-        float64 [16] and [K, 16]: pose row by row, focal, principal point, in pixels of the pictures.
+        float64 [16] and [K, 16]: pose row by row, focal, principal point in pixels.
     pictures
         uint8 [K, H, W, 4], sRGB and the weight of each pixel: how surely it shows the surface.
     gains
