@@ -25,6 +25,7 @@ from .frame import (
 )
 from .late_pictures import LatePictures
 from .mattes import (
+    color_likelihood,
     consistent_mattes,
     matte_agreement,
     mattes_share,
@@ -45,7 +46,7 @@ __all__ = [
     "Capture", "CaptureFormat", "DataSet", "DataSetFacts", "DepthFacts", "HeadMotion",
     "LatePictures", "Lens", "Photo",
     "PhotosError", "PictureFacts", "Shot", "VideoFacts", "Views", "calibrate",
-    "capture_formats", "consistent_mattes",
+    "capture_formats", "color_likelihood", "consistent_mattes",
     "contact_sheet", "data_set_facts", "fineness", "focus_point", "follow_head", "font",
     "held_out_views", "is_calibrated", "is_video", "load_photos", "looks_normalised",
     "matte_agreement", "mattes_share", "photo_listing", "picture_facts", "picture_files",

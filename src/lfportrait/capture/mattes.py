@@ -27,8 +27,8 @@ from .camera import Camera
 from .capture import Capture
 from .kernels.voting import cover_views, vote_lattice
 
-__all__ = ["consistent_mattes", "matte_agreement", "refine_changes", "refine_matte",
-           "views_share"]
+__all__ = ["color_likelihood", "consistent_mattes", "matte_agreement", "refine_changes",
+           "refine_matte", "views_share"]
 
 Plane = NDArray[np.float32]
 
@@ -50,12 +50,24 @@ def _invert(upper: list[NDArray[Any]]) -> tuple[list[NDArray[Any]], NDArray[Any]
     return [term / determinant for term in (i00, i01, i02, i11, i12, i22)], determinant
 
 
-def _log_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
-                    ) -> tuple[Plane, Plane]:
+def color_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
+                     ) -> tuple[Plane, Plane]:
     """Log-likelihood of each pixel's color under the Gaussian of the colors near it.
 
-    The colors within 6 cells count by ``weight``; their mean weight is returned as well. The
-    Gaussians change slowly: they are found once for each block of ``cell`` x ``cell`` pixels.
+    Parameters
+    ----------
+    image
+        float32 [H, W, 3] in [0, 1].
+    weight
+        float32 [H, W], by which the colors count.
+    cell
+        The colors within 6 cells of so many pixels count. The Gaussians change slowly: they are
+        found once for each block of ``cell`` x ``cell`` pixels.
+
+    Returns
+    -------
+    likelihood, near
+        float32 [H, W] each: without the constant, and the mean weight near a pixel.
     """
     height, width = weight.shape
     blocks = (-(-width // cell), -(-height // cell))
@@ -166,8 +178,8 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
         return np.clip(coarse, 0, 1)
     person = (coarse > 0.5) & ~band
     behind = (coarse <= 0.5) & ~band
-    inside, near_person = _log_likelihood(guide, person.astype(np.float32), cell)
-    outside, near_behind = _log_likelihood(guide, behind.astype(np.float32), cell)
+    inside, near_person = color_likelihood(guide, person.astype(np.float32), cell)
+    outside, near_behind = color_likelihood(guide, behind.astype(np.float32), cell)
     # The network's word counts as well: its log-odds, bounded so that colors can outvote them.
     prior = np.log(np.clip(coarse, 0.02, 0.98) / np.clip(1 - coarse, 0.02, 0.98))
     known = (near_person > 0.01) & (near_behind > 0.01)

@@ -63,9 +63,10 @@ def cut_person(capture: Capture, progress: Progress | None = None,
                soft: list[Plane] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
-    A network's mattes, made consistent over the views, freed of what the photos' depth puts
-    elsewhere and sharpened along the photos' edges, where they agree; where they do not, as with a
-    sculpture, the object that the cameras look at, cut out by its geometry
+    A network's mattes where they agree: corrected by what other photos show behind the person
+    (`lfportrait.field.geometry.clean_plates`), or else made consistent over the views and freed of
+    what the photos' depth puts elsewhere, and sharpened along the photos' edges. Where they do not
+    agree, as with a sculpture, the object that the cameras look at, cut out by its geometry
     (`lfportrait.field.geometry.cutout`).
 
     Parameters
@@ -115,12 +116,16 @@ def cut_person(capture: Capture, progress: Progress | None = None,
 
 def _along_edges(capture: Capture, soft: list[Plane], sure: bool,
                  progress: Progress | None) -> list[Plane]:
-    """A network's mattes along the photos' edges, where the views and their depth agree on them.
+    """A network's mattes, corrected by what is behind the person and along the photos' edges.
 
-    Where these change a matte much, it is laid along the edges once more.
+    Where the views do not show what is behind, they and their depth vote on the mattes instead;
+    where these change a matte much, it is laid along the edges once more.
     """
-    from ..field.geometry import trim
+    from ..field.geometry import plate_mattes, trim
 
+    mattes = plate_mattes(capture, soft, progress) if sure else None
+    if mattes is not None:
+        return mattes
     if progress is not None:
         progress.update(0, "cutting out the person: edges")
     # Two at a time at the most: each photo's planes take a few hundred megabytes.

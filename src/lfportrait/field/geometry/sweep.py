@@ -57,8 +57,8 @@ class DepthMap:
         return np.asarray(local @ self.camera.pose[0, :3, :3].T + self.camera.pose[0, :3, 3])
 
 
-def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0,
-                ) -> list[DepthMap]:
+def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0, *,
+                endless: bool = False, planes: int = _PLANES) -> list[DepthMap]:
     """Depth maps of the given views, each with only what its neighbours confirm.
 
     Parameters
@@ -70,6 +70,10 @@ def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0,
     reach
         The planes of each view are dense up to this distance from the origin and few beyond; by
         default they are the same for all views and as dense far away.
+    endless
+        Have the planes go on to infinity, so that a wall is found however far it is.
+    planes
+        How many planes.
     """
     small = [small_view(capture, int(view)) for view in views]
     cameras = [item.camera for item in small]
@@ -81,12 +85,16 @@ def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0,
     else:
         near = np.full(len(small), 0.3 * distance.min())
         far = np.full(len(small), 6.0 * np.median(distance))
-    inverse = np.linspace(1.0 / far, 1.0 / near, _PLANES, axis=1)
+    # The best plane is never the last one: there is one more, beyond infinity.
+    least = -1.0 / (planes * near) if endless else 1.0 / far
+    inverse = np.linspace(least, 1.0 / near, planes, axis=1)
     neighbours = [_neighbours(view, position, forward) for view in range(len(small))]
     greys = [item.image.mean(axis=2) for item in small]
     with ThreadPoolExecutor(numba.get_num_threads()) as workers:
         found = list(workers.map(lambda view: _match(
             greys, cameras, view, neighbours[view], inverse[view]), range(len(small))))
+    if endless:
+        found = [np.maximum(one, np.float32(1e-3)) for one in found]
     steps = inverse[:, 1] - inverse[:, 0]
     return [DepthMap(item.camera, item.image,
                      _confirmed(view, found, cameras, neighbours[view], steps))
