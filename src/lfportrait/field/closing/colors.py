@@ -3,7 +3,7 @@
 Where photos end, their colors go on: a membrane hangs from the last cells that they show well
 (Laplace's equation: the smooth colors with the photos' own at the border, Perez et al. 2003 with no
 gradients within). Hair and skin keep apart. A membrane alone is flat: hair beside its strands would
-look like a cap, so their detail is laid on as in a mirror that stands where photos end.
+look like a cap, so their detail is laid on as in mirrors that stand where photos end.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ BORDER = 1.5
 a streak; broader, the border would show as a step."""
 STRANDS = 3.0
 """Sigma, in cells, of the colors that the detail of hair is what is left of."""
+GRAIN = 0.8
+"""Sigma, in cells, of what in that detail is noise."""
 
 
 def continued_colors(colors: Float64, well: Bools, upwards: Float64 | float,
@@ -45,20 +47,32 @@ def continued_colors(colors: Float64, well: Bools, upwards: Float64 | float,
     for part in (hair, ~hair):
         base[part] = smoothed(colors, well & part, BORDER)[part]
     out = continued(base, well, upwards=upwards, apart=hair)
-    out[hair] += _mirrored(colors - smoothed(colors, well & hair, STRANDS), well & hair)[hair]
+    shown = well & hair
+    detail = smoothed(colors, shown, GRAIN) - smoothed(colors, shown, STRANDS)
+    out[hair] += _mirrored(detail, shown)[hair]
     return out
 
 
 def _mirrored(detail: Float64, shown: Bools) -> Float64:
-    """Detail [V, U, C] beyond the shown cells, as a mirror at their border shows it; 0 else."""
+    """Detail [V, U, C] beyond the shown cells, as mirrors at their ends show it; 0 else.
+
+    The mirrors stand left and right where hair ends in most rows, so that strands stay whole, and
+    at the highest row.
+    """
     rows, columns = shown.shape
-    if not shown.any():
-        return np.zeros_like(detail)
-    around = np.tile(shown, 3)
-    nearest = ndimage.distance_transform_edt(~around, return_distances=False, return_indices=True)
-    row, column = (2 * found - place for found, place in zip(nearest, np.indices(around.shape)))
-    row, column = (part[:, columns:2 * columns] for part in (row, column))
-    inside = (row >= 0) & (row < rows) & ~shown
-    row, column = np.clip(row, 0, rows - 1), column % columns
-    inside &= shown[row, column]
-    return np.where(inside[..., None], detail[row, column], 0.0)
+    out = np.zeros_like(detail)
+    some = np.flatnonzero(shown.any(axis=1))
+    if not len(some):
+        return out
+    row = np.abs(np.arange(rows) - some[-1])
+    row = np.clip(some[-1] - row, some[0], None)
+    ends = np.stack([shown[some].argmax(axis=1), columns - 1 - shown[some, ::-1].argmax(axis=1)])
+    low, high = (int(np.median(part)) for part in ends)
+    width = max(high - low, 1)
+    # There and back again, as between two mirrors.
+    place = (np.arange(columns)[None] - low) % (2 * width)
+    column = np.clip(low + np.where(place > width, 2 * width - place, place), 0, columns - 1)
+    row, column = np.broadcast_arrays(row[:, None], column)
+    found = ~shown & shown[row, column]
+    out[found] = detail[row, column][found]
+    return out

@@ -74,7 +74,17 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools) ->
                               np.where(well[..., None], colors, np.nan).reshape(-1, 3),
                               chart.cell / chart.scale)
     found = graph.decided(np.where(well, vote, usual).ravel(), trust.ravel())
-    return np.asarray(found.reshape(well.shape) > 0.5)
+    return _joined(found.reshape(well.shape) > 0.5, crown)
+
+
+def _joined(cells: Bools, seeds: Bools) -> Bools:
+    """Of cells [V, U] those that hang together with seeds; columns go around."""
+    pieces, count = ndimage.label(np.tile(cells, 2))
+    kept = np.zeros(count + 1, bool)
+    kept[pieces[np.tile(seeds, 2)]] = True
+    kept[0] = False
+    half = cells.shape[1]
+    return np.asarray(kept[pieces[:, :half]] | kept[pieces[:, half:]])
 
 
 def _heights(chart: Chart, distance: Float64) -> Float64:
