@@ -57,22 +57,30 @@ def _mirrored(detail: Float64, shown: Bools) -> Float64:
     """Detail [V, U, C] beyond the shown cells, as mirrors at their ends show it; 0 else.
 
     The mirrors stand left and right where hair ends in most rows, so that strands stay whole, and
-    at the highest row.
+    where it ends above and below in each column.
     """
     rows, columns = shown.shape
+    some = shown.any(axis=1)
     out = np.zeros_like(detail)
-    some = np.flatnonzero(shown.any(axis=1))
-    if not len(some):
+    if not some.any():
         return out
-    row = np.abs(np.arange(rows) - some[-1])
-    row = np.clip(some[-1] - row, some[0], None)
-    ends = np.stack([shown[some].argmax(axis=1), columns - 1 - shown[some, ::-1].argmax(axis=1)])
-    low, high = (int(np.median(part)) for part in ends)
-    width = max(high - low, 1)
-    # There and back again, as between two mirrors.
-    place = (np.arange(columns)[None] - low) % (2 * width)
-    column = np.clip(low + np.where(place > width, 2 * width - place, place), 0, columns - 1)
-    row, column = np.broadcast_arrays(row[:, None], column)
-    found = ~shown & shown[row, column]
-    out[found] = detail[row, column][found]
+    low, high = (int(np.median(ends)) for ends in _ends(shown[some]))
+    column = np.clip(_between(np.arange(columns), low, high), 0, columns - 1)
+    bottom, top = _ends(shown.T)
+    row = _between(np.arange(rows)[:, None], bottom[column], top[column])
+    found = ~shown & shown[row, column[None]]
+    out[found] = detail[row, column[None]][found]
     return out
+
+
+def _ends(shown: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first and the last shown cell of each line [N, M], [N] each."""
+    return shown.argmax(axis=1), shown.shape[1] - 1 - shown[:, ::-1].argmax(axis=1)
+
+
+def _between(place: NDArray[np.int64], low: NDArray[np.int64] | int,
+             high: NDArray[np.int64] | int) -> NDArray[np.int64]:
+    """Where places are seen between two mirrors: there and back again."""
+    width = np.maximum(np.subtract(high, low), 1)
+    way = (place - low) % (2 * width)
+    return np.asarray(low + np.where(way > width, 2 * width - way, way), np.int64)
