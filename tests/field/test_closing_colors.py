@@ -43,8 +43,8 @@ def test_the_hairline_is_this_heads_own_where_photos_show_it(line):
     truth = heights(chart, distance) > line
     colors = painted(truth)
     colors[~well] = 0.5
-    found = hair_cells(chart, distance, colors, well)
-    assert found is not None
+    found, own = hair_cells(chart, distance, colors, well)
+    assert found is not None and (own == well).mean() > 0.99
     clear = np.abs(heights(chart, distance) - line) > 0.03
     assert (found == truth)[well & clear].mean() > 0.99
     # Beside what they show it goes on; far behind, as on most heads.
@@ -58,15 +58,31 @@ def test_the_hairline_is_this_heads_own_where_photos_show_it(line):
 def test_a_head_of_one_color_has_no_hairline():
     chart, distance = head()
     colors = painted(np.zeros((ROWS, COLUMNS), bool))
-    assert hair_cells(chart, distance, colors, shown(chart)) is None
+    assert hair_cells(chart, distance, colors, shown(chart))[0] is None
 
 
 def test_a_dark_collar_is_no_hair():
     chart, distance = head()
     well = shown(chart)
     high = heights(chart, distance)
-    found = hair_cells(chart, distance, painted((high > 0.15) | (high < -0.7)), well)
+    found, own = hair_cells(chart, distance, painted((high > 0.15) | (high < -0.7)), well)
     assert found is not None and not found[high < -0.65].any()
+    assert own[well & (high < -0.7)].all()
+
+
+def test_an_ear_before_hair_is_no_skin_behind_it():
+    chart, distance = head()
+    degrees = np.abs(np.degrees(chart.angle))[None]
+    high = heights(chart, distance)
+    well = shown(chart, 100.0)
+    truth = (high > 0.15) | (high > -0.3) & (degrees > 80)
+    ear = (high > -0.15) & (high < 0.1) & (degrees > 88)
+    found, own = hair_cells(chart, distance, painted(truth & ~ear), well)
+    assert found is not None
+    behind = (high > -0.15) & (high < 0.1) & (degrees > 120)
+    assert found[behind].mean() > 0.98
+    # Its skin is not what hair goes on in.
+    assert (own & ear & found).sum() < 0.1 * (well & ear & found).sum()
 
 
 def test_colors_go_on_without_a_step_and_keep_apart():

@@ -29,6 +29,8 @@ _HAIRLINE = np.array([
 """Where hair begins on most heads: before the crown, above and behind the ears, at the nape."""
 _FACE = (-0.30, -0.02), np.radians(40.0)
 """Heights of the cheeks, and how far from the front they reach."""
+_EAR = (-0.30, 0.15, 78.0)
+"""Heights of ears, and degrees from the front from which on they are looked at."""
 _CROWN = 0.12
 """What lies so much higher than most hairlines shows the crown."""
 _ALIKE = 2.0
@@ -40,8 +42,9 @@ _USUAL = 3e-3
 _FEW = 20
 
 
-def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools) -> Bools | None:
-    """The chart's cells that are hair, bool [V, U]; None where crown and face have one color.
+def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools,
+               ) -> tuple[Bools | None, Bools]:
+    """The chart's cells that are hair, and those whose colors are those of their region.
 
     Parameters
     ----------
@@ -51,6 +54,13 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools) ->
         float64 [V, U, 3], sRGB in [0, 1].
     well
         bool [V, U], cells whose colors photos show well.
+
+    Returns
+    -------
+    hair
+        bool [V, U]; None where crown and face have one color.
+    own
+        bool [V, U], of the cells that photos show well: not an ear before hair.
     """
     height = _heights(chart, distance)
     aside = np.degrees(np.abs(chart.angle))[None]
@@ -60,21 +70,26 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools) ->
     (low, high), front = _FACE
     face = well & (height > low) & (height < high) & (np.abs(chart.angle) < front)[None]
     if min(crown.sum(), face.sum()) < _FEW:
-        return usual
+        return usual, well
     likes = [_away(colors, part) for part in (crown, face)]
     if np.median(likes[1][crown]) < _ALIKE:
-        return None
+        return None, well
     vote = 1.0 / (1.0 + np.exp(np.clip(likes[0] - likes[1], -30, 30)))
     # Dark brows, eyes and a beard are none of it: they have skin around them.
     vote = ndimage.median_filter(np.where(well, vote, usual), 3, mode="wrap")
     inner = (aside < 60.0) & (height < 0.05)
     vote = np.where(inner, 0.0, vote)
-    trust = np.where(well, (2 * vote - 1) ** 2, 0.0) + _USUAL
+    # An ear's skin says nothing of what lies behind it.
+    low, high, before = _EAR
+    ear = (height > low) & (height < high) & (aside > before) & (vote < 0.5)
+    trust = np.where(well & ~ear, (2 * vote - 1) ** 2, 0.0) + _USUAL
     graph = SurfaceGraph.over(chart.points(distance).reshape(-1, 3),
                               np.where(well[..., None], colors, np.nan).reshape(-1, 3),
                               chart.cell / chart.scale)
     found = graph.decided(np.where(well, vote, usual).ravel(), trust.ravel())
-    return _joined(found.reshape(well.shape) > 0.5, crown)
+    hair = _joined(found.reshape(well.shape) > 0.5, crown)
+    # Clothes may well have the hair's color.
+    return hair, well & ((hair == (vote > 0.5)) | (height < NAPE))
 
 
 def _joined(cells: Bools, seeds: Bools) -> Bools:

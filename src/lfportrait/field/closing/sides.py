@@ -87,7 +87,8 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     upwards = np.interp(chart.axis[:, 1], (NAPE - 0.05, NAPE + 0.05), (0.03, 1.0))
     well = shown_well(chart, chart.points(np.where(finite, distance, whole)), known & finite,
                       photos)
-    paint = continued_colors(colors, well, upwards, hair_cells(chart, whole, colors, well))
+    hair, own = hair_cells(chart, whole, colors, well)
+    paint = continued_colors(colors, own, upwards, hair)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
     closed, count = with_shell(field, shell, photos, cut)
