@@ -39,6 +39,7 @@ from .training.meter import CurveFile, Meter
 from .training.settling import settled
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
+from .unseen_directions import with_steady_colors
 
 __all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 
@@ -226,9 +227,12 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     """
     capture = trainer.capture
     surface = trainer.surface
+    cameras, middle = capture.cameras[capture.training()], np.nanmean(landmarks[[0, 16]], axis=0)
     if surface is not None:
         figures["geometry"] = _geometry(surface, progress)
-    cut = (find_cut(field, landmarks, capture.cameras[capture.training()],
+        # What is closed goes on in these colors.
+        field = with_steady_colors(field, cameras, middle)
+    cut = (find_cut(field, landmarks, cameras,
                     surely="mattes" not in capture.figures) if config.cut_base else None)
     if config.fill_back:
         if surface is not None:
@@ -241,6 +245,8 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                 if progress is not None:
                     progress.update(progress.done, "training the closed head")
                 field = settled(trainer, field)
+                if surface is not None:
+                    field = with_steady_colors(field, cameras, middle)
     if cut is not None:
         count = len(field.density)
         field = trim(field, cut)

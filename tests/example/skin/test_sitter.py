@@ -10,7 +10,8 @@ from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.appearance import grey, skin_distance
 from lfportrait.example.skin import Skin
-from lfportrait.example.skin.sitter import _clothes, _told_apart
+from lfportrait.example.skin.sitter import _as_a_whole, _clothes, _told_apart
+from lfportrait.field.surface_graph import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
 
@@ -178,6 +179,23 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
                            (angle < 0.7) & (up < 0.1), -0.75)
         clear = (np.abs(up - line) > 0.08) & (seen == 0) & (up < 0.2)
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
+
+
+def test_a_seam_where_photos_end_is_hair_between_hair_and_skin_between_skin():
+    """Half of a sheet is hair; photos end in the middle of it, where nothing is sure."""
+    x, y = (part.ravel().astype(float) for part in np.meshgrid(np.arange(80), np.arange(50)))
+    truth = y < 25
+    colors = np.where(truth[:, None], [0.3, 0.2, 0.1], [0.8, 0.6, 0.5])
+    seen = np.clip((50 - x) / 10, 0, 1).astype(np.float32)
+    seam = np.abs(x - 42) < 4
+    told = np.where(seam, np.where(truth, 0.3, 0.7), truth).astype(np.float32)
+    graph = SurfaceGraph.over(np.stack([x, y, 0 * x], axis=1), colors, 1.0)
+    found = _as_a_whole(graph, told, seen)
+    assert ((told > 0.5) == truth)[seam].mean() < 0.1
+    assert ((found > 0.5) == truth).mean() > 0.99
+    # What photos show for sure stays to the bit.
+    sure = (seen == 1) & ~seam
+    assert np.array_equal(found[sure], told[sure])
 
 
 def test_strands_in_the_color_of_skin_are_hair_and_a_bare_patch_is_not(skin):

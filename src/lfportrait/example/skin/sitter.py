@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ...capture import Camera
 from ...field import VoxelField
+from ...field.surface_graph import SurfaceGraph
 from ...labels import SURFACE_LABELS
 from ...lanes.threads import side_by_side
 from ..exemplar import face_size
@@ -63,6 +64,11 @@ BEARD = -0.45, -1.5
 """A beard lies between these (up, in the face's heights)."""
 OTHER = 2.3
 """A crown of hair is further than this from the face's colors, in standard deviations."""
+
+GRAPH = 0.025
+"""Side of the cells that regions are decided in as a whole, over the face's height."""
+UNSURE = 0.01
+"""Trust in what is said of places that no photo saw, over that in those that photos saw well."""
 
 
 _PIECE = 1 << 15
@@ -161,6 +167,8 @@ class Skin:
             hair = _hair_by_color(plane, colors, flat, seen, ears)
             if hair is None:
                 hair = hair_by_relief(plane, flat, contours, seen, ears)
+        if hair is not None and seen.min() < 1:
+            hair = _as_a_whole(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
         return Skin(atlas, plane, pixels, index, tone, detail, appearance,
@@ -345,6 +353,18 @@ def _bare_face(colors: Float32, up: Float32, front: NDArray[np.bool_], crown: ND
         if hairy[-1]:
             out &= ~part
     return out, hairy[1]
+
+
+def _as_a_whole(graph: SurfaceGraph, hair: Float32, seen: Float32) -> Float32:
+    """Hair [N] as the surface has it on the whole, where photos do not show it for sure.
+
+    Where photos end, they and the network see neither hair nor skin: a seam of skin would run
+    through the hair, and streaks of hair over a neck.
+    """
+    sure = (2 * hair - 1) ** 2
+    whole = graph.decided(hair, seen * sure + UNSURE * sure)
+    firm = seen * sure
+    return np.asarray(firm * hair + (1 - firm) * np.clip(3 * whole - 1, 0, 1), np.float32)
 
 
 def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,

@@ -16,7 +16,7 @@ from ..trimming import OPAQUE, Cut
 from .photos import Photos, behind_what_is_seen
 from .shell import Shell, with_shell
 
-__all__ = ["Closed", "close_back", "shades"]
+__all__ = ["Closed", "close_back", "shown_well"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -101,25 +101,20 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     whole = behind_what_is_seen(chart, whole, gap, photos)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
-    paint = shades(chart, chart.points(distance), colors, known, photos)
+    well = shown_well(chart, chart.points(distance), known, photos)
+    # Hair, neck and collar lie above each other: colors come from the sides.
+    paint = continued(smoothed(colors, well, 3.0), well, upwards=0.03)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(share, count)
 
 
-def shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos: Photos,
-           upwards: Float64 | float = 0.03, hair: Bools | None = None) -> Float64:
-    """Colors [V, U, 3] everywhere, from the cells that photos see well.
-
-    Those of ``hair`` [V, U] keep apart from the others.
-    """
+def shown_well(chart: Chart, points: Float64, known: Bools, photos: Photos) -> Bools:
+    """The ``known`` cells [V, U] whose points [V, U, 3] enough photos see; all if none are."""
     well = known.copy()
     well[well] = photos.seen(points[well], chart.rays[well]) >= photos.enough
-    if not well.any():
-        well = known
-    # Hair, neck and collar lie above each other: colors come from the sides.
-    return continued(smoothed(colors, well, 3.0), well, upwards=upwards, apart=hair)
+    return well if well.any() else known
 
 
 def _all_around(cameras: Camera) -> bool:

@@ -18,7 +18,9 @@ from ..geometry.head_surface import HeadSurface
 from ..geometry.plate import fitted_plate, large_pieces, smoothed
 from ..grid import VoxelField
 from ..trimming import Cut
-from .back import Closed, shades
+from .back import Closed, shown_well
+from .colors import continued_colors
+from .hairline import NAPE, hair_cells
 from .photos import Photos, behind_what_is_seen
 from .shell import Shell, with_shell
 
@@ -28,17 +30,10 @@ Float64 = NDArray[np.float64]
 
 SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
-NAPE = -0.35
-"""Height at which hair usually ends behind, portrait units."""
 RIM = 0.3
 """Weight of a surface that photos look along, over one that they see well."""
 APART = 0.08
 """A trained surface further than this from the one it started from is another thing."""
-_HAIRLINE = np.array([
-    # height, degrees from the front
-    (NAPE - 0.01, 181.0), (NAPE, 125.0), (-0.15, 108.0), (-0.02, 105.0), (0.05, 85.0), (0.20, 60.0),
-    (0.36, 0.0), (0.37, -1.0)])
-"""Where hair begins on most heads: before the crown, above and behind the ears, at the nape."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
@@ -90,16 +85,11 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
     # Behind the ears that an arc shows lies what lies above them: hair.
     upwards = np.interp(chart.axis[:, 1], (NAPE - 0.05, NAPE + 0.05), (0.03, 1.0))
-    paint = shades(chart, chart.points(np.where(finite, distance, whole)), colors,
-                   known & finite, photos, upwards, _hair(chart, whole))
+    well = shown_well(chart, chart.points(np.where(finite, distance, whole)), known & finite,
+                      photos)
+    hair, own = hair_cells(chart, whole, colors, well)
+    paint = continued_colors(colors, own, upwards, hair)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(float((area * gap).sum() / area.sum()), count)
-
-
-def _hair(chart: Chart, distance: Float64) -> NDArray[np.bool_]:
-    """Where most heads have hair, bool [V, U]: one color goes on over a bald head, too."""
-    up = np.sin(chart.elevation)[:, None] * distance * chart.scale
-    begins = np.interp(chart.axis[:, 1][:, None] + up, *_HAIRLINE.T)
-    return np.asarray(np.degrees(np.abs(chart.angle)) > begins)
