@@ -152,7 +152,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     if config.ground and not config.preview:
         clock = time.perf_counter()
         styled.backdrop = Backdrop(*known_ground(exemplars[0], seed=config.seed),
-                                   head_points(field))
+                                   head_points(shown))
         figures["seconds"]["ground"] = round(time.perf_counter() - clock, 3)
     if config.strength != 1.0 or config.keep:
         styled = styled.mix(strength=config.strength, keep=config.keep)

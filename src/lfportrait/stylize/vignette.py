@@ -36,7 +36,9 @@ STUB = 0.3
 BEFORE, BEYOND = 0.35, 0.12
 """Faces' heights before an end at which photos must show it, and beyond it, where they are asked
 what they show."""
-CUT, MOST = 0.5, 0.5
+ASLANT = 0.6
+"""Cosine between the way out at an end and the way to a photo up to which that is asked."""
+CUT, MOST = 0.5, 0.75
 """Share of the photos that do not see a place's end, and of such places, in a cut."""
 VIEWS = 10
 """Photos that are asked, at most."""
@@ -230,7 +232,10 @@ def _cut(tips: Float64, out: Float64, tall: float, capture: Capture, views: NDAr
     """Whether photos of points [K, 3] do not show the person's end there, and whether any can."""
     cameras = capture.cameras[views]
     middle = np.median(tips, axis=0)
-    facing = ((tips - middle)[None] * (cameras.position - middle)[:, None]).sum(axis=2) > 0
+    eyes = (cameras.position - middle)[:, None]
+    facing = ((tips - middle)[None] * eyes).sum(axis=2) > 0
+    # What lies beyond is seen beside the end, not before it.
+    facing &= np.abs(eyes @ out) < ASLANT * np.linalg.norm(eyes, axis=2)
     # A photo that does not even show what comes before the end says nothing of it.
     asked = facing & cameras.shows(tips - BEFORE * tall * out)
     beyond = tips + BEYOND * tall * out
