@@ -72,7 +72,7 @@ def painted_roughly(field: VoxelField, capture: Capture, exemplar: Exemplar,
     skin = Skin.of(field, capture.landmarks, capture.cameras, rough.pixels)
     styled, _ = stylize_with_figures(field, capture, exemplar, rough, device="cpu", skin=skin)
     if config.ground:  # it is kept for the finished portrait
-        styled.backdrop = Backdrop(*known_ground(exemplar, seed=config.seed), head_points(field))
+        styled.backdrop = Backdrop(*known_ground(exemplar, seed=config.seed), head_points(styled))
     return styled
 
 

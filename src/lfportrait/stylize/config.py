@@ -78,6 +78,9 @@ class StylizeConfig:
     painting (painted)."""
     wear: tuple[Wear, ...] = ()
     """On the skin: put on the sitter what the painting's wears: hat, spectacles."""
+    vignette: bool = True
+    """Let a bust that the photos cut off, below or at a side, end in strokes that thin out instead
+    of a straight cut."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
     ground: bool = True

@@ -24,6 +24,7 @@ from .notices import notices
 from .on_skin import Painters, Sitter, stylize_skin
 from .skin_fit import row_labels
 from .skin_texture import texel_rows
+from .vignette import vignetted
 
 __all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 
@@ -95,10 +96,11 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     Returns
     -------
     styled, figures
-        A field with the same density and direction-independent colors, which can be mixed again
-        (`StyledField.mix`), and the figures for ``--json``: per-term losses and gradient norms,
-        networks, ``device`` (where the networks computed; painting and fit are on the CPU),
-        ``seconds``, ``notices`` on what sitter and exemplar do not share.
+        A field with direction-independent colors, which can be mixed again (`StyledField.mix`),
+        and with the same densities but for its vignette (`lfportrait.stylize.vignette`); and the
+        figures for ``--json``: per-term losses and gradient norms, networks, ``device`` (where the
+        networks computed; painting and fit are on the CPU), ``vignette`` (where the bust is cut
+        off: below, left, right), ``seconds``, ``notices`` on what sitter and exemplar do not share.
 
     Raises
     ------
@@ -119,6 +121,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     figures: dict[str, Any] = {"method": config.method, "device": "cpu"}
     textures: list[SurfaceTexture] = []
     blocks = None
+    sitter: Sitter | None = None
     if config.on_skin:
         sitter = Sitter(field, capture, config, skin)
         colors, textures, found = stylize_skin(sitter, exemplars, config, progress, dump,
@@ -134,13 +137,22 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     # That of the networks: painting and fit are on the CPU in any case.
     figures["device"] = found.get("device", found.get("refinement", {}).get("device", "cpu"))
     figures["notices"] = notices(capture, exemplars, config)
+    shown = field
+    if config.vignette:
+        clock = time.perf_counter()
+        # Kept with the skin: all previews of a head end alike, and are laid out together.
+        shown, ends = (vignetted(field, capture, config.seed) if sitter is None else
+                       sitter.skin.once(("vignette", config.seed),
+                                        lambda: vignetted(field, capture, config.seed)))
+        figures["vignette"] = [end.name for end in ends]
+        figures["seconds"]["vignette"] = round(time.perf_counter() - clock, 3)
     photo = np.clip(C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
-    styled = StyledField.of(field, np.stack(colors), [one.name for one in exemplars], photo,
+    styled = StyledField.of(shown, np.stack(colors), [one.name for one in exemplars], photo,
                             labels, regions, textures, blocks)
     if config.ground and not config.preview:
         clock = time.perf_counter()
         styled.backdrop = Backdrop(*known_ground(exemplars[0], seed=config.seed),
-                                   head_points(field))
+                                   head_points(shown))
         figures["seconds"]["ground"] = round(time.perf_counter() - clock, 3)
     if config.strength != 1.0 or config.keep:
         styled = styled.mix(strength=config.strength, keep=config.keep)

@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import models
-from ...capture import Camera, Capture, Photo, portrait_frame_from_landmarks, refine_matte
+from ...capture import (
+    Camera,
+    Capture,
+    Photo,
+    portrait_frame_from_landmarks,
+    refine_matte,
+    some_depth,
+)
 from ...errors import UserError
 from ...field import ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
@@ -19,11 +26,12 @@ from ..head_fit import HeadFit, Picture, View, check_faces, fit_head
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..limits import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
+from .depth import Sensed, sensed_depth
 from .lattice import shell_of
 from .paint import Shot, painted
-from .parts import clean_colors, clean_hair, parts_of, signed_distance
-from .samples import MeshSamples
-from .solid import solid_of
+from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
+from .samples import MeshSamples, depth_maps
+from .solid import METRES, solid_of
 from .warp import warped
 
 __all__ = ["portrait_capture", "portrait_field"]
@@ -145,7 +153,8 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
         cameras, [one.image for one in seen],
         [np.rint(255 * np.clip(one.matte, 0, 1)).astype(np.uint8) for one in seen],
         [one.photo.name for one in seen], np.zeros(len(seen), bool), np.eye(4), points,
-        {FIT: known, "mattes": "given" if all(one.given for one in seen) else "network"})
+        {FIT: known, "mattes": "given" if all(one.given for one in seen) else "network"},
+        some_depth([one.photo.depth for one in seen]))
     return capture.reframed(portrait_frame_from_landmarks(points, cameras))
 
 
@@ -193,7 +202,8 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])))
     samples = MeshSamples.of(vertices, fit.prior.triangles, fit.prior.mean[:, 1].astype(np.float64))
     note("hair and body from the outline")
-    solid = solid_of(parts, samples)
+    sensed = _sensed(capture, parts, samples, progress)
+    solid = solid_of(parts, samples, sensed)
     note("lattice")
     shell = shell_of(solid, points)
     note("colors")
@@ -207,7 +217,24 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
                "peak_memory_bytes": peak_memory_bytes(),
                "seconds": {"train": round(time.perf_counter() - begun, 3), "test": 0.0}}
+    if sensed is not None:
+        figures["depth"] = {"off_mm": round(1000 * METRES * sensed.off, 1)}
     return field, figures
+
+
+def _sensed(capture: Capture, parts: Parts, samples: MeshSamples, progress: Progress | None,
+            ) -> Sensed | None:
+    """The depth that the first photo keeps, where it has one that fits the head."""
+    depth = capture.depths[0] if capture.depths is not None else None
+    if depth is None:
+        return None
+    found = sensed_depth(depth, capture.cameras[0], parts, depth_maps(samples, parts)[0])
+    if progress is not None:
+        progress.say("the depth that the photo keeps does not fit the face and is not used"
+                     if found is None else
+                     "hair and shoulders follow the depth that the photo keeps; in the face it is "
+                     f"{1000 * METRES * found.off:.0f} mm off")
+    return found
 
 
 def _kept_fit(capture: Capture) -> HeadFit:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
+from .depth import Sensed, hair_squares, middle_behind
 from .parts import Parts
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
@@ -150,7 +151,7 @@ def _joined(one: Float64, two: Float64, width: float) -> Float64:
     return out
 
 
-def solid_of(parts: Parts, samples: MeshSamples) -> Solid:
+def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -> Solid:
     """The solid of a person.
 
     Parameters
@@ -159,12 +160,14 @@ def solid_of(parts: Parts, samples: MeshSamples) -> Solid:
         The photo's maps.
     samples
         Of the head, warped to the photo; their values are heights in the model, metres.
+    sensed
+        The photo's own depth, where it has one.
     """
     near, far = depth_maps(samples, parts)
     band = (samples.values < NECK_TOP) & (samples.values > NECK_END)
     neck = _plane(samples.points[np.abs(samples.values - NECK_END) < 0.0015])
-    hair = _hair(parts, near, far) if parts.hair.any() else None
-    body = _body(parts, near, depth_maps(samples, parts, band), neck)
+    hair = _hair(parts, near, far, sensed) if parts.hair.any() else None
+    body = _body(parts, near, depth_maps(samples, parts, band), neck, sensed)
     return Solid(parts, samples, hair, body, neck, _end(parts, body))
 
 
@@ -214,7 +217,7 @@ def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float
     return np.asarray(out, np.float64)
 
 
-def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
+def _hair(parts: Parts, near: Float64, far: Float64, sensed: Sensed | None) -> Piece:
     """Hair as a piece: in front what the photo shows, behind the back of the head."""
     cell = parts.cell
     middle = np.asarray(cv2.GaussianBlur(_filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
@@ -227,6 +230,8 @@ def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
     least = np.where(skull, np.maximum(middle - near, 0) + ramp, 0.0) ** 2
     rim = np.clip(parts.inside * cell / CLEAR, 0, 1)
     least *= rim ** 2
+    if sensed is not None:
+        given = hair_squares(sensed, middle, hair, given, cell)
     front = inflated(hair, parts.inside, cell, source=4.0, given=given, least=least,
                      free=skin & ~skull)
     behind = _behind(parts, hair, skull)
@@ -256,7 +261,7 @@ def _behind(parts: Parts, hair: Bools, skull: Bools) -> Bools:
 
 
 def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Float64,
-          ) -> Piece | None:
+          sensed: Sensed | None) -> Piece | None:
     """Neck and shoulders as a piece that begins at the model's neck."""
     cell = parts.cell
     known = np.isfinite(band[0])
@@ -283,6 +288,8 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Flo
         thick = np.sqrt(np.maximum(q, 0))
         q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2
         squares.append(_outside(q, parts, domain, 0.0))
+    if sensed is not None:
+        middles = middle_behind(sensed, np.where(domain, squares[0], 0), middles, known, cell)
     return Piece(squares[0], squares[1], middles)
 
 

@@ -152,7 +152,7 @@ class Sitting:
             return field
         session, exemplar = self.session(look.job), self.exemplar(look.style, look.landmarks)
         backdrop = self._grounds.get(look.painted_key(), lambda: Backdrop(
-            *known_ground(exemplar, seed=session.config.seed), head_points(session.field)))
+            *known_ground(exemplar, seed=session.config.seed), head_points(field)))
         # The field itself stays as it is: its page has no ground.
         grounded = replace(field, backdrop=backdrop)
         grounded.take_layouts(field)
