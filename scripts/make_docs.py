@@ -148,7 +148,14 @@ def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
         if kind.startswith("Literal["):
             options = ast.literal_eval(kind.removeprefix("Literal"))
             choice = "One of " + ", ".join(f"`{option}`" for option in options) + ". "
-        name = f"--{entry.name.replace('_', '-')}" if flags else entry.name
+        name = entry.name
+        if kind == "MadeFrom":  # an option of another name
+            choices, option = typing.get_args(typing.get_type_hints(
+                config, include_extras=True)[entry.name])
+            choice = "One of " + ", ".join(
+                f"`{one}`" for one in typing.get_args(choices)) + ". "
+            name = option.name if flags else name
+        name = f"--{name.replace('_', '-')}" if flags else name
         meaning = (choice + docs[entry.name]).replace("|", "\\|")
         rows.append(f"| `{name}` | {default} | {meaning} |")
     return rows

@@ -113,6 +113,15 @@ function tools(viewer, stage) {
     find("ground").setAttribute("aria-pressed", String(root.dataset.ground === "light"));
     viewer.change();
   });
+  const around = find("around");
+  around.hidden = !viewer.orbit.start.limit;
+  press("around", () => {
+    viewer.orbit.free = !viewer.orbit.free;
+    around.setAttribute("aria-pressed", String(viewer.orbit.free));
+    if (!viewer.orbit.free) viewer.orbit.yaw %= 2 * Math.PI;
+    viewer.orbit.turn(0, 0); // back to where it is good
+    viewer.change();
+  });
   press("picture", () => keepPicture(viewer));
   const full = find("full");
   full.hidden = !document.fullscreenEnabled;
@@ -123,7 +132,7 @@ function tools(viewer, stage) {
   document.addEventListener("keydown", (event) => {
     const typing = event.target instanceof HTMLInputElement && event.target.type !== "range";
     if (event.ctrlKey || event.metaKey || event.altKey || typing) return;
-    const buttons = { f: "full", g: "ground", s: "picture", p: "open-panel" };
+    const buttons = { a: "around", f: "full", g: "ground", s: "picture", p: "open-panel" };
     const button = buttons[event.key] && find(buttons[event.key]);
     if (button && !button.hidden && !document.querySelector("dialog[open]")) button.click();
   });
