@@ -88,8 +88,10 @@ class Calibrate(Common):
 
 @dataclass
 class Reconstruct(Common):
-    """Reconstruct a sparse voxel radiance field (Plenoxels) from a capture, or fit a head to a
-    photo."""
+    """Reconstruct a sparse voxel radiance field (Plenoxels) from a capture.
+
+    One photo, or a few, become a field, too: a head is fitted to the face.
+    """
 
     capture: tyro.conf.Positional[Path]
     """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder; or one photo, or

@@ -4,7 +4,8 @@ svox2 keeps ``radius``, ``center``, ``links`` [X, Y, Z], ``density_data`` [N, 1]
 float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links transposed to
 [Z, Y, X] in memory and adds ``frame``, ``lfportrait_version`` and, where a field has them, the
 arrays of its texture (``texture_...``, see `SurfaceTexture`), those of a painted ground
-(``backdrop_...``, see `Backdrop`) and ``cone`` to the file. Other stages may add arrays of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
+(``backdrop_...``, see `Backdrop`) and ``cone`` to the file. Other stages may add arrays of their
+own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
 An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
 of 11 million lattice points from 46 to 3.4 MB, in 0.2 s). Densities and colors shrink by an eighth,

@@ -36,5 +36,5 @@ __all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
            "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
            "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks", "inspect",
-           "inspection_lines", "is_few", "look_at", "make", "painting_key", "prepare_capture", "run_figures",
-           "share_key", "source_key", "stage_key", "style_key", "style_picture"]
+           "inspection_lines", "is_few", "look_at", "make", "painting_key", "prepare_capture",
+           "run_figures", "share_key", "source_key", "stage_key", "style_key", "style_picture"]

@@ -51,8 +51,12 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
 
 def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-40.0, 0.0, 40.0),
                  ) -> Uint8:
-    """A head from some sides, side by side: uint8 [size, size * views, 3]."""
-    cameras = views_of(field, [(yaw, 0.0, 1.0) for yaw in yaws], size)
+    """A head from some sides, side by side: uint8 [size, size * views, 3].
+
+    From no further aside than it can be looked at.
+    """
+    most = field.cone / 2 or 360.0
+    cameras = views_of(field, [(min(max(yaw, -most), most), 0.0, 1.0) for yaw in yaws], size)
     return np.concatenate([eight_bit(seen.color) for seen in render_views(
         field, cameras, background=1.0)], axis=1)
 

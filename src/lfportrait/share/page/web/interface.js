@@ -115,13 +115,7 @@ function tools(viewer, stage) {
   });
   const around = find("around");
   around.hidden = !viewer.orbit.start.limit;
-  press("around", () => {
-    viewer.orbit.free = !viewer.orbit.free;
-    around.setAttribute("aria-pressed", String(viewer.orbit.free));
-    if (!viewer.orbit.free) viewer.orbit.yaw %= 2 * Math.PI;
-    viewer.orbit.turn(0, 0); // back to where it is good
-    viewer.change();
-  });
+  press("around", () => viewer.unlock(!viewer.orbit.free));
   press("picture", () => keepPicture(viewer));
   const full = find("full");
   full.hidden = !document.fullscreenEnabled;
