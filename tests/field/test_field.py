@@ -214,7 +214,8 @@ def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):
 
 
 @pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis", "bases",
-                                   "basis in words", "words", "nan", "cube", "frame", "cone", "compressed"])
+                                   "basis in words", "words", "nan", "cube", "frame", "cone",
+                                   "compressed"])
 def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
     path = tmp_path / "f.npz"
     field = shell_field(size=8)

@@ -116,5 +116,5 @@ def test_where_both_fail_both_are_named(tmp_path, monkeypatch):
     # By hand, the one way that was asked for.
     with pytest.raises(UserError, match=r"^the photos do not overlap$"):
         prepared(tmp_path, made_from="photos")
-    with pytest.raises(UserError, match="^no face was found"):
+    with pytest.raises(UserError, match=r"^no face was found"):
         prepared(tmp_path, made_from="face")

@@ -11,6 +11,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import tyro
 
 from ..capture import CalibrateConfig, Capture, is_calibrated, is_video, photo_listing, read_photos
@@ -93,6 +94,21 @@ def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"
     return "face" if count < _FEWEST else "either"
 
 
+def _faults(capture: Capture) -> list[str]:
+    """What lies before the face in the photo that decides how a head looks."""
+    from .face_faults import face_faults
+
+    if capture.landmarks is None:
+        return []
+    points = capture.cameras[0].project(np.asarray(capture.landmarks, np.float64))[0][0]
+    image = np.ascontiguousarray(capture.images[0])
+    if capture.alphas is not None and capture.figures.get("mattes") == "given":
+        # What a cut-out photo holds where it is clear is not seen.
+        share = capture.alphas[0][..., None] / np.float32(255)
+        image = np.rint(image * share + 153 * (1 - share)).astype(np.uint8)
+    return face_faults(image, points, capture.names[0])
+
+
 def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None = None, *,
                 why: str = "", keep_background: bool = False) -> tuple[Capture, dict[str, Any]]:
     """Photos -> a capture with a head that is fitted to the face; figures.
@@ -129,6 +145,8 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
         else:
             progress.say(f"{count}: a head is fitted to the face (--from face)")
     capture, fit = portrait_capture(read, progress)
+    for fault in _faults(capture):
+        warnings.warn(fault, stacklevel=3)
     figures = {"source": "one photo" if len(capture) == 1 else "a few photos", "fit": fit,
                "mattes": capture.figures["mattes"], "views": len(capture), "held_out": 0}
     return capture, {**figures, "not_together": why} if why else figures

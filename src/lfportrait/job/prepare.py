@@ -303,7 +303,11 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             return fit_to_face(photos, config, progress, why=str(found),
                                keep_background=keep_background)
         except UserError as error:
-            raise UserError(f"{found.error}; nor can a head be fitted: {error}") from error
+            text = f"{found.error}; nor can a head be fitted: {error}"
+            if sheet is not None and isinstance(found.error, PhotosError):
+                problem_sheet(photos, found.error.marks, sheet, config.video_frames)
+                text += f"; see {sheet}"
+            raise UserError(text) from error
     if way == "either" and progress is not None:
         progress.say(f"{len(capture)} photos are placed together: the head is made from what they "
                      "share (--from photos; --from face fits one to the face)")

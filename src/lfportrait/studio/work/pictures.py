@@ -14,7 +14,8 @@ from ...capture import Camera, Capture, font
 from ...field import VoxelField
 from ...lightfield import eight_bit, render_views
 
-__all__ = ["cameras_picture", "coded_picture", "head_picture", "views_of"]
+__all__ = ["cameras_picture", "coded_picture", "head_picture",
+           "photo_picture", "views_of"]
 
 _PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
 _MARGIN = 1.12
@@ -95,6 +96,17 @@ def cameras_picture(capture: Capture, size: int = 480) -> Uint8:
     draw.text((10, size - 24), f"{len(capture)} cameras, from above", fill=_INK, font=font(14))
     _photos(sheet, capture, size)
     return np.asarray(sheet, np.uint8)
+
+
+def photo_picture(capture: Capture, size: int = 480) -> Uint8:
+    """The photos that a head was fitted to, cut out, side by side: uint8 [size, W, 3]."""
+    shown = []
+    for view in range(len(capture)):
+        image = Image.fromarray((np.clip(capture.image_float(view), 0, 1) * 255 + 0.5).astype(
+            np.uint8))
+        wide = max(1, round(image.width * size / image.height))
+        shown.append(image.resize((wide, size), Image.Resampling.LANCZOS))
+    return pieces(shown)
 
 
 def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:
