@@ -28,6 +28,7 @@ from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.lightfield.prints import PrintConfig
 from lfportrait.share import ExportConfig, FrameConfig, PageConfig, SequenceConfig
+from lfportrait.share.config import LoopConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig, StylizedNerfConfig
 from lfportrait_eval.baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
@@ -59,6 +60,9 @@ SECTIONS = [
     ("Export", ExportConfig, "`lfportrait export`."),
     ("Export for frames", FrameConfig,
      "`lfportrait export` to quilts, packages, pairs, videos ([frames](frames.md))."),
+    ("Loop", LoopConfig,
+     "`lfportrait export` to `NAME_loop.mp4`, `.webp`, `.gif`: `--loop.NAME` "
+     "([messengers](frames.md#a-loop-for-messengers))."),
     ("Page", PageConfig,
      "`lfportrait export FIELD --out portrait.html`, `lfportrait view`; in `make`: `--page.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),

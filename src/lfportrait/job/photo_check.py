@@ -185,8 +185,8 @@ def _few_advice(facts: list[PhotoFacts]) -> list[str]:
     found = []
     for word, what in (("no face", "A face can't be seen in {}: it must be upright and in focus, "
                         "and nothing before it."),
-                       ("turned too far", "The face is turned too far in {}: by 35 degrees at most, "
-                        "for a head from a single photo."),
+                       ("turned too far", "The face is turned too far in {}: by 35 degrees at "
+                        "most, for a head from a single photo."),
                        ("several faces", "Several faces are in {}: crop it to the one that is "
                         "meant."),
                        ("blurred", "Take these again, they are blurred: {}.")):
