@@ -28,6 +28,7 @@ from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.lightfield.prints import PrintConfig
 from lfportrait.share import ExportConfig, FrameConfig, PageConfig, SequenceConfig
+from lfportrait.share.config import LoopConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig, StylizedNerfConfig
 from lfportrait_eval.baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
@@ -59,6 +60,9 @@ SECTIONS = [
     ("Export", ExportConfig, "`lfportrait export`."),
     ("Export for frames", FrameConfig,
      "`lfportrait export` to quilts, packages, pairs, videos ([frames](frames.md))."),
+    ("Loop", LoopConfig,
+     "`lfportrait export` to `NAME_loop.mp4`, `.webp`, `.gif`: `--loop.NAME` "
+     "([messengers](frames.md#a-loop-for-messengers))."),
     ("Page", PageConfig,
      "`lfportrait export FIELD --out portrait.html`, `lfportrait view`; in `make`: `--page.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
@@ -148,7 +152,14 @@ def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
         if kind.startswith("Literal["):
             options = ast.literal_eval(kind.removeprefix("Literal"))
             choice = "One of " + ", ".join(f"`{option}`" for option in options) + ". "
-        name = f"--{entry.name.replace('_', '-')}" if flags else entry.name
+        name = entry.name
+        if kind == "MadeFrom":  # an option of another name
+            choices, option = typing.get_args(typing.get_type_hints(
+                config, include_extras=True)[entry.name])
+            choice = "One of " + ", ".join(
+                f"`{one}`" for one in typing.get_args(choices)) + ". "
+            name = option.name if flags else name
+        name = f"--{name.replace('_', '-')}" if flags else name
         meaning = (choice + docs[entry.name]).replace("|", "\\|")
         rows.append(f"| `{name}` | {default} | {meaning} |")
     return rows

@@ -2,6 +2,7 @@ from .capture import Camera, Capture, calibrate
 from .demo import demo_capture
 from .errors import UserError
 from .example import Exemplar, Skin, TransferConfig, transfer
+from .face.one_photo import head_from_photos
 from .field import ReconstructConfig, Rendering, VoxelField, reconstruct
 from .files import write_image
 from .job import Session, make
@@ -39,7 +40,8 @@ __all__ = [
     "Session", "SheetView", "Skin", "SplatConfig", "StyledField", "StylizeConfig",
     "TransferConfig", "UserError",
     "ViewMask", "VoxelField", "__version__", "batch", "calibrate", "content_loss", "deinterlace",
-    "demo_capture", "encode", "encode_views", "export_field", "field_splats", "laplacian_loss",
+    "demo_capture", "encode", "encode_views", "export_field", "field_splats",
+    "head_from_photos", "laplacian_loss",
     "load_network", "make", "nearest_neighbour_loss", "orbit_cameras", "paint", "read_image",
     "reconstruct", "render_splats", "render_view", "show_field", "simulate", "stylize", "transfer",
     "write_image", "write_page", "write_print",

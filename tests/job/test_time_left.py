@@ -8,7 +8,7 @@ import pytest
 
 from lfportrait.job.steps import MakeConfig
 from lfportrait.job.time_left import TimeLeft
-from lfportrait.job.usual_steps import Source
+from lfportrait.job.usual_steps import Source, usual_steps
 from lfportrait.progress import Progress
 
 RECORDED = json.loads((Path(__file__).parent / "recorded_steps.json").read_text("utf-8"))
@@ -115,4 +115,19 @@ def test_the_facts_of_photos_are_those_of_the_first(tmp_path):
 
     for number in range(4):
         Image.new("RGB", (400, 200), (number, 0, 0)).save(tmp_path / f"{number}.png")
-    assert Source.of(tmp_path, MakeConfig()) == (4, 0.08, False, False)
+    assert Source.of(tmp_path, MakeConfig()) == (4, 0.08, False, False, False)
+    assert Source.of(tmp_path, MakeConfig(made_from="face")).fitted
+    assert Source.of(tmp_path / "0.png", MakeConfig()) == (1, 0.08, False, False, True)
+
+
+def test_a_fitted_head_is_neither_placed_nor_trained():
+    photo = Source(1, 1.0, placed=False, matted=False, fitted=True)
+    steps = {(step.stage, step.name): step.usual
+             for step in usual_steps(MakeConfig(), photo, True, 2)}
+    names = {name for stage, name in steps if stage == "reconstruct"}
+    assert {"colors", "first look"} <= names and not any("^3" in name for name in names)
+    TimeLeft(MakeConfig(), photo, only=True)  # ends with the first look
+    assert ("capture", "fitting the head") in steps
+    assert ("capture", "refining the cameras") not in steps
+    assert sum(seconds for (stage, _), seconds in steps.items()
+               if stage in ("capture", "reconstruct")) < 20

@@ -6,7 +6,14 @@ import pytest
 
 from lfportrait.errors import UserError
 from lfportrait.field import VoxelField
-from lfportrait.share import path_cameras, sweep_cameras, sweep_degrees, sweep_frames, write_video
+from lfportrait.share import (
+    good_cone,
+    path_cameras,
+    sweep_cameras,
+    sweep_degrees,
+    sweep_frames,
+    write_video,
+)
 
 
 def ball(radius: float = 0.6, resolution: int = 24, height: float = 0.0) -> VoxelField:
@@ -97,6 +104,13 @@ def test_a_sweep_runs_over_the_cone_there_and_back_without_a_seam():
     cameras = sweep_cameras(40.0, 60, 64)
     forward = cameras.pose[:, :3, 2]
     assert np.degrees(np.arctan2(-forward[:, 0], -forward[:, 2])) == pytest.approx(yaw)
+
+
+def test_a_sweep_goes_no_further_than_a_head_is_good():
+    field = ball(0.6)
+    assert good_cone(field, 60.0) == 60.0
+    field.cone = 40.0
+    assert good_cone(field, 60.0) == 40.0 and good_cone(field, 30.0) == 30.0
 
 
 def test_an_orbit_looks_from_all_sides():

@@ -49,7 +49,8 @@ class Make(Common):
     """
 
     photos: tyro.conf.Positional[Path]
-    """Photos, a video, or a data set with cameras (`lfportrait formats`)."""
+    """One photo, a folder of some or many, a video, or a data set with cameras (`lfportrait
+    formats`)."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path
@@ -66,7 +67,7 @@ class Make(Common):
     """Parameters of the stages."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
-    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength")
+    usual: ClassVar[tuple[str, ...]] = ("from", "stylize.method", "stylize.strength")
 
     def run(self) -> dict[str, Any]:
         """Run the job."""

@@ -15,6 +15,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..field import ReconstructConfig, VoxelField
 from ..files import write_exr, write_image
+from ..job.few_photos import MadeFrom
 from .common import Common
 
 __all__ = ["Calibrate", "CaptureCheck", "Reconstruct", "Render"]
@@ -67,6 +68,9 @@ class Calibrate(Common):
     """Calibration."""
     keep_background: bool = False
     """Do not cut the person out of photos that have no alpha channel."""
+    made_from: MadeFrom = "auto"
+    """Fit a head to the face (face), or find cameras by what the photos share (photos); auto: the
+    face for one photo or two, and for up to nine that can't be placed together."""
 
     def run(self) -> dict[str, Any]:
         """Calibrate and save."""
@@ -76,20 +80,25 @@ class Calibrate(Common):
         with self.progress("calibrate") as progress:
             capture, figures = prepare_capture(self.photos, replace(self.config, seed=self.seed),
                                                keep_background=self.keep_background,
-                                               progress=progress, sheet=sheet)
+                                               made_from=self.made_from, progress=progress,
+                                               sheet=sheet)
         capture.save(self.out)
         return figures
 
 
 @dataclass
 class Reconstruct(Common):
-    """Reconstruct a sparse voxel radiance field (Plenoxels) from a capture."""
+    """Reconstruct a sparse voxel radiance field (Plenoxels) from a capture.
+
+    One photo, or a few, become a field, too: a head is fitted to the face.
+    """
 
     capture: tyro.conf.Positional[Path]
-    """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder."""
+    """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder; or one photo, or
+    a folder of up to nine."""
     out: Path = Path("field.npz")
     """File for the field."""
-    usual: ClassVar[tuple[str, ...]] = ("resolution", "max-voxels", "rays", "refine-poses")
+    usual: ClassVar[tuple[str, ...]] = ("from", "resolution", "max-voxels", "rays", "refine-poses")
     config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = option(
         default_factory=ReconstructConfig)
     """Reconstruction."""
@@ -100,13 +109,19 @@ class Reconstruct(Common):
     otherwise its own frame is kept."""
     log: Path | None = None
     """File for a table of the training (.csv): PSNR, loss, rays per second, voxels."""
+    made_from: MadeFrom = "auto"
+    """Of up to nine photos: fit a head to the face (face), or find cameras by what they share
+    (photos); auto: the face for one or two, and where they can't be placed together."""
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
+        from ..face import is_portrait
         from ..field import reconstruct_with_figures
         from ..job import cut_person, find_face
 
-        capture = Capture.load(self.capture)
+        capture = self._capture()
+        if is_portrait(capture):
+            return self._fitted(capture)
         mattes = str(capture.figures.get("mattes", "given"))
         checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
         if self.keep_background:
@@ -128,6 +143,26 @@ class Reconstruct(Common):
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
         return {**figures, "mattes": mattes}
+
+    def _capture(self) -> Capture:
+        """The capture, or that of a few photos."""
+        from ..job import is_few, prepare_capture
+
+        if not is_few(self.capture) and self.made_from != "face":
+            return Capture.load(self.capture)
+        with self.progress("capture") as progress:
+            return prepare_capture(self.capture, CalibrateConfig(seed=self.seed),
+                                   keep_background=self.keep_background,
+                                   made_from=self.made_from, progress=progress)[0]
+
+    def _fitted(self, capture: Capture) -> dict[str, Any]:
+        """Save the field of a head that was fitted to photos."""
+        from ..face import portrait_field
+
+        with self.progress("reconstruct") as progress:
+            result, figures = portrait_field(capture, self.config, progress)
+        result.save(self.out)
+        return {**figures, "mattes": str(capture.figures.get("mattes", "given"))}
 
 
 @dataclass

@@ -19,13 +19,12 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
+from .limits import MOST_TURNED
 
 __all__ = ["HeadFit", "Picture", "View", "check_faces", "fit_head"]
 
 Float64 = NDArray[np.float64]
 
-MOST_TURNED = 35.0
-"""Degrees that a face may be turned in its photo."""
 SMALLEST = 150.0
 """Pixels of a face's width, ear to ear, that it must have."""
 FACE_WIDTH = 0.145

@@ -119,6 +119,8 @@ class VoxelField:
         Detail of the surface that the lattice is too coarse for, or None.
     backdrop
         The painted ground that panels show behind the head, or None.
+    cone
+        Degrees in all over which the head can be looked at; 0: no limit is known.
     """
 
     links: NDArray[np.int32]
@@ -130,6 +132,7 @@ class VoxelField:
     background: Background | None = None
     texture: SurfaceTexture | None = None
     backdrop: Backdrop | None = None
+    cone: float = 0.0
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
     _stretches: Stretches | None = field(default=None, init=False, repr=False, compare=False)
     _layouts: Layouts = field(default_factory=Layouts, init=False, repr=False, compare=False)
@@ -224,7 +227,7 @@ class VoxelField:
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
         out = VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
-                         self.center, self.radius, self.frame, self.background)
+                         self.center, self.radius, self.frame, self.background, cone=self.cone)
         out.take_lattice(self)
         return out
 

@@ -2,10 +2,10 @@
 
 svox2 keeps ``radius``, ``center``, ``links`` [X, Y, Z], ``density_data`` [N, 1], ``sh_data``
 float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links transposed to
-[Z, Y, X] in memory and adds ``frame``, ``lfportrait_version`` and, where a field has a texture,
-its arrays (``texture_...``, see `SurfaceTexture`), and those of a painted ground (``backdrop_...``,
-see `Backdrop`), to the file. Other stages may add
-arrays of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
+[Z, Y, X] in memory and adds ``frame``, ``lfportrait_version`` and, where a field has them, the
+arrays of its texture (``texture_...``, see `SurfaceTexture`), those of a painted ground
+(``backdrop_...``, see `Backdrop`) and ``cone`` to the file. Other stages may add arrays of their
+own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
 An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
 of 11 million lattice points from 46 to 3.4 MB, in 0.2 s). Densities and colors shrink by an eighth,
@@ -54,11 +54,12 @@ class FieldData(Protocol):
     background: Background | None
     texture: SurfaceTexture | None
     backdrop: Backdrop | None
+    cone: float
 
 
 Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float64],
                NDArray[np.float64], NDArray[np.float64], Background | None, SurfaceTexture | None,
-               Backdrop | None]
+               Backdrop | None, float]
 """The same in that order, as `VoxelField` takes it."""
 
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts",
@@ -69,7 +70,7 @@ _NOISY = ("density_data", "sh_data")
 
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
-         "background_links", "background_data")
+         "background_links", "background_data", "cone")
 _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
 _BACKDROP = ("backdrop_picture", "backdrop_pixels", "backdrop_light", "backdrop_points")
 
@@ -107,7 +108,8 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     behind = () if drop is None else (drop.picture, np.float64(drop.pixels), drop.light,
                                       drop.points)
     more = {"frame": field.frame, "lfportrait_version": np.str_(__version__),
-            **dict(zip(_TEXTURE, values)), **dict(zip(_BACKDROP, behind)), **more}
+            **dict(zip(_TEXTURE, values)), **dict(zip(_BACKDROP, behind)),
+            **({"cone": np.float64(field.cone)} if field.cone else {}), **more}
     _write(field, path, deflated, more)
 
 
@@ -152,7 +154,7 @@ def read_back(field: FieldData) -> Loaded:
             np.ascontiguousarray(field.density, np.float32), _halves(field.sh).astype(np.float32),
             field.center.astype(np.float32).astype(np.float64),
             field.radius.astype(np.float32).astype(np.float64),
-            field.frame.astype(np.float64), behind, texture, drop)
+            field.frame.astype(np.float64), behind, texture, drop, float(field.cone))
 
 
 def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
@@ -234,7 +236,15 @@ def load_field(path: Any) -> Loaded:
             np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
             frame.astype(np.float64), _background(arrays, path),
-            _texture(arrays, len(density), path), _backdrop(arrays, path))
+            _texture(arrays, len(density), path), _backdrop(arrays, path), _cone(arrays, path))
+
+
+def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
+    """Degrees over which the head can be looked at; 0 where the file says nothing of it."""
+    cone = arrays.get("cone", np.zeros(()))
+    if cone.size != 1 or cone.dtype.kind not in "fiu" or not 0 <= cone.item() <= 360:
+        raise UserError(f"{path} is damaged: its cone is invalid")
+    return float(cone.item())
 
 
 def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:

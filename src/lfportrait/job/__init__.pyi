@@ -1,4 +1,5 @@
 from .check_drawing import check_picture
+from .few_photos import head_way, is_few
 from .first_look import FirstLook
 from .graph import (
     STAGES,
@@ -27,13 +28,14 @@ from .style_drawing import style_picture
 from .style_landmarks import add_style
 from .time_left import TimeLeft
 from .usual_steps import Source
-from .warmup import Warmup
+from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
 __all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
            "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
            "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
-           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks", "inspect",
-           "inspection_lines", "look_at", "make", "painting_key", "prepare_capture", "run_figures",
-           "share_key", "source_key", "stage_key", "style_key", "style_picture"]
+           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks",
+           "head_kernels", "head_way", "inspect",
+           "inspection_lines", "is_few", "look_at", "make", "painting_key", "prepare_capture",
+           "run_figures", "share_key", "source_key", "stage_key", "style_key", "style_picture"]

@@ -87,7 +87,8 @@ def stage_key(stage: str, *parts: Any) -> str:
 
 def capture_key(source: str, config: MakeConfig, seed: int) -> str:
     """Key of a capture made from files with the hash ``source``."""
-    return stage_key("capture", source, config.calibrate, config.keep_background, seed)
+    return stage_key("capture", source, config.calibrate, config.keep_background,
+                     config.made_from, seed)
 
 
 def field_key(capture: str, config: MakeConfig) -> str:

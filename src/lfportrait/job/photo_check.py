@@ -29,9 +29,11 @@ from ..capture import (
     relative_sharpness,
 )
 from ..color import linear_light
-from ..face import detect_landmarks, face_pose
+from ..face import PORTRAIT_CONE, detect_faces, detect_landmarks, face_pose
+from ..face.limits import MOST_TURNED
 from ..files import write_image
 from ..progress import Progress
+from .few_photos import head_way
 from .inspection import FolderFacts, inspect
 from .inspection_text import left_out_lines, mixed_lines
 
@@ -156,6 +158,46 @@ def _beside(values: NDArray[np.float64], reach: int = 7) -> NDArray[np.float64]:
         near = np.r_[values[max(0, index - reach):index], values[index + 1:index + 1 + reach]]
         if len(near):
             found[index] = values[index] / max(float(np.median(near, axis=0)), 1e-6)
+    return found
+
+
+def _judge_few(photos: list[Photo], facts: list[PhotoFacts]) -> None:
+    """Note what keeps a head from being fitted to the faces of a few photos."""
+    for photo, one in zip(photos, facts):
+        if one.wrong:
+            continue
+        others = detect_faces(np.ascontiguousarray(photo.image[..., :3]), thorough=False)
+        if one.yaw is None:
+            one.wrong = "no face"
+        elif len(facts) == 1 and abs(one.yaw) > MOST_TURNED:
+            one.wrong = "turned too far"
+        elif sum(_width(face) > 0.4 * _width(others[0]) for face in others) > 1:
+            one.wrong = "several faces"
+
+
+def _width(face: NDArray[np.float64]) -> float:
+    """Distance of the jaw's ends."""
+    return float(np.linalg.norm(face[16] - face[0]))
+
+
+def _few_advice(facts: list[PhotoFacts]) -> list[str]:
+    """What to do where there are only so many photos that a head may be fitted to the face."""
+    found = []
+    for word, what in (("no face", "A face can't be seen in {}: it must be upright and in focus, "
+                        "and nothing before it."),
+                       ("turned too far", "The face is turned too far in {}: by 35 degrees at "
+                        "most, for a head from a single photo."),
+                       ("several faces", "Several faces are in {}: crop it to the one that is "
+                        "meant."),
+                       ("blurred", "Take these again, they are blurred: {}.")):
+        names = [one.name for one in facts if word in one.wrong.split(", ")]
+        if names:
+            found.append(what.format(_named(names)))
+    for word, cure in (("dark", "more light"), ("burnt out", "less light or a shorter exposure"),
+                       ("face small", "come closer: head and shoulders fill the picture")):
+        count = sum(word in one.fair.split(", ") for one in facts)
+        if count:
+            found.append(f"{count} photos: {word}; {cure}.")
     return found
 
 
@@ -300,10 +342,17 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
     for one, value in zip(facts, sharp):
         one.sharpness = float(value)
     _judge(facts, np.array([color for _, color, _ in looked]), [share for _, _, share in looked])
+    images = [photo.image for photo in photos]
+    if faces and head_way(path, "auto") == "face":
+        _judge_few(photos, facts)
+        useful = sum(not one.wrong for one in facts)
+        notes = [f"A head is fitted to the face; it can be looked at over {PORTRAIT_CONE:.0f} "
+                 "degrees in all. 20 to 100 photos around the head show all of it."
+                 ] if useful else []
+        return PhotoCheck(facts, [], _few_advice(facts), images, [*notes, *_notes(path)])
     gaps = _gaps(facts)
     lenses = len({photo.lens for photo in photos})
-    return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses),
-                      [photo.image for photo in photos], _notes(path))
+    return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses), images, _notes(path))
 
 
 def _notes(path: Path) -> list[str]:

@@ -55,7 +55,7 @@ from .networks import get_networks
 from .steps import MakeConfig, fitted, look_at, painting_key, source_key
 from .time_left import TimeLeft
 from .usual_steps import Source
-from .warmup import Warmup
+from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
 __all__ = ["MakeConfig", "make", "run_figures"]
@@ -124,9 +124,10 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
     config = fitted(config, [(panel, config.encode)])
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
-    with Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.tools.warmup:
+    source = Source.of(photos, config)
+    with Warmup(head_kernels(source.fitted)) as job.tools.warmup:
         if not quiet:
-            job.look_ahead(TimeLeft(config, Source.of(photos, config), look=first_look,
+            job.look_ahead(TimeLeft(config, source, look=first_look,
                                     only=quick, warmup=job.tools.warmup))
         if first_look or quick:
             job.look_early(begun, only=quick)

@@ -24,13 +24,11 @@ from ..capture import (
     calibrate,
     follow_head,
     is_calibrated,
-    is_video,
-    photo_listing,
     portrait_frame_from_landmarks,
-    read_photos,
 )
 from ..errors import UserError
 from ..progress import Progress
+from .few_photos import NotTogether, fit_to_face, head_way
 from .person import cut_person, rough_mattes
 from .photo_check import problem_sheet
 
@@ -40,8 +38,6 @@ _OUTLIERS = 0.6
 """Share of a face's landmarks that do not fit cameras which are wrong."""
 _PLACED = 0.8
 """Share of placed photos below which cameras are estimated from the face."""
-_FEWEST = 3
-"""Photos from which on cameras are looked for by what the photos have in common."""
 _FAR = 10.0
 """Pixels by which a head's features are off, by cameras that are of something else."""
 
@@ -171,12 +167,12 @@ def _marks(calibration: dict[str, Any]) -> dict[str, str]:
             | dict.fromkeys(calibration["left_out"], "not placed"))
 
 
-def _placed_photos(photos: Path, config: CalibrateConfig, progress: Progress | None,
+def _placed_photos(photos: Path, config: CalibrateConfig, few: bool, progress: Progress | None,
                    sheet: Path | None) -> tuple[Capture, dict[str, Any]]:
     """Photos with the cameras that structure from motion finds, or else the face; figures."""
     figures: dict[str, Any] = {"source": "photos"}
     try:
-        capture = calibrate(photos, config, progress)
+        capture = (_few_placed if few else calibrate)(photos, config, progress)
     except PhotosError as error:
         found = _by_the_face(photos, config, progress, figures, 3)
         if found is not None:
@@ -191,6 +187,23 @@ def _placed_photos(photos: Path, config: CalibrateConfig, progress: Progress | N
         problem_sheet(photos, marks, sheet, config.video_frames)
         warnings.warn(f"the photos that are left out: see {sheet}", stacklevel=2)
     return capture, figures
+
+
+def _few_placed(photos: Path, config: CalibrateConfig, progress: Progress | None) -> Capture:
+    """A few photos with the cameras that structure from motion finds; raises `NotTogether`."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            capture = calibrate(photos, config, progress)
+        except UserError as error:
+            raise NotTogether(error) from error
+    count = capture.figures.get("photos", 0)
+    if len(capture) < _PLACED * count:
+        raise NotTogether(UserError(f"only {len(capture)} of the {count} photos in {photos} could "
+                                    "be placed together"))
+    for one in caught:  # of photos that are left out, which a fitted head need not be
+        warnings.warn(str(one.message), stacklevel=3)
+    return capture
 
 
 def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | None,
@@ -221,6 +234,11 @@ def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | Non
     return capture
 
 
+def _wrong_cameras(photos: Path) -> UserError:
+    """What is said of a few photos with cameras of something else than the head."""
+    return UserError(f"the photos in {photos} are placed by something else than the head")
+
+
 def _knows_by_face(figures: dict[str, Any]) -> bool:
     """Whether the cameras come from the face, and so follow the head already."""
     return "face" in str(figures.get("calibration", {}).get("placed", ""))
@@ -238,26 +256,10 @@ def _least_by_face(capture: Capture, landmarks: dict[str, Any], need_face: bool)
     return len(capture) + 1 if few else None
 
 
-def _few(photos: Path) -> bool:
-    """Whether there are too few photos to find cameras by what they have in common."""
-    if is_calibrated(photos) or is_video(photos):
-        return False
-    return not photos.is_dir() or 0 < len(photo_listing(photos).files) < _FEWEST
-
-
-def _portrait(photos: Path, config: CalibrateConfig, progress: Progress | None,
-              ) -> tuple[Capture, dict[str, Any]]:
-    """One photo or two: a head is fitted to the face."""
-    from ..face import portrait_capture
-
-    capture, fit = portrait_capture(read_photos(photos, config.max_side), progress)
-    return capture, {"source": "one photo" if len(capture) == 1 else "a few photos", "fit": fit,
-                     "mattes": capture.figures["mattes"], "views": len(capture), "held_out": 0}
-
-
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
-                    need_face: bool = False, progress: Progress | None = None,
-                    sheet: Path | None = None) -> tuple[Capture, dict[str, Any]]:
+                    need_face: bool = False, made_from: str = "auto",
+                    progress: Progress | None = None, sheet: Path | None = None,
+                    ) -> tuple[Capture, dict[str, Any]]:
     """Photos, a video or a calibrated data set -> a capture in the portrait frame.
 
     Finds the cameras where there are none, the landmarks of the face in 3D and, for photos without
@@ -274,6 +276,9 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     need_face
         Raise `UserError` where no face is found, instead of going on without landmarks; turn data
         sets that were calibrated elsewhere into the frame of their face, too.
+    made_from
+        ``"face"``: a head is fitted to the face; ``"photos"``: cameras by what the photos share;
+        ``"auto"``: as above, and a line says which.
     progress
         Progress line.
     sheet
@@ -287,14 +292,44 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     photos = Path(photos)
     if not photos.exists():
         raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
-    if _few(photos):
-        return _portrait(photos, config, progress)
+    way = head_way(photos, made_from)
+    if way == "face":
+        return fit_to_face(photos, config, progress, keep_background=keep_background)
+    try:
+        capture, figures = _shared(photos, config, keep_background, need_face, way == "either",
+                                   progress, sheet)
+    except NotTogether as found:
+        try:
+            return fit_to_face(photos, config, progress, why=str(found),
+                               keep_background=keep_background)
+        except UserError as error:
+            text = f"{found.error}; nor can a head be fitted: {error}"
+            if sheet is not None and isinstance(found.error, PhotosError):
+                problem_sheet(photos, found.error.marks, sheet, config.video_frames)
+                text += f"; see {sheet}"
+            raise UserError(text) from error
+    if way == "either" and progress is not None:
+        progress.say(f"{len(capture)} photos are placed together: the head is made from what they "
+                     "share (--from photos; --from face fits one to the face)")
+    return capture, figures
+
+
+def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_face: bool,
+            few: bool, progress: Progress | None, sheet: Path | None,
+            ) -> tuple[Capture, dict[str, Any]]:
+    """A capture by what photos, a video or a data set share.
+
+    Raises
+    ------
+    NotTogether
+        If photos are ``few`` and the cameras of too many of them are not found, or are wrong.
+    """
     if is_calibrated(photos):
         capture = Capture.load(photos)
         figures: dict[str, Any] = {"source": "calibrated"}
         fresh = False
     else:
-        capture, figures = _placed_photos(photos, config, progress, sheet)
+        capture, figures = _placed_photos(photos, config, few, progress, sheet)
         fresh = True
     least = None
     if capture.landmarks is None:
@@ -302,6 +337,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         capture, figures["landmarks"] = _with_landmarks(capture, fresh, fresh or need_face,
                                                         progress)
         least = _least_by_face(capture, figures["landmarks"], need_face) if fresh else None
+        if least is not None and few:
+            raise NotTogether(_wrong_cameras(photos))
         if least is not None:
             capture = _by_the_face(photos, config, progress, figures, least) or capture
         if capture.landmarks is None and need_face:
@@ -315,6 +352,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
             if figures["head_motion"]["followed"]:
                 capture, figures["landmarks"] = _with_landmarks(capture, True, True, progress)
+            elif few and (figures["head_motion"]["pixels"] or 0.0) > _FAR:
+                raise NotTogether(_wrong_cameras(photos))
             elif least is None and (figures["head_motion"]["pixels"] or 0.0) > _FAR:
                 other = _by_the_face(photos, config, progress, figures, 0.5 * len(capture))
                 if other is not None:

@@ -37,6 +37,7 @@ from ..progress import Progress
 from ..share import PageConfig, write_quilt
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
+from .few_photos import MadeFrom
 
 __all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "source_files",
            "source_key", "write_code", "write_field", "write_styled"]
@@ -59,6 +60,9 @@ class MakeConfig:
     """Light-field coding."""
     page: PageConfig = field(default_factory=PageConfig)
     """The page of the portrait, ``portrait.html``."""
+    made_from: MadeFrom = "auto"
+    """Fit a head to the face (face), or find cameras by what the photos share (photos); auto: the
+    face for one photo or two, and for up to nine that can't be placed together."""
     keep_background: bool = False
     """Do not cut the person out of photos that have no alpha channel."""
     sweep_size: int = 512

@@ -22,7 +22,6 @@ from PIL import Image, ImageDraw
 from ..capture import Camera, Capture
 from ..device import used_device
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
-from ..face import PORTRAIT_CONE, is_portrait
 from ..field import Coverage, VoxelField
 from ..files import write_image
 from ..lightfield import Display, ViewMask, read_coded, render_views, simulate
@@ -33,6 +32,7 @@ from ..share import (
     Report,
     Section,
     Table,
+    good_cone,
     sweep_cameras,
     sweep_frames,
     write_page,
@@ -109,14 +109,11 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         styled, capture = loaded.result(), taken.result()
         # Worked out once, before several threads ask for it.
         styled.bricks, styled.stretches, styled.solid_extent  # noqa: B018
-        cone, shown = display.cone, config.page
-        if is_portrait(capture):  # further out it is a guess
-            cone = min(cone, PORTRAIT_CONE)
-            shown = dataclasses.replace(shown, cone=shown.cone or PORTRAIT_CONE)
-        page = threads.submit(write_page, styled, folder / "portrait.html", shown, config.encode)
+        page = threads.submit(write_page, styled, folder / "portrait.html", config.page,
+                              config.encode)
         film = threads.submit(
             write_video, folder / "sweep.mp4",
-            sweep_frames(styled, cone, frames, config.sweep_size,
+            sweep_frames(styled, good_cone(styled, display.cone), frames, config.sweep_size,
                          background=config.encode.background, ground=config.encode),
             preset="veryfast")
         report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
+from ..face import is_portrait
+from .few_photos import head_way
 from .steps import MakeConfig
 
 __all__ = ["COMPILE", "Source", "Step", "usual_steps"]
@@ -29,6 +31,7 @@ _COSTS = {
         "placing photo": ("pairs", 0.0016, 0.0),
         "refining the cameras": ("pairs", 0.0014, 0.0),
         "looking for the face": ("searches", 1.6, 0.0),
+        "fitting the head": ("fits", 0.7, 0.0),
         "cutting out the person": ("photos to cut", 0.01, 0.0),
         "checking whether the head moved": ("photos to place and cut", 0.02, 0.072),
         "cutting out the person: the room behind": ("photos to cut", 0.002, 0.06),
@@ -47,17 +50,24 @@ begins where the counts of the one before end."""
 _TRAINING = {"start": (0.6, 0.6), "surface": (5.5, 7.5), "rays": (0.5, 3.0), "finer": (2.0, 4.0),
              "look": (2.5, 12.0), "end": (3.5, 8.0), "test": (0.5, 0.0)}
 """The same of the training; of a million rays at 256 points. Only narrow arcs have a surface."""
+_FITTED = {"laying the head over its photo": 0.2, "hair and body from the outline": 0.15,
+           "lattice": 3.6, "colors": 0.9}
+"""Seconds of the steps of a head that is fitted to a face, which is not trained."""
 COMPILE = 0.86
 """Core-seconds to compile a function."""
 
 
 class Source(NamedTuple):
-    """What is known of photos before they are read: ``megapixels`` are those of one photo."""
+    """What is known of photos before they are read: ``megapixels`` are those of one photo.
+
+    Those to which a head is ``fitted`` are not placed.
+    """
 
     photos: int
     megapixels: float
     placed: bool = True
     matted: bool = True
+    fitted: bool = False
 
     @classmethod
     def of(cls, photos: Path | Capture, config: MakeConfig) -> Source:
@@ -65,7 +75,7 @@ class Source(NamedTuple):
         if isinstance(photos, Capture):
             camera = photos.cameras
             return cls(len(photos), float(np.mean(camera.width * camera.height)) / 1e6,
-                       matted=photos.alphas is not None)
+                       matted=photos.alphas is not None, fitted=is_portrait(photos))
         side, placed, masks = config.calibrate.max_side or np.inf, is_calibrated(photos), 0
         if not placed and is_video(photos):
             return cls(config.calibrate.video_frames, 1.0, False, False)
@@ -81,7 +91,8 @@ class Source(NamedTuple):
         first = pictures[0] if pictures and not pictures[0].fault else None
         width, height = first.stored if first is not None else (1000, 1000)
         size = width * height * min(1.0, side / max(width, height, 1)) ** 2 / 1e6
-        return cls(count, size, placed, masks > 0 or (first is not None and "A" in first.mode))
+        return cls(count, size, placed, masks > 0 or (first is not None and "A" in first.mode),
+                   fitted=head_way(photos, config.made_from) == "face")
 
 
 @dataclass
@@ -123,7 +134,11 @@ def usual_steps(config: MakeConfig, source: Source, look: bool, cores: int) -> l
     """
     amounts, steps = _amounts(config, source), []
     for stage, costs in _COSTS.items():
-        if not costs:
+        if not costs and source.fitted:
+            steps += [Step(stage, name, seconds) for name, seconds in _FITTED.items()]
+            alone, shared = _TRAINING["look"]
+            steps += [Step(stage, "first look", alone + shared / cores)] if look else []
+        elif not costs:
             steps += _trained(stage, config, source, look, cores)
         steps += [Step(stage, name, amounts[unit] * (alone + shared / cores))
                   for name, (unit, alone, shared) in costs.items() if amounts[unit]]
@@ -133,11 +148,13 @@ def usual_steps(config: MakeConfig, source: Source, look: bool, cores: int) -> l
 def _amounts(config: MakeConfig, source: Source) -> dict[str, float]:
     """What steps grow with; 0: there is no such step."""
     style, count, size = config.stylize, source.photos, source.photos * source.megapixels
-    placing, cut = not source.placed, not (source.matted or config.keep_background)
+    placing = not (source.placed or source.fitted)
+    cut = not (source.matted or source.fitted or config.keep_background)
     return {
         "once": 1, "megapixels placed": source.placed * size, "megapixels": placing * size,
         "photos": placing * count,
-        "pairs": placing * count * (count - 1) / 2, "searches": cut or placing,
+        "pairs": placing * count * (count - 1) / 2, "searches": cut or placing or source.fitted,
+        "fits": source.fitted * count,
         "photos to cut": cut * count,
         "photos to place and cut": placing * cut * count, "megapixels to cut": cut * size,
         "paintings": 0.4 + 0.6 * (style.pixels / 384.0) ** 2 if style.on_skin else 4.0,

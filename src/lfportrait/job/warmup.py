@@ -25,7 +25,7 @@ from ..measure import usable_cores
 from ..progress import Progress
 from ..temporary import temporary_folder
 
-__all__ = ["FUNCTIONS", "Warmup", "run_stage", "run_stages"]
+__all__ = ["FUNCTIONS", "Warmup", "head_kernels", "run_stage", "run_stages"]
 
 FUNCTIONS = {"transfer": 44, "reconstruct": 64, "stylize": 43, "encode": 39}
 """Functions that each stage compiles after those before it: a few more or less on other
@@ -117,6 +117,11 @@ def _mark(name: str) -> Path:
                  llvmlite.binding.get_host_cpu_name(),
                  str(llvmlite.binding.get_host_cpu_features()))
     return cache_folder() / f"warm-{name}-{key[:16]}"
+
+
+def head_kernels(fitted: bool) -> tuple[str, ...]:
+    """The stages of a job, as `FUNCTIONS` has them; a head that is ``fitted`` is not trained."""
+    return ("reconstruct", "transfer", "stylize", "encode")[fitted:]
 
 
 class Warmup:

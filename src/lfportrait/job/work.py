@@ -23,7 +23,7 @@ from ..field import VoxelField
 from ..files import write_image
 from ..lanes.compiling import compiling_progress
 from ..progress import Outlook, Progress
-from ..share import sweep_cameras, sweep_frames, write_page, write_video
+from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_video
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
 from .graph import STAGES, Task
@@ -129,7 +129,8 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
     else:
         capture, figures = prepare_capture(
             Path(task.source), replace(task.config.calibrate, seed=task.seed),
-            keep_background=task.config.keep_background, need_face=True, progress=progress,
+            keep_background=task.config.keep_background, need_face=True,
+            made_from=task.config.made_from, progress=progress,
             sheet=tools.sheet or target / "photos-left-out.jpg")
     capture.save(target / task.outputs[0])
     for name in task.outputs[1:]:
@@ -210,7 +211,7 @@ def _page(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,
            progress: Progress) -> dict[str, Any]:
     styled = load_styled(results / task.inputs["styled"])
-    cone = task.display.cone if task.display is not None else 40.0
+    cone = good_cone(styled, task.display.cone if task.display is not None else 40.0)
     write_video(results / task.folder / task.outputs[0],
                 sweep_frames(styled, cone, 90, task.config.sweep_size,
                              background=task.config.encode.background,

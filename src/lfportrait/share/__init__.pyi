@@ -11,6 +11,7 @@ from .frames import (
 )
 from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
 from .paths import (
+    good_cone,
     orbit_cameras,
     path_cameras,
     sweep_cameras,
@@ -26,8 +27,8 @@ from .video import write_video
 __all__ = ["QUILTS", "SECONDS", "DrivePlan", "Export", "ExportConfig", "ExportContext",
            "FrameConfig", "NoParameters", "OpenPage", "Option", "PageConfig", "Picture",
            "QuiltName", "Report", "Section", "SequenceConfig", "SplatConfig", "Table", "each_frame",
-           "export_field", "export_of", "exports", "fill_drive", "orbit_cameras", "own_exports",
-           "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
+           "export_field", "export_of", "exports", "fill_drive", "good_cone", "orbit_cameras",
+           "own_exports", "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
            "sweep_degrees", "sweep_frames", "sweep_ground", "write_page", "write_quilt",
            "write_report",
            "write_sequence", "write_video"]

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from dataclasses import field as option
 from typing import Literal
 
-__all__ = ["ExportConfig", "SplatConfig", "SweepConfig", "Up"]
+from ..errors import UserError
+
+__all__ = ["ExportConfig", "LoopConfig", "SplatConfig", "SweepConfig", "Up"]
 
 Up = Literal["auto", "y-up", "y-down"]
 
@@ -70,3 +72,26 @@ class SweepConfig:
     """Width and height in pixels."""
     frames: int = 90
     """Number of frames of one loop."""
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """Parameters of a short loop for messengers, in which the head turns a little."""
+
+    size: int = 480
+    """Width and height in pixels."""
+    frames: int = 48
+    """Number of frames of one loop."""
+    fps: float = 20.0
+    """Frames per second."""
+    sway: float = 10.0
+    """How far the head turns to each side, in degrees."""
+    rise: float = 3.0
+    """How far it is seen from above and from below, in degrees."""
+
+    def __post_init__(self) -> None:
+        for name, least, most in (("size", 16, 2160), ("frames", 2, 600), ("fps", 1, 50),
+                                  ("sway", 0, 90), ("rise", 0, 60)):
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise UserError(f"--loop.{name} must be {least} to {most}, not {value:g}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..lightfield import quilt_part
 from ..lightfield.prints import PrintConfig
-from .config import ExportConfig, SweepConfig
+from .config import ExportConfig, LoopConfig, SweepConfig
 from .exporter import Export, ExportContext, Option
 from .frames.config import FrameConfig
 from .frames.names import PICTURES, VIDEOS
@@ -104,6 +104,19 @@ class Sweep(_Own):
     options = (Option("size", "Width and height in pixels", 512, 64, 2160),
                Option("frames", "Pictures for one turn to both sides and back", 90, 2, 3600))
     writer = "writers:write_sweep"
+
+
+class Loop(_Own):
+    name, group, parameters, mark = "loop", "screen", LoopConfig, "_loop"
+    title, purpose = "Loop", "A short moving picture for messengers: the head turns a little"
+    ending, suffixes, megabytes = "_loop.mp4", (".mp4", ".webp", ".gif"), 1
+    options = (Option("size", "Width and height in pixels", 480, 16, 2160),
+               Option("frames", "Pictures of one loop", 48, 2, 600),
+               Option("sway", "How far the head turns to each side, in degrees", 10.0, 0, 90))
+    writer = "loop:write_loop"
+
+    def claim(self, path: Path) -> int:
+        return max(super().claim(path), int(path.suffix.lower() == ".gif"))
 
 
 class Flat(_Frame):
@@ -228,6 +241,6 @@ class Checkpoint(_Own):
 
 
 KINDS: tuple[type[Export], ...] = (
-    Coded, Quilt, Hop, Rgbd, Page, Sweep, Flat, Stereo, Anaglyph, Print, Glb, Usdz, Obj, Points,
-    PlyMesh, SplatsPly, Spz, Sog, SplatsGlb, Field, Checkpoint)
+    Coded, Quilt, Hop, Rgbd, Page, Sweep, Loop, Flat, Stereo, Anaglyph, Print, Glb, Usdz, Obj,
+    Points, PlyMesh, SplatsPly, Spz, Sog, SplatsGlb, Field, Checkpoint)
 """In the order in which the studio shows them."""

@@ -13,7 +13,7 @@ from ..errors import UserError
 from ..field import VoxelField
 from ..lightfield import EncodeConfig, Ground, eight_bit, render_views, world_ground
 
-__all__ = ["DISTANCE", "head_extent", "orbit_cameras", "path_cameras", "sweep_cameras",
+__all__ = ["DISTANCE", "good_cone", "head_extent", "orbit_cameras", "path_cameras", "sweep_cameras",
            "sweep_degrees", "sweep_frames", "sweep_ground"]
 
 DISTANCE = 4.0
@@ -45,6 +45,11 @@ def _arc(degrees: NDArray[np.float64], size: int, field: VoxelField | None,
     target = (0.0, (low + high) / 2, 0.0)
     return Camera.arc(degrees, distance=DISTANCE, width=size, height=size, focal=focal,
                       target=target, pitch=pitch)
+
+
+def good_cone(field: VoxelField, cone: float) -> float:
+    """A cone in degrees, as far as the field can be looked at (`VoxelField.cone`)."""
+    return min(cone, field.cone) if field.cone else cone
 
 
 def sweep_degrees(frames: int, cone: float) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from ..lightfield.prints import PrintConfig, PrintSheet, check_file, fitted, wri
 from .config import SweepConfig
 from .exporter import ExportContext, NoParameters
 from .page import PageConfig, write_page
-from .paths import sweep_frames
+from .paths import good_cone, sweep_frames
 from .video import write_video
 
 __all__ = ["write_coded_picture", "write_field", "write_html", "write_lenticular", "write_sweep"]
@@ -36,7 +36,7 @@ def write_html(field: VoxelField, path: Path, parameters: PageConfig,
 def write_sweep(field: VoxelField, path: Path, parameters: SweepConfig,
                 context: ExportContext) -> dict[str, Any]:
     """The video in which the head turns as far as the panel's views go."""
-    cone = Display.resolve(context.display).cone
+    cone = good_cone(field, Display.resolve(context.display).cone)
     write_video(path, sweep_frames(field, cone, parameters.frames, parameters.size,
                                    background=context.encode.background, ground=context.encode))
     return {}

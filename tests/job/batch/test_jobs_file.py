@@ -1,6 +1,8 @@
 """Files of jobs: what they ask for, which parameters win, and one clear line for each mistake."""
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from lfportrait.errors import UserError
 from lfportrait.job.batch import load_jobs
@@ -71,6 +73,19 @@ def test_a_sitter_goes_before_a_style_and_that_before_the_defaults(load):
     assert jobs.parameters("bert", "soft", "generic-4k").encode == MakeConfig().encode
 
 
+def test_photos_are_sitters_where_a_pattern_names_nothing_else(load, tmp_path):
+    (tmp_path / "people").mkdir()
+    for name in ("dora.png", "emil.png"):
+        Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(tmp_path / "people" / name)
+    Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(tmp_path / "week" / "x.png")
+    jobs = load('[defaults]\nfrom = "photos"\n[[sitter]]\nphotos = "people/*"\nfrom = "face"\n'
+                '[[sitter]]\nphotos = "week/*"\n')
+    assert list(jobs.sitters) == ["dora", "emil", "bert", "cora"]
+    assert jobs.sitters["dora"].source == tmp_path / "people" / "dora.png"
+    assert jobs.parameters("emil").made_from == "face"
+    assert jobs.parameters("bert", "charcoal").made_from == "photos"
+
+
 def test_parameters_of_another_packages_method(load):
     jobs = load("""
         [defaults.stylize.ref_npr]
@@ -97,6 +112,7 @@ def test_parameters_of_another_packages_method(load):
     ('[[sitter]]\nphotos = 3', "photos = 3 is not a text"),
     ('[[sitter]]\nphotos = "nowhere"', "no folder or file .*nowhere"),
     ('[[sitter]]\nphotos = "none/*"', r"matches none/\*"),
+    ('[[sitter]]\nphotos = "anna"\nfrom = "nose"', "'nose' is none of auto, face, photos"),
     ('[[sitter]]\nphotos = "week/*"\nname = "x"', "leave out name"),
     ('[[sitter]]\nphotos = "anna"\nname = "a/b"', "can't be a folder's name"),
     ('[[sitter]]\nphotos = "anna"\nname = "portrait"', "taken by the batch"),

@@ -1,5 +1,6 @@
 """The page in a real browser: what it draws, and what it does where something is missing."""
 
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,31 @@ def test_views_are_those_of_the_renderer_and_have_its_edges(opened, head):
             assert abs((drawn[..., :3] - color)[edge].mean()) < 0.004
             # A ray that grazes the surface may end on another stroke.
             assert np.quantile(np.abs(drawn[..., :3] - color)[edge], rare) < 0.06
+
+
+def test_a_head_from_one_photo_turns_as_far_as_it_is_good_unless_unlocked(browser, tmp_path):
+    field = replace(shell_field(16, basis=1), cone=40.0)
+    write_page(field, tmp_path / "page.html")
+    yaw = "() => 180 / Math.PI * lfportrait.orbit.yaw"
+    with Opened(browser, tmp_path / "page.html") as each:
+        each.page.locator("#canvas").focus()
+        each.run("() => lfportrait.orbit.turn(9, 9)")
+        assert each.run(yaw) == pytest.approx(20)
+        # Nor does it sway further.
+        eye = each.run("() => lfportrait.orbit.camera([90, 90], 1, 0.2).eye")
+        assert np.degrees(np.arctan2(eye[0], eye[2])) == pytest.approx(20)
+        each.page.keyboard.press("a")
+        each.run("() => lfportrait.orbit.turn(5 - 20 * Math.PI / 180, 0)")
+        assert each.page.get_attribute("#around", "aria-pressed") == "true"
+        assert each.run(yaw) == pytest.approx(np.degrees(5))
+        each.press("#around")
+        assert each.run(yaw) == pytest.approx(-20)  # the nearer end
+        assert each.page.get_attribute("#around", "aria-pressed") == "false"
+    write_page(field, tmp_path / "page.html", PageConfig(cone=360))
+    with Opened(browser, tmp_path / "page.html") as each:
+        each.run("() => lfportrait.orbit.turn(2, 0)")
+        assert each.run(yaw) == pytest.approx(np.degrees(2))
+        assert each.page.locator("#around").is_hidden()
 
 
 def sharpness(picture):

@@ -211,7 +211,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
                                                       capture.alphas[view] / np.float32(255)))
              for view in range(len(capture))]
     field = shell.field(painted(shell, shots))
-    field.frame = capture.frame
+    field.frame, field.cone = capture.frame, PORTRAIT_CONE
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
                "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),

@@ -10,6 +10,9 @@
     [[sitter]]                   # every folder and video here is a sitter, named after it
     photos = "monday/*"
     [[sitter]]
+    photos = "people/*.jpg"      # one photo is enough
+    from = "face"                # as --from of `lfportrait make`
+    [[sitter]]
     name = "anna"
     video = "anna.mp4"
     styles = ["ken"]             # only these
@@ -40,6 +43,7 @@ from ...capture import is_video
 from ...errors import UserError
 from ...lightfield import Display
 from ...media.folders import is_junk, natural_key
+from ...media.kinds import kind_of
 from ..steps import MakeConfig
 from .settings import checked, overlaid, unknown_key
 
@@ -47,6 +51,8 @@ __all__ = ["Jobs", "Panel", "Sitter", "Style", "load_jobs"]
 
 _SECTIONS = ("calibrate", "reconstruct", "stylize", "encode", "page", "keep_background",
              "sweep_size")
+_FROM = "from"
+"""Names `MakeConfig.made_from`, as on the command line."""
 _SWITCHES = {"pages": bool, "sweeps": bool, "seed": int}
 _SOURCES = ("photos", "video", "capture")
 _STYLE_SECTIONS = ("stylize", "encode", "page", "sweep_size")
@@ -64,7 +70,7 @@ class Sitter:
     name
         Also the folder of the results.
     source
-        Folder of photos, video or calibrated data set.
+        Photo, folder of photos, video or calibrated data set.
     styles, displays
         Names of those that are wanted.
     pages, sweeps
@@ -174,7 +180,7 @@ class _Reader:
         where = f"{self.path}: [defaults]"
         if not isinstance(defaults, dict):
             raise UserError(f"{self.path}: defaults is not a table")
-        self._known(defaults, (*_SECTIONS, *_SWITCHES), where)
+        self._known(defaults, (_FROM, *_SECTIONS, *_SWITCHES), where)
         config = overlaid(MakeConfig(), self._sections(defaults), where)
         styles = self._named(self._style(*entry) for entry in self._entries("style"))
         panels = self._named(self._panel(*entry) for entry in self._entries("display"))
@@ -212,7 +218,8 @@ class _Reader:
                 raise unknown_key(where, key, known)
 
     def _sections(self, table: dict[str, Any]) -> dict[str, Any]:
-        return {key: value for key, value in table.items() if key in _SECTIONS}
+        given = {"made_from": table[_FROM]} if _FROM in table else {}
+        return {key: value for key, value in table.items() if key in _SECTIONS} | given
 
     def _switches(self, table: dict[str, Any], where: str) -> dict[str, Any]:
         return {key: checked(table[key], kind, f"{where}: {key}")
@@ -251,7 +258,8 @@ class _Reader:
 
     def _sitters(self, table: dict[str, Any], where: str, styles: dict[str, Style],
                  panels: dict[str, Panel], switches: dict[str, Any]) -> Iterator[Sitter]:
-        self._known(table, ("name", *_SOURCES, "styles", "displays", *_SWITCHES, *_SECTIONS), where)
+        self._known(table, ("name", *_SOURCES, _FROM, "styles", "displays", *_SWITCHES, *_SECTIONS),
+                    where)
         given = [key for key in _SOURCES if key in table]
         if len(given) != 1:
             raise UserError(f"{where} takes one of photos, video and capture, not "
@@ -273,13 +281,14 @@ class _Reader:
             yield Sitter(name=name, source=path, parameters=self._sections(table), **own)
 
     def _matches(self, pattern: str, where: str) -> list[Path]:
-        """The folders and videos that a pattern names."""
-        paths = sorted(map(Path, glob.glob(str(self._here(pattern)))), key=natural_key)
-        paths = [path for path in paths
-                 if not is_junk(path) and (path.is_dir() or is_video(path))]
-        if not paths:
-            raise UserError(f"{where}: no folder or video matches {pattern}")
-        return paths
+        """The folders and videos that a pattern names, or else the photos."""
+        paths = [path for path in sorted(map(Path, glob.glob(str(self._here(pattern)))),
+                                         key=natural_key) if not is_junk(path)]
+        found = ([path for path in paths if path.is_dir() or is_video(path)]
+                 or [path for path in paths if kind_of(path) == "picture"])
+        if not found:
+            raise UserError(f"{where}: no folder, video or photo matches {pattern}")
+        return found
 
     def _choice(self, table: dict[str, Any], key: str, known: dict[str, Any], where: str,
                 ) -> tuple[str, ...]:

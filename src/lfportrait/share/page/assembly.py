@@ -143,8 +143,9 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     header = {**packed.header, "start": view, "displays": _presets(),
               "quilts": customary_views(), "version": __version__,
               **({"ground": plane.header} if plane else {})}
-    if config.cone:
-        header["start"] = {**view, "limit": np.radians(config.cone) / 2}
+    cone = config.cone or voxels.cone
+    if 0 < cone < 360:
+        header["start"] = {**view, "limit": np.radians(cone) / 2}
     title = config.title or "Portrait"
     styles = [each.name for each in sets if each.kind in ("style", "mix")]
     after = config.artist or ", ".join(styles)

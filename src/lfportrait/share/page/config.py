@@ -24,5 +24,5 @@ class PageConfig:
     """Largest size of the file in MB (of 1,000,000 bytes). Colors and densities are quantised as
     finely as this allows; if that is not enough, the lattice is made coarser."""
     cone: float = 0.0
-    """Degrees in all over which the portrait turns; 0: all around, and 40 in `make` for a head that
-    was made from one photo."""
+    """Degrees in all over which the portrait turns; 0: all around, but 40 for a head that was made
+    from one photo, which a button on the page unlocks; 360: all around."""

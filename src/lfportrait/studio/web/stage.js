@@ -101,6 +101,7 @@ export class Stage {
     Object.assign(to.orbit, { yaw, pitch, zoom, move: [...move] });
     to.viewer.clock = from.viewer.clock;
     to.viewer.touched = from.viewer.touched;
+    if (from.orbit.free !== to.orbit.free) to.viewer.unlock(from.orbit.free);
     to.viewer.change(false);
   }
 
@@ -192,7 +193,7 @@ export function linkCameras(one, other) {
   let last = "",
     running = true;
   const key = ({ orbit }) =>
-    `${orbit.yaw.toFixed(5)} ${orbit.pitch.toFixed(5)} ${orbit.zoom.toFixed(4)} ${orbit.move.map((n) => n.toFixed(2)).join(" ")}`;
+    `${orbit.free} ${orbit.yaw.toFixed(5)} ${orbit.pitch.toFixed(5)} ${orbit.zoom.toFixed(4)} ${orbit.move.map((n) => n.toFixed(2)).join(" ")}`;
   const follow = () => {
     if (!running) return;
     const [a, b] = [one.inner, other.inner];
@@ -203,8 +204,9 @@ export function linkCameras(one, other) {
       a.viewer.touched = b.viewer.touched = touched;
       const leads = key(a) !== last ? [a, b] : key(b) !== last ? [b, a] : null;
       if (leads) {
-        const { yaw, pitch, zoom, move } = leads[0].orbit;
+        const { free, yaw, pitch, zoom, move } = leads[0].orbit;
         Object.assign(leads[1].orbit, { yaw, pitch, zoom, move: [...move] });
+        if (free !== leads[1].orbit.free) leads[1].viewer.unlock(free);
         leads[1].viewer.change();
         last = key(leads[0]);
       }

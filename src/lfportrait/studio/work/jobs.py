@@ -14,6 +14,7 @@ from PIL import Image
 from ... import models
 from ...demo import demo_capture
 from ...errors import UserError
+from ...face import is_portrait
 from ...files import write_image, write_json
 from ...job import (
     FULL,
@@ -27,6 +28,8 @@ from ...job import (
     field_key,
     finished,
     get_networks,
+    head_kernels,
+    head_way,
     look_at,
     source_key,
 )
@@ -35,11 +38,15 @@ from ...stages import StageFolder
 from ..answers import on_page
 from ..orders import Order
 from ..photos import VIDEO_FRAME
-from .pictures import cameras_picture, head_picture, turned
+from .pictures import cameras_picture, head_picture, photo_picture, turned
 from .pipe import Pipe
 from .telling import Teller
 
 __all__ = ["do_task", "serve"]
+
+
+_FITTED = {"capture": 2.5, "reconstruct": 5.5}
+"""Seconds of a head that is fitted to a face."""
 
 
 def serve() -> None:
@@ -104,10 +111,11 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     from .early import EarlyPicture
 
     look = EarlyPicture(order, teller)
-    teller.tell("stages", expected(("capture", "capture"), ("reconstruct", "field"),
-                                   ("surface", "skin")))
     config = order.config()
-    with Warmup(("reconstruct", "transfer", "stylize", "encode")) as warmup:
+    fitted = not order.demo and head_way(order.source, config.made_from) == "face"
+    seconds = dict(expected(("capture", "capture"), ("reconstruct", "field"), ("surface", "skin")))
+    teller.tell("stages", [*(seconds | (_FITTED if fitted else {})).items()])
+    with Warmup(head_kernels(fitted)) as warmup:
         look.warmup = warmup
         if order.demo and not any(order.source.glob("transforms.json")):
             _take_embedded(order)
@@ -121,7 +129,8 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
             source=str(order.source)), "capture", figures, warmup,
             sheet=order.folder / ".studio" / "photos-left-out.jpg")
         taken = Capture.load(order.job / "capture")
-        teller.picture("capture", cameras_picture(taken))
+        teller.picture("capture", photo_picture(taken) if is_portrait(taken)
+                       else cameras_picture(taken))
         number = iter(range(1 << 30))
         do_task(order, teller, Task(
             "reconstruct", "field", where, ("field.npz",), field_key(capture, config), ("capture",),

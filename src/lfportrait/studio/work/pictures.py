@@ -14,7 +14,8 @@ from ...capture import Camera, Capture, font
 from ...field import VoxelField
 from ...lightfield import eight_bit, render_views
 
-__all__ = ["cameras_picture", "coded_picture", "head_picture", "views_of"]
+__all__ = ["cameras_picture", "coded_picture", "head_picture",
+           "photo_picture", "views_of"]
 
 _PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
 _MARGIN = 1.12
@@ -51,8 +52,12 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
 
 def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-40.0, 0.0, 40.0),
                  ) -> Uint8:
-    """A head from some sides, side by side: uint8 [size, size * views, 3]."""
-    cameras = views_of(field, [(yaw, 0.0, 1.0) for yaw in yaws], size)
+    """A head from some sides, side by side: uint8 [size, size * views, 3].
+
+    From no further aside than it can be looked at.
+    """
+    most = field.cone / 2 or 360.0
+    cameras = views_of(field, [(min(max(yaw, -most), most), 0.0, 1.0) for yaw in yaws], size)
     return np.concatenate([eight_bit(seen.color) for seen in render_views(
         field, cameras, background=1.0)], axis=1)
 
@@ -91,6 +96,17 @@ def cameras_picture(capture: Capture, size: int = 480) -> Uint8:
     draw.text((10, size - 24), f"{len(capture)} cameras, from above", fill=_INK, font=font(14))
     _photos(sheet, capture, size)
     return np.asarray(sheet, np.uint8)
+
+
+def photo_picture(capture: Capture, size: int = 480) -> Uint8:
+    """The photos that a head was fitted to, cut out, side by side: uint8 [size, W, 3]."""
+    shown = []
+    for view in range(len(capture)):
+        image = Image.fromarray((np.clip(capture.image_float(view), 0, 1) * 255 + 0.5).astype(
+            np.uint8))
+        wide = max(1, round(image.width * size / image.height))
+        shown.append(image.resize((wide, size), Image.Resampling.LANCZOS))
+    return pieces(shown)
 
 
 def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:

@@ -147,7 +147,7 @@ class StyledField(VoxelField):
             real.radius, real.frame, real.background, textures[0] if textures else None,
             painted=np.clip(painted, 0.0, 1.0).astype(np.float32), styles=tuple(styles),
             photo=np.clip(photo, 0.0, 1.0).astype(np.float32), labels=labels,
-            regions=tuple(regions), texel_rows=texel_rows,
+            regions=tuple(regions), texel_rows=texel_rows, cone=real.cone,
             painted_texels=np.stack([one.texels for one in textures]) if textures else None)
         styled.take_lattice(real)
         return styled.mix()
@@ -339,7 +339,7 @@ class StyledField(VoxelField):
             styled = StyledField(
                 plain_field.links, plain_field.density, plain_field.sh, plain_field.center,
                 plain_field.radius, plain_field.frame, plain_field.background, texture,
-                plain_field.backdrop,
+                plain_field.backdrop, plain_field.cone,
                 painted=_floats(arrays["painted"]), photo=_floats(arrays["photo"]),
                 styles=tuple(map(str, arrays["style_names"].ravel())), labels=arrays["labels"],
                 regions=tuple(map(str, arrays["region_names"].ravel())), mixture=mixture,

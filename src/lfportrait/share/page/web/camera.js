@@ -9,6 +9,7 @@ class Orbit {
   /** @param {object} start Of the page's header: target, distance, reach, half; limit, if any. */
   constructor(start) {
     this.start = start;
+    this.free = false;
     this.front();
   }
 
@@ -20,11 +21,20 @@ class Orbit {
     this.move = [0, 0]; // of the principal point, in pixels
   }
 
+  /** Radians to each side that a head from one photo is good for, as long as nobody unlocks it. */
+  get limit() {
+    return this.free ? 0 : this.start.limit ?? 0;
+  }
+
   turn(yaw, pitch) {
-    const { limit } = this.start; // radians to each side that a head from one photo is good for
-    const within = (angle, most) => Math.min(Math.max(angle, -most), most);
-    this.yaw = limit ? within(this.yaw + yaw, limit) : this.yaw + yaw;
-    this.pitch = within(this.pitch + pitch, limit ? Math.min(limit, TOP) : TOP);
+    this.yaw = this.bounded(this.yaw + yaw);
+    const most = this.limit ? Math.min(this.limit, TOP) : TOP;
+    this.pitch = Math.min(Math.max(this.pitch + pitch, -most), most);
+  }
+
+  /** A turn to the side as far as it is good. */
+  bounded(yaw) {
+    return this.limit ? Math.min(Math.max(yaw, -this.limit), this.limit) : yaw;
   }
 
   /** Zoom so that what lies at a place, in pixels from the middle, stays there. */
@@ -51,7 +61,7 @@ class Orbit {
    */
   camera([width, height], ratio, sway = 0) {
     const { target, distance, reach, half } = this.start;
-    const yaw = this.yaw + sway, pitch = this.pitch;
+    const yaw = this.bounded(this.yaw + sway), pitch = this.pitch;
     const away = [Math.sin(yaw) * Math.cos(pitch), Math.sin(pitch), Math.cos(yaw) * Math.cos(pitch)];
     const right = [Math.cos(yaw), 0, -Math.sin(yaw)];
     const forward = away.map((value) => -value);

@@ -113,6 +113,9 @@ function tools(viewer, stage) {
     find("ground").setAttribute("aria-pressed", String(root.dataset.ground === "light"));
     viewer.change();
   });
+  const around = find("around");
+  around.hidden = !viewer.orbit.start.limit;
+  press("around", () => viewer.unlock(!viewer.orbit.free));
   press("picture", () => keepPicture(viewer));
   const full = find("full");
   full.hidden = !document.fullscreenEnabled;
@@ -123,7 +126,7 @@ function tools(viewer, stage) {
   document.addEventListener("keydown", (event) => {
     const typing = event.target instanceof HTMLInputElement && event.target.type !== "range";
     if (event.ctrlKey || event.metaKey || event.altKey || typing) return;
-    const buttons = { f: "full", g: "ground", s: "picture", p: "open-panel" };
+    const buttons = { a: "around", f: "full", g: "ground", s: "picture", p: "open-panel" };
     const button = buttons[event.key] && find(buttons[event.key]);
     if (button && !button.hidden && !document.querySelector("dialog[open]")) button.click();
   });

@@ -69,6 +69,16 @@ class Viewer {
     return !this.panel && first !== null && second !== null && first !== second;
   }
 
+  /** Let a head from one photo be turned all around, or no further than it is good. */
+  unlock(free) {
+    const { orbit } = this;
+    orbit.free = free;
+    find("around").setAttribute("aria-pressed", String(free));
+    if (!free && orbit.limit) orbit.yaw = Math.atan2(Math.sin(orbit.yaw), Math.cos(orbit.yaw));
+    orbit.turn(0, 0); // back to where it is good
+    this.change();
+  }
+
   wake() {
     if (this.running || this.stopped) return;
     this.running = true;

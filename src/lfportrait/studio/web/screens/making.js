@@ -5,6 +5,7 @@ import { button, fill, h, icon } from "../dom.js";
 import { duration, known, said, t } from "../i18n.js";
 import { doing, murmur } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepJobs, on, project, state, tell } from "../state.js";
+import { Stage } from "../stage.js";
 import { leftOfJob, leftOfStage, shareOf, standingOf } from "../times.js";
 
 const HEAVY = ["head", "fine"];
@@ -50,6 +51,7 @@ class Making {
 
   close() {
     clearInterval(this.clock);
+    this.head?.stage.close();
     for (const end of this.ends) end();
   }
 
@@ -63,6 +65,13 @@ class Making {
     const sitter = project(this.id),
       job = this.job();
     if (!sitter) return;
+    if (this.head && this.head.job === job?.id && job.state === "done") {
+      // The page in it would be loaded again.
+      this.drawAction(sitter, job);
+      return this.drawQueue();
+    }
+    this.head?.stage.close();
+    this.head = null;
     const focused = document.activeElement?.dataset?.act;
     this.lead.textContent = t(job?.kind === "fine" ? "making.lead.fine" : "making.lead");
     this.drawAction(sitter, job);
@@ -88,7 +97,7 @@ class Making {
 
   /** Before the first job: what will be done, and the button. */
   beginning(sitter) {
-    const can = sitter.demo || sitter.video || sitter.photos - sitter.left_out >= 3;
+    const can = sitter.demo || sitter.video || sitter.photos >= 1;
     if (!can) {
       return h(
         "div.empty",
@@ -99,6 +108,9 @@ class Making {
         h("a.button.main", { href: `#photos/${this.id}` }, t("step.photos")),
       );
     }
+    // One photo or two: a head is fitted to the face.
+    const few = !sitter.demo && !sitter.video && sitter.photos <= 2;
+    const what = (name) => (few && name !== "surface" ? "few" : "what");
     const quick = h("input", { type: "checkbox", id: "quick", ".checked": Boolean(sitter.options?.quick) });
     return h(
       "div.card.stack.begin",
@@ -112,7 +124,7 @@ class Making {
             "li",
             {},
             h("strong", { text: t(`stage.${name}`) }),
-            h("p.soft.small", { text: t(`stage.${name}.what`) }),
+            h("p.soft.small", { text: t(`stage.${name}.${what(name)}`) }),
           ),
         ),
       ),
@@ -141,7 +153,8 @@ class Making {
         { "data-act": what, ...how },
       );
     const { state: how } = job;
-    this.picture = h("div.latest");
+    this.still = h("div.still");
+    this.picture = h("div.latest", {}, this.still);
     this.total = h("progress", { max: 1, "aria-label": t("making.total") });
     this.left = h("span.soft");
     this.stages = h("ol.stages");
@@ -260,18 +273,39 @@ class Making {
     this.times(job);
   }
 
+  /** The head itself, which turns, once it is made; whether it is shown. */
+  turning(job) {
+    const sitter = project(this.id);
+    if (job.kind !== "head" || job.state !== "done" || !sitter?.has.field) return false;
+    if (this.head) return true;
+    const stage = new Stage(sitter, t("making.head", { name: sitter.name }));
+    this.head = { job: job.id, stage };
+    this.picture.append(stage.element);
+    const { still } = this;
+    stage.show({ style: null }).then(
+      (about) => {
+        still.hidden = Boolean(about);
+        stage.element.classList.toggle("there", Boolean(about));
+      },
+      () => stage.element.remove(), // the still picture stays
+    );
+    return false;
+  }
+
   /** The newest picture, large. */
   drawPicture(job) {
+    if (this.turning(job)) return;
     const stage = job.stages.filter(({ picture }) => picture).at(-1);
-    const old = this.picture.querySelector("img");
+    const old = this.still.querySelector("img");
     if (!stage) {
       const text = t(
         job.state === "waiting" ? "making.turn" : isLive(job) ? "making.soon" : "making.none",
       );
-      return fill(this.picture, h("div.empty", {}, icon("making"), h("p", { text })));
+      return fill(this.still, h("div.empty", {}, icon("making"), h("p", { text })));
     }
     const text = t("stage.alt", { stage: known("stage", stage.name, stage.title) });
     if (old?.getAttribute("src") === stage.picture) return;
+    const { still } = this;
     // The old one stays until the new one is there: no flicker while the field turns.
     const next = new Image();
     next.alt = text;
@@ -279,7 +313,7 @@ class Making {
     next
       .decode()
       .then(() =>
-        fill(this.picture, next, h("p.soft.small", { text: known("stage", stage.name, stage.title) })),
+        fill(still, next, h("p.soft.small", { text: known("stage", stage.name, stage.title) })),
       )
       .catch(() => {});
   }

@@ -326,7 +326,7 @@ class Photos {
     if (!item || !this.data) return;
     const enough =
       this.data.photos.some(({ video }) => video) ||
-      this.data.photos.filter(({ left_out: out }) => !out).length >= 3;
+      this.data.photos.filter(({ left_out: out }) => !out).length >= 1;
     const runs = jobsOf(this.id).some(isLive) || item.has.field;
     fill(
       this.next,

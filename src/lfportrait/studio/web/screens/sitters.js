@@ -1,12 +1,16 @@
 // Screen 1: the sitters, and whether this machine is ready.
 
+import { takeFiles } from "../drop.js";
 import { get, leaveScreen, post, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { named } from "../naming.js";
 import { said, size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
+import { plainName, uploadsOf } from "../uploads.js";
 import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, project, state, tell } from "../state.js";
 import { leftOfJob, standingOf } from "../times.js";
+
+const PICTURES = ".jpg,.jpeg,.png,.webp,.tif,.tiff,.bmp,.avif,.heic,.heif,.hif";
 
 export async function showSitters(root) {
   const list = h("ul.sitters", { "aria-label": t("step.sitters") });
@@ -57,6 +61,7 @@ export async function showSitters(root) {
       draw();
       look();
     }),
+    takeFiles(t("sitters.release"), (files) => fromFiles(files).catch(fail)),
   ];
   const clock = setInterval(() => count(list), 1000);
   return () => {
@@ -71,12 +76,72 @@ function welcome() {
     {},
     icon("spark"),
     h("div.stack", {}, h("h2", { text: t("welcome.title") }), h("p.soft", { text: t("welcome.text") })),
-    button(
-      t("sitters.demo"),
-      doing(() => create(t("demo.name"), true)),
-      { kind: "main" },
+    h(
+      "div.row",
+      {},
+      photoButton("main"),
+      button(
+        t("sitters.demo"),
+        doing(() => create(t("demo.name"), true)),
+        { kind: "quiet" },
+      ),
     ),
   );
+}
+
+/** Choose one photo, which is enough for a head. */
+function photoButton(kind) {
+  const input = h("input", {
+    type: "file",
+    hidden: true,
+    accept: PICTURES,
+    onchange: (event) => {
+      fromFiles([...event.target.files]).catch(fail);
+      event.target.value = "";
+    },
+  });
+  return h("span", {}, button(t("sitters.photo"), () => input.click(), { kind, drawing: "photos" }), input);
+}
+
+/** A sitter of files: of one photo the head is made at once, of others after a look at them. */
+async function fromFiles(files) {
+  if (!files.length) return;
+  const alone = files.length === 1 && PICTURES.split(",").some((end) => files[0].name.toLowerCase().endsWith(end));
+  const name = alone ? plainName(files[0].name).replace(/\.[^.]*$/, "") : "";
+  const item = alone ? await createFree(name) : await asked();
+  if (!item) return;
+  keepProject(item);
+  const uploads = uploadsOf(item.id);
+  const sent = uploads.add(files);
+  if (!alone) {
+    location.hash = `#photos/${item.id}`;
+    return;
+  }
+  await sent;
+  const [refused] = uploads.figures().wrong;
+  if (refused) {
+    location.hash = `#photos/${item.id}`;
+    return;
+  }
+  keepJob(await post("/api/jobs", { kind: "head", project: item.id }));
+  location.hash = `#making/${item.id}`;
+}
+
+/** A new sitter whose name is asked for. */
+function asked() {
+  return named(t("sitters.new"), "", t("create"), (name) => post("/api/projects", { name, demo: false }));
+}
+
+/** A new sitter of a name, or of the next one that is free. */
+async function createFree(name) {
+  for (let number = 1; ; number++) {
+    try {
+      return await post("/api/projects", { name: number > 1 ? `${name} ${number}` : name, demo: false });
+    } catch (error) {
+      if (error.code === "bad_name") return asked();
+      if (error.code !== "exists") throw error;
+    }
+  }
 }
 
 /** What the screen of making shows of a sitter: no files, and no photos that are looked at. */
@@ -149,6 +214,7 @@ function newSitter() {
       doing(() => named(t("sitters.new"), "", t("create"), (name) => create(name, false))),
       { kind: "main", drawing: "plus" },
     ),
+    state.projects.length > 0 && photoButton("quiet"),
     state.projects.length > 0 &&
       button(
         t("sitters.demo"),
