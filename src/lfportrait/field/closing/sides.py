@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...capture import Capture
+from ...capture import Capture, portrait_frame_from_landmarks
 from ..geometry.chart import Chart, coherent, normals_of, read_surface
 from ..geometry.head_surface import HeadSurface
 from ..geometry.plate import fitted_plate, large_pieces, smoothed
 from ..grid import VoxelField
 from ..trimming import Cut
 from .back import Closed, shades
+from .ears import Ears, ears_of
+from .fitted_head import FitHead, FittedHead, head_distance
 from .photos import Photos, behind_what_is_seen
 from .shell import Shell, with_shell
 
@@ -30,6 +32,14 @@ SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
 NAPE = -0.35
 """Height at which hair usually ends behind, portrait units."""
+WELL = 0.35
+"""Cosine from which on they are believed wholly."""
+YIELDS = 0.7
+"""Confidence up to which what was trained yields to the new surface."""
+LITTLE = 0.3
+"""Confidence from which on a head is fitted to a surface."""
+SURE = 10.0
+"""Weight of a surface that photos see well."""
 RIM = 0.3
 """Weight of a surface that photos look along, over one that they see well."""
 APART = 0.08
@@ -44,7 +54,8 @@ LEAST = 0.003
 
 
 def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
-                cut: Cut | None = None) -> tuple[VoxelField, Closed | None]:
+                cut: Cut | None = None, fit_head: FitHead | None = None,
+                ) -> tuple[VoxelField, Closed | None]:
     """Close a field's surface where an arc of photos does not show it.
 
     Parameters
@@ -54,9 +65,11 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     surface
         What it started from.
     capture
-        The photos, with mattes.
+        The photos, with mattes and landmarks.
     cut
         What lies below is none of the head.
+    fit_head
+        Fits a head to what the photos show, which the sides follow; None: they follow ``surface``.
 
     Returns
     -------
@@ -74,15 +87,27 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     known = large_pieces(known, np.ones(known.shape), LEAST * known.size)
     if not known.any():
         return field, None
+    head = None if fit_head is None else _fitted(fit_head, surface, capture,
+                                                 np.where(known, distance, np.nan))
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
+    base, ears = surface.distance, None
+    if head is not None:
+        base = head_distance(head, chart, surface.distance)
+        ears = ears_of(head, chart, photos, capture)
     # At the outlines photos look along the surface: each locates it badly, all together well.
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
-    ratio = np.asarray(np.log(np.where((known | rim) & finite, distance, surface.distance)
-                              / surface.distance), np.float64)
-    whole = surface.distance * np.exp(fitted_plate(
-        ratio, np.where(known, 10.0, np.where(rim, RIM, 0.0)), 0.5, 0.01, 1e-4))
+    trust = np.where(known, SURE, np.where(rim, RIM, 0.0))
+    if head is not None:
+        trust = np.where(known, np.maximum(SURE * _confidence(surface.facing) ** 2, RIM), trust)
+        known &= _confidence(surface.facing) > YIELDS
+    if ears is not None:
+        beside = _ear_cells(chart, ears)
+        trust[beside] = 0.0
+        known &= ~beside
+    ratio = np.asarray(np.log(np.where((trust > 0) & finite, distance, base) / base), np.float64)
+    whole = base * np.exp(fitted_plate(ratio, np.where(finite, trust, np.minimum(trust, 0.0)) if head is not None else trust, 0.5, 0.01, 1e-4 if head is None else 2e-5))
     gap = ~known
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
     whole = behind_what_is_seen(chart, whole, gap, photos, nearly=False)
@@ -93,9 +118,42 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     paint = shades(chart, chart.points(np.where(finite, distance, whole)), colors,
                    known & finite, photos, upwards, _hair(chart, whole))
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
-                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
+                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True, ears=ears)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(float((area * gap).sum() / area.sum()), count)
+
+
+def _confidence(facing: Float64) -> Float64:
+    """How far photos that look at a surface at cosines [V, U] tell where it lies, 0 to 1."""
+    return np.asarray(np.clip((facing - SQUARE) / (WELL - SQUARE), 0, 1), np.float64)
+
+
+def _fitted(fit_head: FitHead, surface: HeadSurface, capture: Capture, distance: Float64,
+            ) -> FittedHead | None:
+    """A head fitted to landmarks and to distances [V, U]; they are NaN where nothing is known."""
+    chart = surface.chart
+    frame = portrait_frame_from_landmarks(np.asarray(capture.landmarks, np.float64),
+                                          capture.cameras)
+    landmarks = np.asarray(capture.landmarks, np.float64) @ frame[:3, :3].T + frame[:3, 3]
+    trust = np.where(np.isfinite(distance), _confidence(surface.facing), 0.0)
+    used = trust > LITTLE
+    even = np.where(used, smoothed(np.where(used, distance, 0.0), used, 1.0), surface.distance)
+    normals = normals_of(chart, even)[used]
+    points = chart.points(np.where(used, distance, 1.0))[used]
+    if chart.frame is not None:
+        points = points @ chart.frame[:3, :3].T + chart.frame[:3, 3]
+        normals = normals @ chart.frame[:3, :3].T / chart.scale
+    return fit_head(landmarks, points, normals, trust[used])
+
+
+def _ear_cells(chart: Chart, ears: Ears) -> NDArray[np.bool_]:
+    """Cells of a chart whose rays meet ears, and those next to them, [V, U]."""
+    found = np.zeros((len(chart.axis), len(chart.angle)), bool)
+    row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
+    inside = (row >= 0) & (row < len(found))
+    found[row[inside], column[inside] % found.shape[1]] = True
+    return np.asarray(ndimage.binary_dilation(np.pad(found, ((0, 0), (2, 2)), mode="wrap"),
+                                              np.ones((3, 3)))[:, 2:-2])
 
 
 def _hair(chart: Chart, distance: Float64) -> NDArray[np.bool_]:
