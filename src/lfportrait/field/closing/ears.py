@@ -38,8 +38,10 @@ _LEAST = 60
 _ROUNDS = 8
 _HIDDEN = 0.05
 """Matter so far before an ear, portrait units, hides it."""
-_SHOWN = 0.4
+_SHOWN = 0.3
 """Share of an ear's places that photos must show for it to be there."""
+_MEETS, _WHOLE = 0.03, 0.7
+"""Of a whole ear so many of these places lie so near to what photos see, portrait units."""
 _MATTER = 0.7
 """Share of the photos whose mattes must have matter at a place of an ear."""
 _FRONT = 0.25
@@ -57,6 +59,9 @@ class Ears:
         float64 [N, 3] each, samples of the surface in the world; those around the ears, too.
     own
         bool [N], which of the samples are the ears'.
+    torn
+        Boxes [E, 2, 3] about those ears (lowest and highest corner, world) of which what was
+        trained has only shreds.
     tree
         Of the points.
     reach
@@ -68,6 +73,7 @@ class Ears:
     points: Float64
     normals: Float64
     own: Bools
+    torn: Float64
     tree: cKDTree
     reach: float
     step: float
@@ -90,6 +96,15 @@ class Ears:
         return out, sample
 
 
+    def replaced(self, points: Float64) -> Bools:
+        """Where what was trained is torn, and goes: which of points [N, 3], [N]."""
+        out = np.zeros(len(points), bool)
+        for low, high in self.torn:
+            out |= ((points > low - 2 * self.step) & (points < high + 2 * self.step)).all(axis=1)
+        out[out] = np.isfinite(self.distance(points[out])[0])
+        return out
+
+
 def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) -> Ears | None:
     """The ears of a head that photos show, or None.
 
@@ -110,7 +125,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
     to_world = np.eye(4) if chart.frame is None else np.linalg.inv(chart.frame)
     vertices = head.points @ to_world[:3, :3].T + to_world[:3, 3]
     left = head.points[:, 0] > 0
-    found = []
+    found, torn = [], []
     for side in (left, ~left):
         triangles = _around(head, side)
         own = (head.ears & side)[head.triangles[triangles]].any(axis=1)
@@ -119,12 +134,15 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
         seen = _surface_near(photos, points[mine], _NEAR * unit)
         points, normals = _moved(points, normals, mine, seen, unit)
         kept = mine & (_matter(capture, points) > _MATTER)
-        if _shown(photos, points[kept], normals[kept], _HIDDEN * unit) > _SHOWN:
+        shown, met = _shown(photos, points[kept], normals[kept], _HIDDEN * unit, _MEETS * unit)
+        if shown > _SHOWN:
             found.append((points, normals, kept))
+            if met < _WHOLE:
+                torn.append((points[kept].min(axis=0), points[kept].max(axis=0)))
     if not found:
         return None
     points, normals, own = (np.concatenate(part) for part in zip(*found, strict=True))
-    return Ears(points, normals, own, cKDTree(points), REACH * unit, STEP * unit)
+    return Ears(points, normals, own, np.reshape(torn, (-1, 2, 3)), cKDTree(points), REACH * unit, STEP * unit)
 
 
 def _around(head: FittedHead, side: Bools) -> NDArray[np.int64]:
@@ -217,13 +235,16 @@ def _matter(capture: Capture, points: Float64) -> Float64:
     return np.asarray(np.where(seen > 0, inside / np.maximum(seen, 1), 1.0), np.float64)
 
 
-def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float) -> float:
-    """Share of an ear's places that face photos which no matter hides from them."""
-    free = total = 0
+def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float, meets: float,
+           ) -> tuple[float, float]:
+    """Shares of an ear's places that face photos: which no matter hides from them, and where
+    matter is."""
+    free = met = total = 0
     for view in _views(len(photos.cameras)):
         way = photos.cameras.position[view] - points
         faces = (way * normals).sum(axis=1) > _FRONT * np.linalg.norm(way, axis=1)
         depth, before = photos.depth_at(int(view), points[faces])
         free += int((depth < before + hidden).sum())
+        met += int((np.abs(depth - before) < meets).sum())
         total += len(depth)
-    return free / max(total, 1)
+    return free / max(total, 1), met / max(free, 1)

@@ -29,6 +29,9 @@ FACING = 0.2
 LAYER = 0.04
 """Surfaces further within than this, portrait units, are others, which the first hides."""
 
+GIVES_WAY = 1e-3
+"""Pull towards what lies around where a head has no surface: in some five cells it is reached."""
+
 
 @dataclass(frozen=True)
 class FittedHead:
@@ -114,7 +117,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
         return around
     ratio = np.log(np.where(known, found, around) / around)
     return np.asarray(around * np.exp(fitted_plate(ratio, np.where(known, 1.0, 0.0), 0.5, 0.01,
-                                                   1e-5)), np.float64)
+                                                   GIVES_WAY)), np.float64)
 
 
 def _cells(chart: Chart, places: Float64,

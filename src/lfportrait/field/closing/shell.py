@@ -70,6 +70,7 @@ class Shell:
     voxel: float
     guessed: bool = False
     ears: Ears | None = None
+    yields: Bools | None = None
 
     def depth(self, points: Float64) -> tuple[Float64, Float64]:
         """How deep points [N, 3] lie within, in voxels (-inf beside the gap), and places [2, N]."""
@@ -85,6 +86,14 @@ class Shell:
             ear = -self.ears.distance(points)[0] / self.voxel
             deep = np.where(ear > -OUTWARDS, np.maximum(deep, ear), deep)
         return deep, places
+
+    def yielding(self, deep: Float64, places: Float64) -> Bools:
+        """Which points, so deep and at places [2, N], go whatever photos see there, [N]."""
+        if self.yields is None:
+            return np.zeros(len(deep), bool)
+        row, column = np.rint(places).astype(np.int64)
+        rows, columns = self.gap.shape
+        return (deep < FRINGE) & self.yields[np.clip(row, 0, rows - 1), column % columns]
 
     def within_ears(self, points: Float64) -> Bools:
         """Which of points [N, 3] are the ears', [N]."""
@@ -199,7 +208,9 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
         outwards = shell.normals(points[near], places[:, near])
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
         well |= photos.faced(points[near], FACED) >= SURELY
-        hardly = (seen > 0) & (deep[near] > FRINGE)
+        torn = shell.ears is not None and shell.ears.replaced(points[near])
+        well &= ~(shell.yielding(deep[near], places[:, near]) | torn)
+        hardly = (seen > 0) & (deep[near] > FRINGE) & ~torn
         density[near] = np.where(well, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come

@@ -8,6 +8,8 @@ begins, in the colors around it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -27,6 +29,7 @@ from .shell import Shell, with_shell
 __all__ = ["close_sides"]
 
 Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
@@ -49,6 +52,16 @@ _HAIRLINE = np.array([
     (NAPE - 0.01, 181.0), (NAPE, 125.0), (-0.15, 108.0), (-0.02, 105.0), (0.05, 85.0), (0.20, 60.0),
     (0.36, 0.0), (0.37, -1.0)])
 """Where hair begins on most heads: before the crown, above and behind the ears, at the nape."""
+LOOSE, LAX, FOLLOWS = 1e-4, 2e-5, 3e-3
+"""Pull towards a bust, a fitted head under hair, and its skin."""
+NECK = -0.75
+"""Height above which a fitted head is followed, portrait units: below, shoulders begin."""
+SIDES = np.radians(100.0)
+"""Angle from the front up to which it is, where it has no hair."""
+UNLIKELY = 0.05
+"""What slanting rays saw so far from a fitted head's skin is not believed, portrait units (1 cm)."""
+HIDDEN = -0.5
+"""Cosine below which photos do not see a surface at all."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
@@ -90,24 +103,19 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     head = None if fit_head is None else _fitted(fit_head, surface, capture,
                                                  np.where(known, distance, np.nan))
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
-    base, ears = surface.distance, None
-    if head is not None:
-        base = head_distance(head, chart, surface.distance)
-        ears = ears_of(head, chart, photos, capture)
     # At the outlines photos look along the surface: each locates it badly, all together well.
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
-    trust = np.where(known, SURE, np.where(rim, RIM, 0.0))
+    guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
+                   np.full(known.shape, LOOSE), np.zeros_like(known), None)
     if head is not None:
-        trust = np.where(known, np.maximum(SURE * _confidence(surface.facing) ** 2, RIM), trust)
-        known &= _confidence(surface.facing) > YIELDS
-    if ears is not None:
-        beside = _ear_cells(chart, ears)
-        trust[beside] = 0.0
-        known &= ~beside
-    ratio = np.asarray(np.log(np.where((trust > 0) & finite, distance, base) / base), np.float64)
-    whole = base * np.exp(fitted_plate(ratio, np.where(finite, trust, np.minimum(trust, 0.0)) if head is not None else trust, 0.5, 0.01, 1e-4 if head is None else 2e-5))
+        ears = ears_of(head, chart, photos, capture)
+        guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
+    base, known = guess.base, guess.known
+    shown = (guess.trust > 0) & finite
+    ratio = np.asarray(np.log(np.where(shown, distance, base) / base), np.float64)
+    whole = base * np.exp(fitted_plate(ratio, guess.trust, 0.5, 0.01, guess.tension))
     gap = ~known
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
     whole = behind_what_is_seen(chart, whole, gap, photos, nearly=False)
@@ -118,9 +126,64 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     paint = shades(chart, chart.points(np.where(finite, distance, whole)), colors,
                    known & finite, photos, upwards, _hair(chart, whole))
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
-                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True, ears=ears)
+                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True, ears=guess.ears,
+                  yields=guess.yields)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(float((area * gap).sum() / area.sum()), count)
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """How a surface goes on where photos do not show it.
+
+    Attributes
+    ----------
+    base
+        Distances [V, U] that it is in proportion to.
+    trust
+        How far what was trained tells where it lies, [V, U].
+    known
+        Where what was trained stays, [V, U].
+    tension
+        Pull towards the base, [V, U].
+    yields
+        Where matter that stands out from the surface goes, whatever sees it, [V, U].
+    ears
+        Solids beside it, or None.
+    """
+
+    base: Float64
+    trust: Float64
+    known: Bools
+    tension: Float64
+    yields: Bools
+    ears: Ears | None
+
+
+def _led(guess: _Guess, base: Float64, surface: HeadSurface, distance: Float64,
+         ears: Ears | None) -> _Guess:
+    """A guess that follows a fitted head at distances ``base`` [V, U] instead of a bust.
+
+    What only slanting rays saw has less weight the more they slant, and none where it is far from
+    the head's skin; hair may be thick.
+    """
+    chart = surface.chart
+    sure = _confidence(surface.facing)
+    trust = np.where(guess.known, np.maximum(SURE * sure ** 2, RIM), guess.trust)
+    skin = (chart.axis[:, 1] > NECK)[:, None] & ~_hair(chart, base)
+    skin &= np.abs(chart.angle) < SIDES
+    away = np.abs(np.where(np.isfinite(distance), distance, base) - base) * chart.scale
+    likely = np.clip(1.0 - (away / UNLIKELY) ** 2, 0, 1) ** 2
+    doubted = skin & (sure < YIELDS)
+    trust = np.where(doubted, trust * likely, trust)
+    hidden = skin & ~guess.known & (surface.facing < HIDDEN)
+    trust[hidden] = 0.0
+    known = guess.known & (sure > YIELDS) & (trust > 0)
+    yields = hidden | (doubted & (likely < 0.5))
+    if ears is not None:
+        beside = _ear_cells(chart, ears)
+        trust[beside], known[beside], yields[beside] = 0.0, False, False
+    return _Guess(base, trust, known, np.where(skin, FOLLOWS, LAX), yields, ears)
 
 
 def _confidence(facing: Float64) -> Float64:
@@ -146,7 +209,7 @@ def _fitted(fit_head: FitHead, surface: HeadSurface, capture: Capture, distance:
     return fit_head(landmarks, points, normals, trust[used])
 
 
-def _ear_cells(chart: Chart, ears: Ears) -> NDArray[np.bool_]:
+def _ear_cells(chart: Chart, ears: Ears) -> Bools:
     """Cells of a chart whose rays meet ears, and those next to them, [V, U]."""
     found = np.zeros((len(chart.axis), len(chart.angle)), bool)
     row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
@@ -156,7 +219,7 @@ def _ear_cells(chart: Chart, ears: Ears) -> NDArray[np.bool_]:
                                               np.ones((3, 3)))[:, 2:-2])
 
 
-def _hair(chart: Chart, distance: Float64) -> NDArray[np.bool_]:
+def _hair(chart: Chart, distance: Float64) -> Bools:
     """Where most heads have hair, bool [V, U]: one color goes on over a bald head, too."""
     up = np.sin(chart.elevation)[:, None] * distance * chart.scale
     begins = np.interp(chart.axis[:, 1][:, None] + up, *_HAIRLINE.T)
