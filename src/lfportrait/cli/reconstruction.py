@@ -115,7 +115,7 @@ class Reconstruct(Common):
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
-        from ..face import is_portrait
+        from ..face import fit_to_surface, is_portrait
         from ..field import reconstruct_with_figures
         from ..job import cut_person, find_face
 
@@ -139,7 +139,7 @@ class Reconstruct(Common):
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
-                log=self.log, device=self.device)
+                log=self.log, device=self.device, fit_head=fit_to_surface)
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
         return {**figures, "mattes": mattes}

@@ -32,6 +32,7 @@ __all__ = [
     "face_mesh",
     "face_pose",
     "face_yaw",
+    "fit_to_surface",
     "frontal_order",
     "generic_depth",
     "hair_mask",
@@ -65,6 +66,14 @@ def capture_from_faces(photos: Path, config: Any, progress: Any = None) -> Any:
 def is_portrait(capture: Any) -> bool:
     """Whether a capture's head was fitted to its photos (`one_photo`)."""
     return FIT in capture.figures
+
+
+def fit_to_surface(landmarks: NDArray[np.float64], points: NDArray[np.float64],
+                   normals: NDArray[np.float64], trust: NDArray[np.float64]) -> Any:
+    """The statistical head, fitted to a capture (`lfportrait.face.capture_head.fit_to_surface`)."""
+    from .capture_head import fit_to_surface as run
+
+    return run(landmarks, points, normals, trust)
 
 
 def portrait_capture(photos: Any, progress: Any = None) -> Any:

@@ -29,7 +29,7 @@ from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
-from .closing import close_back, close_sides
+from .closing import FitHead, close_back, close_sides
 from .config import ReconstructConfig
 from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
@@ -76,6 +76,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
                              log: Path | None = None, measure_every: float = 0.0,
                              device: str = "auto",
                              look: Callable[[Callable[[], VoxelField]], None] | None = None,
+                             fit_head: FitHead | None = None,
                              ) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
@@ -101,6 +102,9 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         time with what gives the field as if the training ended there; the training is the same
         whether it is called for or not. It may raise an exception to end the reconstruction, which
         goes on from the checkpoint the next time.
+    fit_head
+        What a narrow arc of photos does not show follows the head that this fits to them
+        (`lfportrait.face.fit_to_surface`); None: a generic bust.
 
     Returns
     -------
@@ -129,7 +133,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     adapter = gpu_adapter(device)
     process = gpu_process(adapter) if adapter is not None else None
     try:
-        return _reconstruct(capture, config, progress, checkpoint, meter, process, look)
+        return _reconstruct(capture, config, progress, checkpoint, meter, process, look,
+                            fit_head)
     finally:
         if curves is not None:
             curves.close()
@@ -138,10 +143,10 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
 def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,
                  checkpoint: Path | None, meter: Meter | None, process: GpuProcess | None,
                  look: Callable[[Callable[[], VoxelField]], None] | None,
-                 ) -> tuple[VoxelField, dict[str, Any]]:
+                 fit_head: FitHead | None) -> tuple[VoxelField, dict[str, Any]]:
     """The same with parameters put in; the field and the figures."""
     trainer = Trainer(capture, config, progress, checkpoint, meter, process,
-                      None if look is None else lambda: look(lambda: _so_far(trainer)))
+                      None if look is None else lambda: look(lambda: _so_far(trainer, fit_head)))
     trainer.restore()
     first_rays = trainer.rays_done
     start = time.perf_counter()
@@ -171,7 +176,8 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         testing = beside.submit(_tested, field, trainer, capture)
         finished = field
         if capture.alphas is not None and capture.landmarks is not None:
-            finished = _finished(field, trainer, capture.landmarks, config, figures, progress)
+            finished = _finished(field, trainer, capture.landmarks, config, figures, progress,
+                                 fit_head)
         test = testing.result()
     if test:
         figures["test"] = test
@@ -210,17 +216,19 @@ def _tested(field: VoxelField, trainer: Trainer, capture: Capture) -> dict[str, 
     return figures
 
 
-def _so_far(trainer: Trainer) -> VoxelField:
+def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
     """The field as it would be if the training ended now."""
     field, capture = trainer.field(trainer.cleaned()), trainer.capture
     if capture.alphas is None or capture.landmarks is None:
         return field
-    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None, roughly=True)
+    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None, fit_head,
+                     roughly=True)
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
               config: ReconstructConfig, figures: dict[str, Any],
-              progress: Progress | None, roughly: bool = False) -> VoxelField:
+              progress: Progress | None, fit_head: FitHead | None, roughly: bool = False,
+              ) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures.
 
     ``roughly``: what was added is not trained.
@@ -236,7 +244,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                     surely="mattes" not in capture.figures) if config.cut_base else None)
     if config.fill_back:
         if surface is not None:
-            field, closed = close_sides(field, surface, capture, cut)
+            field, closed = close_sides(field, surface, capture, cut, fit_head)
         else:
             field, closed = close_back(field, landmarks, capture, cut)
         if closed is not None:

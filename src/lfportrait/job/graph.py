@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .. import models
 from ..cache import key_of
 from ..lightfield import Display
 from ..stages import finished_record
@@ -93,7 +94,7 @@ def capture_key(source: str, config: MakeConfig, seed: int) -> str:
 
 def field_key(capture: str, config: MakeConfig) -> str:
     """Key of the field of a capture with the key ``capture``."""
-    return stage_key("field", capture, config.reconstruct)
+    return stage_key("field", capture, config.reconstruct, models.in_use(["head"]))
 
 
 def skin_key(field: str, pixels: float) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from ..cache import hash_of
 from ..capture import CalibrateConfig, Capture
 from ..example import Exemplar, Skin
-from ..face import is_portrait, portrait_field
+from ..face import fit_to_surface, is_portrait, portrait_field
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
 from ..lightfield import (
     Display,
@@ -127,7 +127,7 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
         return figures, result.as_read()
     result, figures = reconstruct_with_figures(
         capture, settings, progress, checkpoint=checkpoint, device=device,
-        look=None if look is None else partial(look, capture))
+        look=None if look is None else partial(look, capture), fit_head=fit_to_surface)
     result.save(target)
     return figures, result.as_read()
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from lfportrait.capture import Camera, Capture
 from lfportrait.errors import UserError
 from lfportrait.example import Skin, face_size
+from lfportrait.face import fit_to_surface
 from lfportrait.field import ReconstructConfig, Rendering, VoxelField, reconstruct_with_figures
 from lfportrait.media.folders import files_below
 from lfportrait.progress import Progress
@@ -186,7 +187,7 @@ def linked(source: Path, target: Path) -> None:
 def field_of(capture: Capture, target: Path, config: ReconstructConfig,
              progress: Progress | None) -> dict[str, Any]:
     """Reconstruct a capture's field into a file; figures."""
-    field, figures = reconstruct_with_figures(capture, config, progress)
+    field, figures = reconstruct_with_figures(capture, config, progress, fit_head=fit_to_surface)
     target.parent.mkdir(parents=True, exist_ok=True)
     field.save(target)
     return figures

@@ -10,6 +10,7 @@ What photos saw stays as it is.
 """
 
 from .back import Closed, close_back
+from .fitted_head import FitHead, FittedHead
 from .sides import close_sides
 
-__all__ = ["Closed", "close_back", "close_sides"]
+__all__ = ["Closed", "FitHead", "FittedHead", "close_back", "close_sides"]

@@ -15,7 +15,7 @@ from scipy import ndimage
 from ..geometry.chart import Chart
 from ..surface_graph import SurfaceGraph
 
-__all__ = ["NAPE", "hair_cells"]
+__all__ = ["NAPE", "hair_cells", "usual_hair"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -64,7 +64,7 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools,
     """
     height = _heights(chart, distance)
     aside = np.degrees(np.abs(chart.angle))[None]
-    usual = aside > np.interp(height, *_HAIRLINE.T)
+    usual = usual_hair(chart, distance)
     # Of a fringe or a bald forehead photos know more than most heads.
     crown = well & (aside > np.interp(height - _CROWN, *_HAIRLINE.T))
     (low, high), front = _FACE
@@ -90,6 +90,12 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools,
     hair = _joined(found.reshape(well.shape) > 0.5, crown)
     # Clothes may well have the hair's color.
     return hair, well & ((hair == (vote > 0.5)) | (height < NAPE))
+
+
+def usual_hair(chart: Chart, distance: Float64) -> Bools:
+    """Where most heads have hair on a chart's surface, bool [V, U]."""
+    begins = np.interp(_heights(chart, distance), *_HAIRLINE.T)
+    return np.asarray(np.degrees(np.abs(chart.angle))[None] > begins)
 
 
 def _joined(cells: Bools, seeds: Bools) -> Bools:

@@ -119,6 +119,40 @@ class Photos:
             found += past
         return found >= min(2, self.enough)
 
+    def surface(self, view: int, low: Float64, high: Float64) -> tuple[Float64, Float64]:
+        """Places that a view sees in a rectangle of its pixels, and the ways to it.
+
+        Parameters
+        ----------
+        view
+            Number of the view.
+        low, high
+            Corners (x, y) in pixels.
+
+        Returns
+        -------
+        places, ways
+            float64 [P, 3] each, the ways of unit length; next to an outline nothing is told.
+        """
+        height, width = self._depths[view].shape
+        left, top = np.clip(np.floor(low), 0, [width, height]).astype(np.int64)
+        right, bottom = np.clip(np.ceil(high), 0, [width, height]).astype(np.int64)
+        part = slice(top, max(bottom, top)), slice(left, max(right, left))
+        depth, first, last = (maps[view][part]
+                              for maps in (self._depths, self._first, self._last))
+        near = np.isfinite(last)
+        near[near] = last[near] - first[near] < 6 * self.voxel
+        row, column = np.nonzero(near)
+        pixels = np.stack([column + left, row + top], axis=1) + 0.5
+        origins, rays = self.cameras.rays(view, pixels)
+        ahead = self.cameras.pose[view, :3, 2]
+        return origins + rays * (depth[near] / (rays @ ahead))[:, None], -rays
+
+    def depth_at(self, view: int, points: Float64) -> tuple[Float64, Float64]:
+        """Depths of those of points [N, 3] that a view shows, and of what it sees there, [M]."""
+        _, place, depth = self._shown(view, points)
+        return depth, np.asarray(self._depths[view][place], np.float64)
+
     def _shown(self, view: int, points: Float64,
                ) -> tuple[Bools, tuple[NDArray[np.int64], ...], Float64]:
         """Which points a view shows, their (row, column) and depths."""

@@ -14,6 +14,7 @@ from ..geometry.plate import smoothed
 from ..grid import VoxelField
 from ..harmonics import C0
 from ..trimming import Cut
+from .ears import Ears
 from .photos import Photos
 
 __all__ = ["Shell", "with_shell"]
@@ -68,6 +69,8 @@ class Shell:
     gap: Bools
     voxel: float
     guessed: bool = False
+    ears: Ears | None = None
+    yields: Bools | None = None
 
     def depth(self, points: Float64) -> tuple[Float64, Float64]:
         """How deep points [N, 3] lie within, in voxels (-inf beside the gap), and places [2, N]."""
@@ -79,7 +82,24 @@ class Shell:
         deep = np.full(len(points), -np.inf)
         deep[inside] = ((self._at(self.distance, places[:, inside]) - away[inside])
                         * self._at(self.cosine, places[:, inside]) / self.voxel)
+        if self.ears is not None:
+            ear = -self.ears.distance(points)[0] / self.voxel
+            deep = np.where(ear > -OUTWARDS, np.maximum(deep, ear), deep)
         return deep, places
+
+    def yielding(self, deep: Float64, places: Float64) -> Bools:
+        """Which points, so deep and at places [2, N], go whatever photos see there, [N]."""
+        if self.yields is None:
+            return np.zeros(len(deep), bool)
+        row, column = np.rint(places).astype(np.int64)
+        rows, columns = self.gap.shape
+        return (deep < FRINGE) & self.yields[np.clip(row, 0, rows - 1), column % columns]
+
+    def within_ears(self, points: Float64) -> Bools:
+        """Which of points [N, 3] are the ears', [N]."""
+        if self.ears is None:
+            return np.zeros(len(points), bool)
+        return np.asarray(self.ears.distance(points)[0] < 0.5 * self.voxel)
 
     def cells(self, field: VoxelField, outwards: float) -> NDArray[np.int64]:
         """Empty lattice points (x, y, z) that may be part of it, int64 [N, 3].
@@ -94,6 +114,13 @@ class Shell:
         inwards = (SHELL / self.cosine + 1) * self.voxel
         corners = [self.chart.points(self.distance + by)[self.gap]
                    for by in (3 * self.voxel, -inwards)]
+        if self.ears is not None:
+            ears = self.ears.points[self.ears.own]
+            places, away = self.chart.places(ears)
+            row = np.clip(np.rint(places[0]).astype(np.int64), 0, len(low) - 1)
+            np.minimum.at(low, row, away - SHELL * voxels)
+            np.maximum.at(high, row, away + (outwards + 0.1) * voxels)
+            corners.append(ears)
         return self.chart.cells_between(field, low, high, np.concatenate(corners))
 
     def coefficients(self, places: Float64, basis: int) -> NDArray[np.float32]:
@@ -108,10 +135,14 @@ class Shell:
         columns = np.rint(places[1]).astype(np.int64) % len(self.chart.angle)
         return np.abs(np.asarray(self.chart.angle[columns], np.float64))
 
-    def normals(self, places: Float64) -> Float64:
-        """Outward normals [N, 3] of the surface at places [2, N]."""
+    def normals(self, points: Float64, places: Float64) -> Float64:
+        """Outward normals [N, 3] of the surface at points [N, 3], which are at places [2, N]."""
         normal = normals_of(self.chart, smoothed(self.distance, np.ones_like(self.gap), 1.0))
         found = np.stack([self._at(normal[..., k], places) for k in range(3)], axis=-1)
+        if self.ears is not None:
+            away, sample = self.ears.distance(points)
+            near = away < OUTWARDS * self.voxel
+            found[near] = self.ears.normals[sample[near]]
         return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
 
     @staticmethod
@@ -131,10 +162,16 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
     """The field with the shell; what lies outside of it goes. Also the number of new points."""
     chart, voxel = shell.chart, shell.voxel
     corners = chart.points(shell.distance + 3 * voxel)[shell.gap]
+    if shell.ears is not None:
+        margin = OUTWARDS * voxel * np.array([[-1.0], [1.0]])[..., None]
+        corners = np.concatenate([corners, *(shell.ears.points[shell.ears.own] + margin)])
     field = _widened(field, corners.min(axis=0), corners.max(axis=0))
     density, sh = _changed(field, shell, photos)
     cells, deep, places = _new_cells(field, shell, cut)
-    kept = ~photos.past(_points(field, cells), nearly=not shell.guessed) | (deep < 0)
+    points = _points(field, cells)
+    kept = ~photos.past(points, nearly=not shell.guessed) | (deep < 0)
+    # Mattes of single photos lack parts of ears.
+    kept |= shell.within_ears(points)
     # Points beside those that stay are empty, but have colors: between a point and none at all a
     # ray would see gray.
     beside = ~kept & _beside(field.links.shape, cells, kept)
@@ -168,10 +205,12 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     dim = np.flatnonzero(near)[seen < 2]
     sh[dim] = shell.coefficients(places[:, dim], field.basis)
     if shell.guessed:
-        outwards = shell.normals(places[:, near])
+        outwards = shell.normals(points[near], places[:, near])
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
         well |= photos.faced(points[near], FACED) >= SURELY
-        hardly = (seen > 0) & (deep[near] > FRINGE)
+        torn = shell.ears is not None and shell.ears.replaced(points[near])
+        well &= ~(shell.yielding(deep[near], places[:, near]) | torn)
+        hardly = (seen > 0) & (deep[near] > FRINGE) & ~torn
         density[near] = np.where(well, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come

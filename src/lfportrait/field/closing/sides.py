@@ -8,11 +8,13 @@ begins, in the colors around it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...capture import Capture
+from ...capture import Capture, portrait_frame_from_landmarks
 from ..geometry.chart import Chart, coherent, normals_of, read_surface
 from ..geometry.head_surface import HeadSurface
 from ..geometry.plate import fitted_plate, large_pieces, smoothed
@@ -20,26 +22,48 @@ from ..grid import VoxelField
 from ..trimming import Cut
 from .back import Closed, shown_well
 from .colors import continued_colors
-from .hairline import NAPE, hair_cells
+from .ears import Ears, ears_of
+from .fitted_head import FitHead, FittedHead, head_distance
+from .hairline import NAPE, hair_cells, usual_hair
 from .photos import Photos, behind_what_is_seen
 from .shell import Shell, with_shell
 
 __all__ = ["close_sides"]
 
 Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
+WELL = 0.35
+"""Cosine from which on they are believed wholly."""
+YIELDS = 0.7
+"""Confidence up to which what was trained yields to the new surface."""
+LITTLE = 0.3
+"""Confidence from which on a head is fitted to a surface."""
+SURE = 10.0
+"""Weight of a surface that photos see well."""
 RIM = 0.3
 """Weight of a surface that photos look along, over one that they see well."""
 APART = 0.08
 """A trained surface further than this from the one it started from is another thing."""
+LOOSE, LAX, FOLLOWS = 1e-4, 2e-5, 3e-3
+"""Pull towards a bust, a fitted head under hair, and its skin."""
+NECK = -0.75
+"""Height above which a fitted head is followed, portrait units: below, shoulders begin."""
+SIDES = np.radians(100.0)
+"""Angle from the front up to which it is, where it has no hair."""
+UNLIKELY = 0.05
+"""What slanting rays saw so far from a fitted head's skin is not believed, portrait units (1 cm)."""
+HIDDEN = -0.5
+"""Cosine below which photos do not see a surface at all."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
 
 def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
-                cut: Cut | None = None) -> tuple[VoxelField, Closed | None]:
+                cut: Cut | None = None, fit_head: FitHead | None = None,
+                ) -> tuple[VoxelField, Closed | None]:
     """Close a field's surface where an arc of photos does not show it.
 
     Parameters
@@ -49,9 +73,11 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     surface
         What it started from.
     capture
-        The photos, with mattes.
+        The photos, with mattes and landmarks.
     cut
         What lies below is none of the head.
+    fit_head
+        Fits a head to what the photos show, which the sides follow; None: they follow ``surface``.
 
     Returns
     -------
@@ -69,15 +95,22 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     known = large_pieces(known, np.ones(known.shape), LEAST * known.size)
     if not known.any():
         return field, None
+    head = None if fit_head is None else _fitted(fit_head, surface, capture,
+                                                 np.where(known, distance, np.nan))
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
     # At the outlines photos look along the surface: each locates it badly, all together well.
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
-    ratio = np.asarray(np.log(np.where((known | rim) & finite, distance, surface.distance)
-                              / surface.distance), np.float64)
-    whole = surface.distance * np.exp(fitted_plate(
-        ratio, np.where(known, 10.0, np.where(rim, RIM, 0.0)), 0.5, 0.01, 1e-4))
+    guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
+                   np.full(known.shape, LOOSE), np.zeros_like(known), None)
+    if head is not None:
+        ears = ears_of(head, chart, photos, capture)
+        guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
+    base, known = guess.base, guess.known
+    shown = (guess.trust > 0) & finite
+    ratio = np.asarray(np.log(np.where(shown, distance, base) / base), np.float64)
+    whole = base * np.exp(fitted_plate(ratio, guess.trust, 0.5, 0.01, guess.tension))
     gap = ~known
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
     whole = behind_what_is_seen(chart, whole, gap, photos, nearly=False)
@@ -90,6 +123,94 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     hair, own = hair_cells(chart, whole, colors, well)
     paint = continued_colors(colors, own, upwards, hair)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
-                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
+                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True, ears=guess.ears,
+                  yields=guess.yields)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(float((area * gap).sum() / area.sum()), count)
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """How a surface goes on where photos do not show it.
+
+    Attributes
+    ----------
+    base
+        Distances [V, U] that it is in proportion to.
+    trust
+        How far what was trained tells where it lies, [V, U].
+    known
+        Where what was trained stays, [V, U].
+    tension
+        Pull towards the base, [V, U].
+    yields
+        Where matter that stands out from the surface goes, whatever sees it, [V, U].
+    ears
+        Solids beside it, or None.
+    """
+
+    base: Float64
+    trust: Float64
+    known: Bools
+    tension: Float64
+    yields: Bools
+    ears: Ears | None
+
+
+def _led(guess: _Guess, base: Float64, surface: HeadSurface, distance: Float64,
+         ears: Ears | None) -> _Guess:
+    """A guess that follows a fitted head at distances ``base`` [V, U] instead of a bust.
+
+    What only slanting rays saw has less weight the more they slant, and none where it is far from
+    the head's skin; hair may be thick.
+    """
+    chart = surface.chart
+    sure = _confidence(surface.facing)
+    trust = np.where(guess.known, np.maximum(SURE * sure ** 2, RIM), guess.trust)
+    skin = (chart.axis[:, 1] > NECK)[:, None] & ~usual_hair(chart, base)
+    skin &= np.abs(chart.angle) < SIDES
+    away = np.abs(np.where(np.isfinite(distance), distance, base) - base) * chart.scale
+    likely = np.clip(1.0 - (away / UNLIKELY) ** 2, 0, 1) ** 2
+    doubted = skin & (sure < YIELDS)
+    trust = np.where(doubted, trust * likely, trust)
+    hidden = skin & ~guess.known & (surface.facing < HIDDEN)
+    trust[hidden] = 0.0
+    known = guess.known & (sure > YIELDS) & (trust > 0)
+    yields = hidden | (doubted & (likely < 0.5))
+    if ears is not None:
+        beside = _ear_cells(chart, ears)
+        trust[beside], known[beside], yields[beside] = 0.0, False, False
+    return _Guess(base, trust, known, np.where(skin, FOLLOWS, LAX), yields, ears)
+
+
+def _confidence(facing: Float64) -> Float64:
+    """How far photos that look at a surface at cosines [V, U] tell where it lies, 0 to 1."""
+    return np.asarray(np.clip((facing - SQUARE) / (WELL - SQUARE), 0, 1), np.float64)
+
+
+def _fitted(fit_head: FitHead, surface: HeadSurface, capture: Capture, distance: Float64,
+            ) -> FittedHead | None:
+    """A head fitted to landmarks and to distances [V, U]; they are NaN where nothing is known."""
+    chart = surface.chart
+    frame = portrait_frame_from_landmarks(np.asarray(capture.landmarks, np.float64),
+                                          capture.cameras)
+    landmarks = np.asarray(capture.landmarks, np.float64) @ frame[:3, :3].T + frame[:3, 3]
+    trust = np.where(np.isfinite(distance), _confidence(surface.facing), 0.0)
+    used = trust > LITTLE
+    even = np.where(used, smoothed(np.where(used, distance, 0.0), used, 1.0), surface.distance)
+    normals = normals_of(chart, even)[used]
+    points = chart.points(np.where(used, distance, 1.0))[used]
+    if chart.frame is not None:
+        points = points @ chart.frame[:3, :3].T + chart.frame[:3, 3]
+        normals = normals @ chart.frame[:3, :3].T / chart.scale
+    return fit_head(landmarks, points, normals, trust[used])
+
+
+def _ear_cells(chart: Chart, ears: Ears) -> Bools:
+    """Cells of a chart whose rays meet ears, and those next to them, [V, U]."""
+    found = np.zeros((len(chart.axis), len(chart.angle)), bool)
+    row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
+    inside = (row >= 0) & (row < len(found))
+    found[row[inside], column[inside] % found.shape[1]] = True
+    return np.asarray(ndimage.binary_dilation(np.pad(found, ((0, 0), (2, 2)), mode="wrap"),
+                                              np.ones((3, 3)))[:, 2:-2])

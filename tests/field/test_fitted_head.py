@@ -1,0 +1,214 @@
+"""What a narrow arc does not show follows a fitted head; its ears are solids of their own."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.field.closing import FittedHead, sides
+from lfportrait.field.closing.ears import Ears, _moved, ears_of
+from lfportrait.field.closing.fitted_head import head_distance, mesh_samples
+from lfportrait.field.closing.photos import Photos
+from lfportrait.field.geometry.bust import bust_chart, bust_distance
+from lfportrait.field.geometry.head_surface import HeadSurface
+from tests.fields import head_field
+
+SIDE = 160
+
+
+def ball(radii=(1.0, 1.0, 1.0), middle=(0.0, 0.0, 0.0), rows=40):
+    """An ellipsoid as a mesh: points [N, 3] and triangles."""
+    across = 2 * rows
+    high, around = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, rows + 1),
+                               np.arange(across) * 2 * np.pi / across, indexing="ij")
+    points = np.stack([np.cos(high) * np.sin(around), np.sin(high),
+                       np.cos(high) * np.cos(around)], -1).reshape(-1, 3)
+    mesh = np.arange((rows + 1) * across).reshape(rows + 1, across)
+    right = np.roll(mesh, -1, axis=1)
+    triangles = np.concatenate([
+        np.stack([mesh[:-1], right[:-1], right[1:]], -1).reshape(-1, 3),
+        np.stack([mesh[:-1], right[1:], mesh[1:]], -1).reshape(-1, 3)])
+    corners = points[triangles]
+    flat = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0],
+                                   corners[:, 2] - corners[:, 0]), axis=1) < 1e-9
+    return points * radii + middle, triangles[~flat].astype(np.int32)
+
+
+def test_samples_lie_on_a_mesh_and_face_outwards():
+    points, triangles = ball()
+    places, normals, triangle = mesh_samples(points, triangles, 0.02)
+    assert np.abs(np.linalg.norm(places, axis=1) - 1).max() < 0.005
+    assert (normals * places).sum(axis=1).min() > 0.98
+    assert set(triangle) == set(range(len(triangles)))
+    # None is further from the next than asked for.
+    assert cKDTree(places).query(points)[0].max() < 0.03
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+def test_a_chart_reads_a_fitted_head(scale):
+    frame = np.diag([scale, scale, scale, 1.0])
+    chart = bust_chart(0.03, 0.0, frame)
+    around = bust_distance(chart)
+    middle = np.array([0.0, 0.1, -0.04])
+    points, triangles = ball((0.4, 0.5, 0.45), middle)
+    ear = np.zeros(len(points), bool)
+    knob, more = ball((0.1, 0.1, 0.1), (0.42, 0.1, -0.04), rows=12)
+    head = FittedHead(np.concatenate([points, knob]),
+                      np.concatenate([triangles, more + len(points)]),
+                      np.append(ear, np.ones(len(knob), bool)))
+    found = head_distance(head, chart, around)
+    places = (chart.points(found) * scale - middle) / [0.4, 0.5, 0.45]
+    inside = (chart.axis[:, 1] > -0.15)[:, None] & np.ones(around.shape, bool)
+    # The knob at its side is an ear, which is none of the skull.
+    assert np.abs(np.linalg.norm(places[inside], axis=1) - 1).max() < 0.06
+    # Far below, where the ball has no surface, the bust goes on.
+    low = chart.axis[:, 1] < -1.2
+    assert np.abs(np.log(found[low] / around[low])).max() < 0.25
+
+
+def surface_of(facing, rows=None):
+    chart = bust_chart(0.05)
+    distance = bust_distance(chart)
+    return HeadSurface(chart, distance, np.ones(distance.shape), np.full(distance.shape, facing),
+                       28.0)
+
+
+def led(facing, away):
+    """The guess where photos looked at a face at such a cosine and saw it so far out."""
+    surface = surface_of(facing)
+    known = np.ones(surface.distance.shape, bool)
+    guess = sides._Guess(surface.distance, np.full(known.shape, sides.SURE), known,
+                         np.full(known.shape, sides.LOOSE), ~known, None)
+    found = sides._led(guess, surface.distance, surface, surface.distance + away, None)
+    chart = surface.chart
+    cheek = ((np.abs(chart.axis[:, 1] + 0.3) < 0.1)[:, None]
+             & (np.abs(chart.angle) < np.radians(60)))
+    behind = (chart.axis[:, 1] > -0.1)[:, None] & (np.abs(chart.angle) > np.radians(150))
+    return found, cheek, behind
+
+
+def test_what_photos_see_well_stays():
+    found, cheek, _ = led(0.8, 0.15)
+    assert (found.trust[cheek] == sides.SURE).all() and found.known[cheek].all()
+    assert not found.yields[cheek].any()
+
+
+def test_the_more_rays_slant_the_less_they_say():
+    trusts = [led(cosine, 0.0)[0].trust.max() for cosine in (0.08, 0.15, 0.2, 0.3, 0.5)]
+    assert np.all(np.diff(trusts) > 0)
+    found, cheek, _ = led(0.2, 0.0)
+    assert not found.known[cheek].any() and not found.yields[cheek].any()
+
+
+def test_what_slanting_rays_saw_far_from_a_face_goes():
+    found, cheek, behind = led(0.2, 0.08)
+    assert (found.trust[cheek] == 0).all() and found.yields[cheek].all()
+    # Hair may be thick.
+    assert (found.trust[behind] > 0).all() and not found.yields[behind].any()
+
+
+def test_an_unseen_face_is_pulled_to_the_head_more_than_hair():
+    found, cheek, behind = led(0.8, 0.0)
+    assert found.tension[cheek].min() > 10 * found.tension[behind].max()
+
+
+def photographs(field):
+    """An arc of photos of a field, with mattes."""
+    found = Camera.arc(np.linspace(-14, 14, 15), distance=5.0, width=SIDE, height=SIDE,
+                       focal=5.0 * SIDE / 2.4)
+    mattes = [np.rint(255 * field.depth(found, view)[0]).astype(np.uint8)
+              for view in range(len(found))]
+    return Capture(found, [np.zeros((SIDE, SIDE, 3), np.uint8)] * len(found), mattes,
+                   [f"{k}.png" for k in range(len(found))], np.zeros(len(found), bool))
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    field = head_field(64)
+    capture = photographs(field)
+    return capture, Photos(field, capture)
+
+
+def test_places_that_photos_see_lie_on_the_surface(filmed):
+    _, photos = filmed
+    places, ways = photos.surface(7, photos.cameras.center[7] - 10, photos.cameras.center[7] + 10)
+    assert len(places) >= 400
+    assert np.abs(np.linalg.norm(places, axis=1) - 0.6).max() < 2 * photos.voxel
+    assert np.abs(np.linalg.norm(ways, axis=1) - 1).max() < 1e-9
+    assert (ways[:, 2] > 0.9).all()
+    depth, before = photos.depth_at(7, places)
+    assert np.abs(depth - before).max() < 2.5 * photos.voxel
+
+
+def solid(points, triangles, reach=0.2, torn=()):
+    places, normals, _ = mesh_samples(points, triangles, 0.01)
+    return Ears(places, normals, np.ones(len(places), bool), np.reshape(torn, (-1, 2, 3)),
+                cKDTree(places), reach, 0.01)
+
+
+def test_distances_from_an_ear_are_signed():
+    ear = solid(*ball((0.3, 0.3, 0.3), (0.5, 0, 0)))
+    at = np.random.default_rng(0).uniform(-1, 1, (4000, 3))
+    away, sample = ear.distance(at)
+    true = np.linalg.norm(at - [0.5, 0, 0], axis=1) - 0.3
+    near = np.isfinite(away)
+    assert near.sum() > 200 and np.abs(away[near] - true[near]).max() < 0.01
+    assert (np.abs(true[~near]) > 0.19).all()
+    assert np.linalg.norm(ear.points[sample[near]] - at[near], axis=1) == pytest.approx(
+        np.abs(true[near]), abs=0.015)
+
+
+def test_an_ear_that_was_torn_is_replaced_near_it_alone():
+    points, triangles = ball((0.1, 0.1, 0.1), (0.5, 0, 0))
+    whole, torn = (solid(points, triangles, 0.05, box) for box in ([], [[points.min(axis=0),
+                                                                       points.max(axis=0)]]))
+    at = np.array([[0.5, 0.0, 0.09], [0.5, 0.0, 0.5], [-0.5, 0.0, 0.09]])
+    assert not whole.replaced(at).any()
+    assert torn.replaced(at).tolist() == [True, False, False]
+
+
+def test_an_ear_is_moved_to_what_is_seen_of_it():
+    points, triangles = ball((0.06, 0.15, 0.1))
+    places, normals, _ = mesh_samples(points, triangles, 0.01)
+    own = np.ones(len(places), bool)
+    shift = np.array([0.012, -0.01, 0.008])
+    front = normals[:, 2] > 0.2
+    seen = places[front] + shift, np.tile([0.0, 0.0, 1.0], (front.sum(), 1))
+    moved, _ = _moved(places, normals, own, seen, 1.0)
+    assert np.linalg.norm(moved - places - shift, axis=1).mean() < 0.5 * np.linalg.norm(shift)
+    few = seen[0][:5], seen[1][:5]
+    assert _moved(places, normals, own, few, 1.0)[0] is places
+
+
+def head_with_ears(x=0.65):
+    """The head of `head_field` with a knob on each side."""
+    points, triangles = ball((0.6, 0.6, 0.6))
+    parts, faces, ears = [points], [triangles], [np.zeros(len(points), bool)]
+    for side in (-1, 1):
+        knob, more = ball((0.1, 0.14, 0.06), (side * x, 0.0, 0.0), rows=16)
+        faces.append(more + sum(map(len, parts)))
+        parts.append(knob)
+        ears.append(np.ones(len(knob), bool))
+    return FittedHead(np.concatenate(parts), np.concatenate(faces), np.concatenate(ears))
+
+
+def test_ears_outside_of_all_mattes_are_left_out(filmed):
+    capture, photos = filmed
+    chart = bust_chart(0.05)
+    assert ears_of(head_with_ears(0.85), chart, photos, capture) is None
+    bare = head_with_ears()
+    none = FittedHead(bare.points, bare.triangles, np.zeros(len(bare.points), bool))
+    assert ears_of(none, chart, photos, capture) is None
+    full = Capture(capture.cameras, capture.images,
+                   [np.full_like(matte, 255) for matte in capture.alphas], capture.names,
+                   capture.held_out)
+    found = ears_of(bare, chart, photos, full)
+    assert found is not None and (np.abs(found.points[found.own, 0]) > 0.4).all()
+
+
+def test_ears_behind_hair_are_left_out(filmed):
+    capture, photos = filmed
+    # Knobs behind the ball: it hides them.
+    head = head_with_ears(0.3)
+    behind = FittedHead(head.points - [0, 0, 0.9] * head.ears[:, None], head.triangles, head.ears)
+    assert ears_of(behind, bust_chart(0.05), photos, capture) is None
