@@ -21,7 +21,8 @@ from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
 from .limits import MOST_TURNED
 
-__all__ = ["HeadFit", "Picture", "View", "check_faces", "fit_head"]
+__all__ = ["HeadFit", "Picture", "View", "across_jaw", "check_faces", "fit_head", "jaw_vertices",
+           "outline_errors", "outline_vertices", "unfit"]
 
 Float64 = NDArray[np.float64]
 
@@ -235,16 +236,22 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
     return fit
 
 
+def unfit(fit: HeadFit, pictures: list[Picture]) -> list[int]:
+    """Photos besides the first that the head of all does not fit."""
+    return [index for index, (pixels, picture) in enumerate(zip(fit.pixels, pictures, strict=True))
+            if index and pixels > WORST * picture.eyes]
+
+
 def _check_fit(fit: HeadFit, pictures: list[Picture], names: list[str]) -> None:
     """Refuse what can't be a face seen from the front."""
-    for view, picture, pixels, name in zip(fit.views, pictures, fit.pixels, names, strict=True):
-        if pixels > WORST * picture.eyes:
-            raise UserError(f"what was found in {name} fits no face: landmarks are off by "
-                            f"{pixels:.0f} pixels; is it covered, or cut off?")
-        turned = abs(view.angles["yaw"])
-        if turned > MOST_TURNED and len(pictures) == 1:
-            raise UserError(f"the face in {name} is turned by {turned:.0f} degrees; with one photo "
-                            f"it may be {MOST_TURNED:.0f} at most")
+    if fit.pixels[0] > WORST * pictures[0].eyes:
+        raise UserError(f"what was found in {names[0]} fits no face: landmarks are off by "
+                        f"{fit.pixels[0]:.0f} pixels; is it covered, or cut off?")
+    turned = abs(fit.views[0].angles["yaw"])
+    if turned > MOST_TURNED:
+        raise UserError(f"the face in {names[0]} is turned by {turned:.0f} degrees; one photo must "
+                        f"show it turned by {MOST_TURNED:.0f} at most")
+
 
 class _Solver:
     """The state of one fit: Gauss-Newton over all photos at once."""
@@ -341,7 +348,7 @@ class _Solver:
         noise = NOISE * picture.eyes
         inner = np.repeat(self.prior.landmarks[17:], 2)
         chosen = np.concatenate([self.jaw[index], inner])
-        along = np.concatenate([_across_jaw(picture.landmarks) / JAW,
+        along = np.concatenate([across_jaw(picture.landmarks) / JAW,
                                 _inner_axes(picture.landmarks)]) / noise
         points = vertices[chosen]
         numbers = np.r_[0:17, np.repeat(np.arange(17, 68), 2)]
@@ -350,22 +357,8 @@ class _Solver:
 
     def _slide_jaw(self, index: int, vertices: Float64, normals: Float64) -> None:
         """For each of the jaw's landmarks the vertex of the present outline that is nearest."""
-        view, picture = self.views[index], self.pictures[index]
-        across = _across_jaw(picture.landmarks)
-        local = view.to_camera(vertices)
-        turned = normals @ view.rotation.T
-        facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
-        rim = np.flatnonzero((facing < 0.25) & (self.prior.part != EYES))
-        flat = turned[rim, :2] / np.maximum(np.linalg.norm(turned[rim, :2], axis=1), 1e-9)[:, None]
-        seen = view.project(vertices[rim])
-        for number, start in enumerate(self.prior.landmarks[:17]):
-            near = np.linalg.norm(vertices[rim] - vertices[start], axis=1) < 0.025
-            near &= flat @ across[number] > 0.7
-            if near.any():
-                away = np.linalg.norm(seen[near] - picture.landmarks[number], axis=1)
-                self.jaw[index][number] = rim[near][int(np.argmin(away))]
-            else:
-                self.jaw[index][number] = start
+        self.jaw[index][:] = jaw_vertices(self.views[index], self.prior, vertices, normals,
+                                          self.pictures[index].landmarks)
 
     def _outline_rows(self, index: int, vertices: Float64, normals: Float64) -> tuple[Float64, ...]:
         """Rows that draw the model's outline to the matte's, or into hair."""
@@ -385,6 +378,26 @@ class _Solver:
         noise = noise * np.where(hair > 0.5, VAGUE_HAIR, 1.0)
         along = slope / noise[:, None]
         return (*self._rows(index, rim, vertices[rim], along), away / noise)
+
+
+def jaw_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,
+                 landmarks: Float64) -> NDArray[np.int64]:
+    """Vertices int64 [17] on the outline of the jaw, as a photo shows it, nearest to landmarks."""
+    across = across_jaw(landmarks)
+    local = view.to_camera(vertices)
+    turned = normals @ view.rotation.T
+    facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
+    rim = np.flatnonzero((facing < 0.25) & (prior.part != EYES))
+    flat = turned[rim, :2] / np.maximum(np.linalg.norm(turned[rim, :2], axis=1), 1e-9)[:, None]
+    seen = view.project(vertices[rim])
+    out = prior.landmarks[:17].copy()
+    for number, start in enumerate(prior.landmarks[:17]):
+        near = np.linalg.norm(vertices[rim] - vertices[start], axis=1) < 0.025
+        near &= flat @ across[number] > 0.7
+        if near.any():
+            away = np.linalg.norm(seen[near] - landmarks[number], axis=1)
+            out[number] = rim[near][int(np.argmin(away))]
+    return out
 
 
 def outline_errors(picture: Picture, places: Float64, view: View,
@@ -448,7 +461,7 @@ def _outward(corners: NDArray[np.int32]) -> NDArray[np.int32]:
     return corners[one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0] < 0]
 
 
-def _across_jaw(landmarks: Float64) -> Float64:
+def across_jaw(landmarks: Float64) -> Float64:
     """Unit directions [17, 2] out of the face, across the line of the jaw."""
     line = landmarks[:17]
     along = np.gradient(line, axis=0)

@@ -100,6 +100,20 @@ class HeadPrior:
     expressions: tuple[str, ...]
     lean: Float64 | None = None
 
+    @property
+    def rest(self) -> Float64:
+        """The mean, float64 [N, 3], from the height of the chin and the depth of the jaw's ends.
+
+        There heads of any model are alike: the ears' upper ends lie some 12 cm high. Eyes and their
+        sockets are drawn to the front, away from the skull behind them.
+        """
+        chin, ends = self.mean[self.landmarks[8]], self.mean[self.landmarks[[0, 16]]]
+        origin = [0.0, float(chin[1]), float(ends[:, 2].mean())]
+        out = self.mean.astype(np.float64) - origin
+        within = np.isin(self.part, (SOCKETS, EYES))
+        out[within, 2] = np.maximum(out[within, 2], 0.05)
+        return out
+
     def vertices_seen(self, landmarks: Float64) -> Float64:
         """Where the vertices lie whose landmarks detectors put at [68, 2] pixels."""
         return landmarks if self.lean is None else landmarks - _turned(self.lean[:, :2], landmarks)

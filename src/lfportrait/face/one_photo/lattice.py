@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from ...field import VoxelField
 from ...measure import usable_cores
-from .solid import Solid
+from .solid import HEAD, Solid, scalp
 
 __all__ = ["Shell", "shell_of"]
 
@@ -43,6 +43,8 @@ class Shell:
         uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`).
     normals
         float64 [N, 3], outward.
+    scalp
+        bool [N], what belongs to the head and lies where hair grows.
     center, radius
         Of the lattice's box.
     voxel
@@ -56,6 +58,8 @@ class Shell:
         first, distance = _coarse(solid, half, step)
         first, distance = _cropped(first, distance, step)
         self._fill(solid, *_finer(solid, first, distance, step))
+        self.scalp = self.owner == HEAD
+        self.scalp[self.scalp] = scalp(solid.head.at_rest(self.on[self.scalp]))
 
     def _fill(self, solid: Solid, first: Float64, middle: Float32) -> None:
         """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``."""

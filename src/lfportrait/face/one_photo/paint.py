@@ -8,7 +8,9 @@ means over ever wider surroundings (pull and push, Gortler et al. 1996).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -17,7 +19,7 @@ from ...capture import Camera
 from ...field import C0
 from .lattice import Shell
 from .parts import Parts
-from .solid import HAIR, HEAD
+from .solid import HAIR
 
 __all__ = ["Shot", "painted"]
 
@@ -32,10 +34,15 @@ CELL = 0.03
 """Of the finest lattice that colors are spread on, portrait units."""
 UPWARDS = 1.8
 """Colors come from the sides rather than from above or below."""
-TEMPLES, HIDDEN = 0.06, 0.05
-"""Height of the upper ends of the ears; how little a photo shows of what counts as unseen."""
+HIDDEN = 0.05
+"""How little a photo shows of what counts as unseen."""
+PURE = 0.02
+"""Hair and skin mix so far on both sides of a hairline, portrait units: what lies there says
+nothing of what no photo shows."""
 MIRRORED = 0.25
 """Weight of what the other side shows."""
+SQUARE = 6
+"""Power by which one of several photos that looks more squarely counts more."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +55,27 @@ class Shot:
         One view.
     colors
         float32 [H, W, 3] in [0, 1], the person's alone (`clean_colors`).
+    hair
+        float32 [H, W], 1 in hair, 0 elsewhere, in between along a hairline; or None.
     """
 
     camera: Camera
     colors: Float32
+    hair: Float32 | None = None
 
-    def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float,
-             ) -> tuple[Float64, Float64]:
-        """Colors [N, 3] of places, and how well the photo shows them, [N] in [0, 1].
+    @staticmethod
+    def of(camera: Camera, colors: Float32, hair: Float32 | None) -> Shot:
+        """A photo whose hairlines are made as wide as hair and skin mix there."""
+        if hair is None or not (hair > 0.5).any():
+            return Shot(camera, colors)
+        pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
+        mask = (hair > 0.5).astype(np.uint8)
+        inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
+        away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
+        return Shot(camera, colors, np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32))
+
+    def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float) -> Look:
+        """What the photo shows of places [N, 3].
 
         ``depth`` [h, w] is the solid's in the photo, of any size.
         """
@@ -64,6 +84,7 @@ class Shot:
         size = np.array(self.colors.shape[1::-1])
         at = pixels[:, ::-1].T - 0.5
         colors = np.stack([Parts.at(self.colors[..., k], at) for k in range(3)], axis=1)
+        hair = np.zeros(len(points)) if self.hair is None else Parts.at(self.hair, at)
         to_eye = self.camera.position[0] - points
         to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
         cosine = (normals * to_eye).sum(axis=1)
@@ -72,16 +93,49 @@ class Shot:
         within = (small >= 0).all(axis=1) & (small < np.array(depth.shape[::-1])).all(axis=1)
         small = np.clip(small, 0, np.array(depth.shape[::-1]) - 1)
         seen = within & (far < depth[small[:, 1], small[:, 0]] + 3.0 * voxel)
-        return colors.astype(np.float64), np.where(seen, share * share * (3 - 2 * share), 0.0)
+        return Look(colors.astype(np.float64), hair.astype(np.float64),
+                    np.where(seen, share * share * (3 - 2 * share), 0.0), np.clip(cosine, 0, 1))
+
+
+class Look(NamedTuple):
+    """What a photo shows of places [N].
+
+    Colors [N, 3], how much hair, how well it is seen (0 to 1), and cosines of incidence.
+    """
+
+    colors: Float64
+    hair: Float64
+    weight: Float64
+    cosine: Float64
+
+
+class _Mean:
+    """Means of colors and of hair over photos."""
+
+    def __init__(self, count: int) -> None:
+        self.total, self.weights = np.zeros((count, 4)), np.zeros(count)
+        self.best = np.zeros(count)
+
+    def add(self, colors: Float64, look: Look, weight: Float64) -> None:
+        self.total += weight[:, None] * np.column_stack([colors, look.hair])
+        self.weights += weight
+        self.best = np.maximum(self.best, look.weight)
+
+    @property
+    def colors(self) -> Float64:
+        return np.asarray(self.total[:, :3] / np.maximum(self.weights, 1e-9)[:, None])
+
+    def pure(self, hair: Bools) -> Float64:
+        """How well places are seen that have the material which they should have, [N]."""
+        share = self.total[:, 3] / np.maximum(self.weights, 1e-9)
+        return self.best * np.clip(2 * np.where(hair, share, 1 - share) - 1, 0, 1)
 
 
 def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
-    """Coefficients [N, 3, 1] of a shell's points."""
+    """Coefficients [N, 3, 1] of a shell's points; the first shot's light is everybody's."""
     points, normals = shell.on, shell.normals
     bare = shell.field(np.zeros((len(points), 3, 1), np.float32))
-    total, weights = np.zeros((len(points), 3)), np.zeros(len(points))
-    best = np.zeros(len(points))
-    spread, known = np.zeros((len(points), 3)), np.zeros(len(points))
+    own, other = _Mean(len(points)), _Mean(len(points))
     mirror = np.array([-1.0, 1.0, 1.0])
     for shot in shots:
         factor = min(1.0, 1.0 / (shell.voxel * float(shot.camera.focal[0, 0])
@@ -89,26 +143,39 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
         small = shot.camera.scaled(factor)
         alpha, depth = bare.depth(small, 0)
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
-        color, weight = shot.look(points, normals, near, shell.voxel)
-        total += weight[:, None] * color
-        weights += weight
-        best = np.maximum(best, weight)
-        color, weight = shot.look(points * mirror, normals * mirror, near, shell.voxel)
-        spread += weight[:, None] * color
-        known += weight
-    photo = total / np.maximum(weights, 1e-9)[:, None]
-    other = spread / np.maximum(known, 1e-9)[:, None]
+        look = shot.look(points, normals, near, shell.voxel)
+        light = _light(points, look.colors, look.weight, own.colors, own.best)
+        # Photos never lie on each other exactly: the squarest look decides.
+        square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
+        own.add(np.clip(look.colors * light, 0, 1), look, square)
+        look = shot.look(points * mirror, normals * mirror, near, shell.voxel)
+        other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = shell.owner == HAIR
-    if hair.any():  # above the ears what no photo shows has hair, too
-        hair |= (shell.owner == HEAD) & (best < HIDDEN) & (points[:, 1] > TEMPLES)
+    if hair.any():  # what no photo shows has hair, too, where hair grows
+        hair |= shell.scalp & (own.best < HIDDEN)
+    photo, mirrored = own.colors, other.colors
+    weight, known = own.pure(hair), other.pure(hair)
     fill = np.empty_like(photo)
     for part in (hair, ~hair):
         if part.any():
-            fill[part] = _filled(points[part], photo[part], best[part], other[part],
-                                 np.minimum(known[part], 1.0))
-    share = best[:, None]
+            fill[part] = _filled(points[part], photo[part], weight[part], mirrored[part],
+                                 known[part])
+    share = own.best[:, None]
     out = np.clip(share * photo + (1 - share) * fill, 0, 1)
     return np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
+
+
+def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
+           ) -> Float64:
+    """What colors [N, 3] are to be multiplied with to have the light of others, [N, 3].
+
+    By wide means over places that are known of both, in the logarithm.
+    """
+    both = np.minimum(weight, known)
+    if both.sum() <= 100:
+        return np.ones_like(colors)
+    ratio = np.clip((others + 0.02) / (colors + 0.02), 0.3, 3.0)
+    return np.asarray(np.exp(_spread(points, np.log(ratio), both, 3)))
 
 
 def _nearest(depth: NDArray[np.floating]) -> Float64:
@@ -120,12 +187,7 @@ def _nearest(depth: NDArray[np.floating]) -> Float64:
 def _filled(points: Float64, photo: Float64, weight: Float64, other: Float64,
             known: Float64) -> Float64:
     """Colors [N, 3] of places by those around them and on the other side."""
-    light = np.ones_like(photo)
-    both = np.minimum(weight, known)
-    if both.sum() > 100:
-        ratio = np.clip((photo + 0.02) / (other + 0.02), 0.3, 3.0)
-        light = _spread(points, np.log(ratio), both, 3)
-        light = np.exp(light)
+    light = _light(points, other, known, photo, weight)
     matched = np.clip(other * light, 0, 1)
     own = MIRRORED * known * (1 - weight)
     both_weights = weight + own

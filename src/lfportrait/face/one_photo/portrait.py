@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,8 @@ from ...errors import UserError
 from ...field import ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
-from ..detect import detect_faces
-from ..head_fit import HeadFit, Picture, View, check_faces, fit_head
+from ..detect import detect_faces, face_yaw
+from ..head_fit import HeadFit, Picture, View, check_faces, fit_head, unfit
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..limits import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
@@ -32,7 +33,7 @@ from .paint import Shot, painted
 from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
 from .samples import MeshSamples, depth_maps
 from .solid import METRES, solid_of
-from .warp import warped
+from .warp import warped_together
 
 __all__ = ["portrait_capture", "portrait_field"]
 
@@ -64,25 +65,28 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None,
     Raises
     ------
     UserError
-        If a photo shows no face or several, a small one, or one that is turned too far, or no head
-        fits it; or if networks are missing.
+        If no photo shows a face, or the only one shows several, or a small one; if even the most
+        frontal one is turned too far, or no head fits it; or if networks are missing. Of several
+        photos those that can't be used are left out, with a warning.
     """
     def note(text: str) -> None:
         if progress is not None:
             progress.update(progress.done, text)
 
     note("looking for the face")
-    seen = [_Seen(photo) for photo in photos]
+    seen = _usable(photos)
     prior = head_prior()
     if not models.available("head") and progress is not None:
         progress.say("no statistical head is installed: the generic one is used, which resembles "
                      "less; see `lfportrait models list`")
     note("fitting the head")
-    if len(seen) > 1:
-        alone = [fit_head(prior, [one.picture], [one.photo.name]) for one in seen]
-        order = np.argsort([abs(fit.views[0].angles["yaw"]) for fit in alone], kind="stable")
-        seen = [seen[index] for index in order]
     fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
+    bad = unfit(fit, [one.picture for one in seen])
+    if bad:
+        for index in bad:
+            _leave_out(seen[index].photo.name, "its face is not that of the others, or covered")
+        seen = [one for index, one in enumerate(seen) if index not in bad]
+        fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
     capture = _captured(fit, seen)
     figures = {**fit.figures(), "hair": [bool(one.hair.any()) for one in seen]}
     if progress is not None:
@@ -92,6 +96,27 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None,
             f"{fit.pixels[0]:.1f} pixels, the face turned by {angles['yaw']:.0f} degrees; it can "
             f"be looked at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
     return capture, figures
+
+
+def _usable(photos: list[Photo]) -> list[_Seen]:
+    """What is seen in the photos that show a face, the most frontal one first."""
+    seen, first = [], None
+    for photo in photos:
+        try:
+            seen.append(_Seen(photo))
+        except UserError as error:
+            if len(photos) == 1:
+                raise
+            first = first or error
+            _leave_out(photo.name, str(error))
+    if not seen:
+        assert first is not None
+        raise first
+    return sorted(seen, key=lambda one: abs(face_yaw(one.picture.landmarks)))
+
+
+def _leave_out(name: str, why: str) -> None:
+    warnings.warn(f"{name} is left out: {why}", stacklevel=4)
 
 
 class _Seen:
@@ -129,7 +154,7 @@ def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
 def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
     """The capture of fitted photos; the world is the first one's head."""
     base = fit.views[0]
-    vertices = warped(fit.prior, base, fit.vertices(0), seen[0].picture)
+    vertices = warped_together(fit, [one.picture for one in seen])
     # Landmarks lie where detectors see them, and as deep as they would be triangulated.
     points = vertices[fit.prior.landmarks].copy()
     if fit.prior.lean is not None:
@@ -148,7 +173,9 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
     known = {"model": fit.prior.name, "identity": fit.identity.tolist(),
              "views": [{"rotation": view.rotation.tolist(), "shift": view.shift.tolist(),
                         "focal": view.focal, "center": view.center.tolist(),
-                        "expression": view.expression.tolist()} for view in fit.views]}
+                        "expression": view.expression.tolist(),
+                        "landmarks": one.picture.landmarks.tolist()}
+                       for view, one in zip(fit.views, seen, strict=True)]}
     capture = Capture(
         cameras, [one.image for one in seen],
         [np.rint(255 * np.clip(one.matte, 0, 1)).astype(np.uint8) for one in seen],
@@ -192,24 +219,25 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
 
     fit = _kept_fit(capture)
     assert capture.landmarks is not None
-    picture, camera = _pictured(capture), capture.cameras[0]
+    pictures = [_pictured(capture, view) for view in range(len(capture))]
+    picture, camera = pictures[0], capture.cameras[0]
     note("laying the head over its photo")
-    local = warped(fit.prior, fit.views[0], fit.vertices(0), picture)
+    local = warped_together(fit, pictures)
     # Metres in the first camera's frame -> the portrait frame.
     vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
     assert picture.hair is not None and capture.alphas is not None
     matte = capture.alphas[0].astype(np.float32) / 255
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])))
-    samples = MeshSamples.of(vertices, fit.prior.triangles, fit.prior.mean[:, 1].astype(np.float64))
+    samples = MeshSamples.of(vertices, fit.prior.triangles, fit.prior.rest)
     note("hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
     note("lattice")
     shell = shell_of(solid, points)
     note("colors")
-    shots = [Shot(capture.cameras[view], clean_colors(capture.images[view],
-                                                      capture.alphas[view] / np.float32(255)))
-             for view in range(len(capture))]
+    shots = [Shot.of(capture.cameras[view],
+                     clean_colors(capture.images[view], capture.alphas[view] / np.float32(255)),
+                     pictures[view].hair) for view in range(len(capture))]
     field = shell.field(painted(shell, shots))
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
@@ -253,15 +281,17 @@ def _kept_fit(capture: Capture) -> HeadFit:
                    float(np.sqrt((identity ** 2).mean())))
 
 
-def _pictured(capture: Capture) -> Picture:
-    """The first photo of a saved capture as the fit takes it."""
-    assert capture.landmarks is not None and capture.alphas is not None
-    camera, alpha = capture.cameras[0], capture.alphas[0]
-    landmarks = camera.project(np.asarray(capture.landmarks, np.float64))[0][0]
+def _pictured(capture: Capture, view: int) -> Picture:
+    """A photo of a saved capture as the fit takes it."""
+    assert capture.alphas is not None
+    camera, alpha = capture.cameras[view], capture.alphas[view]
+    kept = capture.figures[FIT]["views"][view].get("landmarks")
+    landmarks = (camera.project(np.asarray(capture.landmarks, np.float64))[0][0] if kept is None
+                 else np.array(kept))
     matte = alpha.astype(np.float32) / 255
     share = matte[..., None]
-    shown = np.rint(capture.images[0] * share + _GROUND * (1 - share)).astype(np.uint8)
+    shown = np.rint(capture.images[view] * share + _GROUND * (1 - share)).astype(np.uint8)
     hair = _hair_of(shown if capture.figures.get("mattes") == "given" else
-                    np.ascontiguousarray(capture.images[0]), matte, landmarks)
+                    np.ascontiguousarray(capture.images[view]), matte, landmarks)
     return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
                    float(camera.focal[0, 0]), signed_distance(matte), hair)

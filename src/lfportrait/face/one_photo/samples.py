@@ -32,17 +32,17 @@ class MeshSamples:
         float64 [N, 3], portrait frame.
     tree
         Of the points.
-    values
-        float64 [N], a value of the vertices, interpolated.
+    rest
+        float64 [N, 3], where the samples lie on the model's mean (`HeadPrior.rest`).
     """
 
     points: Float64
     normals: Float64
     tree: cKDTree
-    values: Float64
+    rest: Float64
 
     @staticmethod
-    def of(points: Float64, triangles: NDArray[np.int32], values: Float64) -> MeshSamples:
+    def of(points: Float64, triangles: NDArray[np.int32], rest: Float64) -> MeshSamples:
         """Samples of a mesh, closely enough that none of its triangles is left out."""
         normals = with_normals(points, triangles)
         corners = points[triangles]
@@ -50,13 +50,12 @@ class MeshSamples:
         steps = np.clip(np.ceil(sides / STEP), 1, 12).astype(int)
         places: list[Float64] = []
         directions: list[Float64] = []
-        found = []
+        found: list[Float64] = []
         for count in np.unique(steps):
             weights = _barycentric(int(count))
             chosen = triangles[steps == count]
-            for values_in, out in ((points, places), (normals, directions)):
-                out.append(np.einsum("sk,tki->tsi", weights, values_in[chosen]).reshape(-1, 3))
-            found.append(np.einsum("sk,tk->ts", weights, values[chosen]).ravel())
+            for values, out in ((points, places), (normals, directions), (rest, found)):
+                out.append(np.einsum("sk,tki->tsi", weights, values[chosen]).reshape(-1, 3))
         normal = np.concatenate(directions)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
         at = np.concatenate(places)
@@ -78,11 +77,9 @@ class MeshSamples:
         out[near] = share * away + (1 - share) * along
         return out
 
-    def farther(self, points: Float64, length: Float64) -> Float64:
-        """Signs of points [N, 3] by their nearest sample, however far."""
-        _, nearest = self.tree.query(points, workers=usable_cores())
-        to = points - self.points[nearest]
-        return np.sign((to * self.normals[nearest]).sum(axis=1)) * length
+    def at_rest(self, points: Float64) -> Float64:
+        """Where the samples nearest to points [N, 3] lie on the model's mean, [N, 3]."""
+        return self.rest[self.tree.query(points, workers=usable_cores())[1]]
 
 
 def _barycentric(count: int) -> Float64:

@@ -21,7 +21,7 @@ from .parts import Parts
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
 
-__all__ = ["BODY", "HAIR", "HEAD", "Piece", "Solid", "solid_of"]
+__all__ = ["BODY", "HAIR", "HEAD", "Piece", "Solid", "scalp", "solid_of"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -36,8 +36,8 @@ CHEST = 0.10 / METRES
 """Half the thickness of a body at most."""
 NAPE = -0.36
 """Height at which hair ends behind."""
-NECK_TOP, NECK_END = -0.082, -0.091
-"""Heights of the model (metres) between which its neck goes over into the body's."""
+NECK_TOP, NECK_END = -0.006, -0.015
+"""Heights above the model's chin (metres) between which its neck goes over into the body's."""
 NECK_OVERLAP = 0.05
 """How far the body goes up into the model's neck, portrait units."""
 SOFT_NECK, SOFT_HAIR = 0.03, 0.008
@@ -47,6 +47,13 @@ TAPER, RECEDING = 0.12, 0.15
 how much at their ends: else each would stand out from the other's nape as a ledge."""
 LOWEST = -1.35
 """Nothing lies lower."""
+HAIRLINE = np.array([(-0.12, 0.035), (-0.085, 0.035), (-0.05, 0.07), (-0.04, 0.105),
+                     (-0.02, 0.122), (0.0, 0.118), (0.012, 0.110), (0.025, 0.150), (0.045, 0.172),
+                     (0.07, 0.190), (0.12, 0.20)])
+"""Depths and heights (metres, `HeadPrior.rest`) of the line above which a head has hair: from the
+nape behind and over the ears to the temples and the forehead."""
+EAR = 0.079
+"""Metres from the middle, beyond which ears stand out from a head."""
 
 
 @dataclass(frozen=True)
@@ -159,16 +166,24 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     parts
         The photo's maps.
     samples
-        Of the head, warped to the photo; their values are heights in the model, metres.
+        Of the head, warped to the photo.
     sensed
         The photo's own depth, where it has one.
     """
     near, far = depth_maps(samples, parts)
-    band = (samples.values < NECK_TOP) & (samples.values > NECK_END)
-    neck = _plane(samples.points[np.abs(samples.values - NECK_END) < 0.0015])
+    height = samples.rest[:, 1]
+    band = (height < NECK_TOP) & (height > NECK_END)
+    neck = _plane(samples.points[np.abs(height - NECK_END) < 0.0015])
     hair = _hair(parts, near, far, sensed) if parts.hair.any() else None
     body = _body(parts, near, depth_maps(samples, parts, band), neck, sensed)
     return Solid(parts, samples, hair, body, neck, _end(parts, body))
+
+
+def scalp(rest: Float64) -> Bools:
+    """Where hair grows, bool [N], of places [N, 3] on the mean head (`HeadPrior.rest`)."""
+    depth, height = rest[:, 2], rest[:, 1]
+    ear = (np.abs(rest[:, 0]) > EAR) & (height < 0.125) & (depth < 0.01)
+    return np.asarray((height > np.interp(depth, *HAIRLINE.T)) & ~ear)
 
 
 def _plane(points: Float64) -> Float64:

@@ -1,6 +1,6 @@
 """Lay a fitted head over its photo: what the landmarks and the outline leave over.
 
-Moved in the picture's plane alone, by a thin-plate spline; depths stay the model's.
+Moved in the picture's plane alone, by a thin-plate spline; with one photo, depths stay the model's.
 """
 
 from __future__ import annotations
@@ -9,10 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-from ..head_fit import Picture, View, outline_errors, outline_vertices
+from ..head_fit import (
+    HeadFit,
+    Picture,
+    View,
+    across_jaw,
+    jaw_vertices,
+    outline_errors,
+    outline_vertices,
+)
 from ..head_prior import EYES, HeadPrior, with_normals
 
-__all__ = ["warped"]
+__all__ = ["warped", "warped_together"]
 
 Float64 = NDArray[np.float64]
 
@@ -22,6 +30,12 @@ FARTHEST = 0.2
 """They move at most this part of the distance of the eyes."""
 STIFF = 0.3
 """Smoothing of the spline: landmarks that contradict their neighbours are not followed wholly."""
+CHIN = slice(5, 12)
+"""Landmarks of the chin."""
+NEAR = 0.1
+"""The matte knows the outline so near to it, over the eyes' distance."""
+TURNS, HELD = 2, 0.05
+"""Rounds over all photos, and how much a vertex that few photos see well is held."""
 
 
 def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) -> Float64:
@@ -41,12 +55,63 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
     points
         float64 [N, 3] in the camera's frame, metres.
     """
-    local = view.to_camera(vertices)
+    out = view.to_camera(vertices)
+    moved = view.project(vertices) + _moves(prior, view, vertices, picture)
+    out[:, :2] = (moved - view.center) / view.focal * out[:, 2:]
+    return out
+
+
+def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
+    """A head in the first camera's frame, moved so that it meets all photos.
+
+    Every photo says how far a vertex moves in its own plane, and the more the more squarely it
+    looks at it; together, by least squares, they also say how deep it lies.
+
+    Parameters
+    ----------
+    fit
+        The head.
+    pictures
+        Its photos.
+
+    Returns
+    -------
+    points
+        float64 [N, 3], metres, in the first photo's expression.
+    """
+    if len(pictures) == 1:
+        return warped(fit.prior, fit.views[0], fit.vertices(0), pictures[0])
+    start = fit.vertices(0)
+    points = start.copy()
+    for _ in range(TURNS):
+        # Seen from the middle: around an ear the surface itself looks everywhere.
+        outward = points - 0.5 * (points.min(axis=0) + points.max(axis=0))
+        outward /= np.linalg.norm(outward, axis=1)[:, None]
+        matrix = np.broadcast_to(HELD * np.eye(3), (len(points), 3, 3)).copy()
+        right = np.zeros((len(points), 3))
+        for number, (view, picture) in enumerate(zip(fit.views, pictures, strict=True)):
+            shown = points + (fit.vertices(number) - start)
+            local = view.to_camera(shown)
+            move = _moves(fit.prior, view, shown, picture) * local[:, 2:] / view.focal
+            cosine = -(outward @ view.rotation.T)[:, 2]
+            weight = np.clip((cosine + 0.3) / 0.8, 0.02, 1.0)[:, None]
+            plane = view.rotation[:2]
+            matrix += weight[:, :, None] * (plane.T @ plane)
+            right += weight * (move @ plane)
+        points += np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+    for ball in _eyeballs(fit.prior, start):
+        points[ball] = start[ball] + (points[ball] - start[ball]).mean(axis=0)
+    return fit.views[0].to_camera(points)
+
+
+def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) -> Float64:
+    """How far vertices [N, 3] are to move in a photo, pixels [N, 2]."""
     seen = view.project(vertices)
+    landmarks = prior.vertices_seen(picture.landmarks)
+    normals = with_normals(vertices, prior.triangles)
     inner = prior.landmarks[17:]
-    from_, by = [seen[inner]], [prior.vertices_seen(picture.landmarks)[17:] - seen[inner]]
+    from_, by = [seen[inner]], [landmarks[17:] - seen[inner]]
     if picture.inside is not None:
-        normals = with_normals(vertices, prior.triangles)
         rim = outline_vertices(view, prior, vertices, normals, neck=True)
         away, slope, hair = outline_errors(picture, seen[rim], view)
         good = (np.abs(away) < FARTHEST * picture.eyes) & ~((hair > 0.5) & (away > 0))
@@ -54,24 +119,44 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
         chosen = _spread(seen[rim], OUTLINES)
         from_.append(seen[rim[chosen]])
         by.append(-away[chosen, None] * slope[chosen])
+    chin, move = _chin(prior, view, vertices, normals, picture)
+    from_.append(seen[chin])
+    by.append(move)
     middle, size = seen.mean(axis=0), float(np.ptp(seen, axis=0).max())
     corners = middle + 1.5 * size * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)
                                               if x or y])
     from_.append(corners)
     by.append(np.zeros((8, 2)))
-    at, move = np.concatenate(from_), np.concatenate(by)
+    at, moves = np.concatenate(from_), np.concatenate(by)
     at, first = np.unique(np.round(at, 3), axis=0, return_index=True)
-    spline = RBFInterpolator(at / size, move[first], kernel="thin_plate_spline",
+    spline = RBFInterpolator(at / size, moves[first], kernel="thin_plate_spline",
                              smoothing=STIFF / size)
-    moved = seen + spline(seen / size)
+    out = np.asarray(spline(seen / size), np.float64)
     # An eyeball stays a ball: it moves as a whole.
-    for side in (vertices[:, 0] < 0, vertices[:, 0] >= 0):
-        ball = (prior.part == EYES) & side
-        if ball.any():
-            moved[ball] = seen[ball] + (moved[ball] - seen[ball]).mean(axis=0)
-    out = local.copy()
-    out[:, :2] = (moved - view.center) / view.focal * local[:, 2:]
+    for ball in _eyeballs(prior, vertices):
+        out[ball] = out[ball].mean(axis=0)
     return out
+
+
+def _chin(prior: HeadPrior, view: View, vertices: Float64, normals: Float64, picture: Picture,
+          ) -> tuple[NDArray[np.int64], Float64]:
+    """Vertices of the chin's edge and their moves across it: before a neck no matte shows it."""
+    landmarks = prior.vertices_seen(picture.landmarks)
+    jaw = jaw_vertices(view, prior, vertices, normals, landmarks)[CHIN]
+    seen, across = view.project(vertices[jaw]), across_jaw(landmarks)[CHIN]
+    away = ((landmarks[CHIN] - seen) * across).sum(axis=1)
+    good = np.abs(away) < FARTHEST * picture.eyes
+    if picture.inside is not None:
+        height, width = picture.inside.shape
+        column, row = np.clip(seen.T.astype(int), 0, [[width - 1], [height - 1]])
+        good &= picture.inside[row, column] > NEAR * picture.eyes
+    return jaw[good], (away[:, None] * across)[good]
+
+
+def _eyeballs(prior: HeadPrior, vertices: Float64) -> list[NDArray[np.bool_]]:
+    """Masks [N] of the two eyeballs."""
+    balls = [(prior.part == EYES) & side for side in (vertices[:, 0] < 0, vertices[:, 0] >= 0)]
+    return [ball for ball in balls if ball.any()]
 
 
 def _spread(points: Float64, most: int) -> NDArray[np.int64]:
