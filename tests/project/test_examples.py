@@ -14,6 +14,7 @@ import pytest
 import lfportrait as lf
 import make_examples
 from lfportrait.demo import demo_exemplar
+from tests.job.batch.inline import Inline
 from tests.share.page.browser import Opened
 
 ROOT = Path(__file__).parents[2]
@@ -79,7 +80,9 @@ def test_every_example_is_run():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_example_draws_what_its_page_shows(name, first, request):
+def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch):
+    # That a batch has processes of its own is tested with it; they take most of its time here.
+    monkeypatch.setattr("lfportrait.job.batch.driver.LocalRunner", Inline)
     if name == "06_live":
         request.getfixturevalue("adapter")
         # A process of its own: drivers in software do not live long.
