@@ -48,16 +48,27 @@ def module_files(source: Path = SOURCE, package: str = "") -> dict[str, Path]:
 
 
 @functools.cache
-def nodes(path: Path) -> list[ast.AST]:
-    """The syntax of a module, and of the stub beside it, which says what a package loads lazily."""
-    return [node for file in (path, path.with_suffix(".pyi")) if file.is_file()
-            for node in ast.walk(ast.parse(file.read_text("utf-8")))]
+def import_lines(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Imports of a module, and of the stub beside it, which says what a package loads lazily."""
+    found: list[ast.Import | ast.ImportFrom] = []
+    waiting: list[ast.stmt | ast.excepthandler | ast.match_case] = []
+    for file in (path, path.with_suffix(".pyi")):
+        if file.is_file():
+            waiting += ast.parse(file.read_text("utf-8")).body
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            found.append(node)
+        # Statements stand in statements alone: expressions are most of a tree, and are left out.
+        for block in ("body", "orelse", "handlers", "finalbody", "cases"):
+            waiting += getattr(node, block, ())
+    return found
 
 
 @functools.cache
 def offered(path: Path) -> set[str]:
     """The names that a package's ``__init__.py`` takes from its modules: what stands outside."""
-    return {alias.asname or alias.name for node in nodes(path)
+    return {alias.asname or alias.name for node in import_lines(path)
             if isinstance(node, ast.ImportFrom) for alias in node.names}
 
 
@@ -65,10 +76,10 @@ def imported(name: str, path: Path, files: dict[str, Path]) -> set[str]:
     """The modules that a module imports anywhere in it, functions and type checks included."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in nodes(path):
+    for node in import_lines(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names} & set(files)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = node.module or ""
             if node.level:
                 above = package.split(".")[:len(package.split(".")) - node.level + 1]

@@ -15,6 +15,7 @@ import lfportrait as lf
 import make_examples
 from lfportrait import models
 from lfportrait.demo import demo_exemplar
+from tests.job.batch.inline import Inline
 from tests.share.page.browser import Opened
 
 ROOT = Path(__file__).parents[2]
@@ -82,9 +83,11 @@ def test_every_example_is_run():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_example_draws_what_its_page_shows(name, first, request):
+def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch):
     if name == "11_head" and models.missing(["face-landmarker"]):
         pytest.skip("the network for landmarks is not here")
+    # That a batch has processes of its own is tested with it; they take most of its time here.
+    monkeypatch.setattr("lfportrait.job.batch.driver.LocalRunner", Inline)
     if name == "06_live":
         request.getfixturevalue("adapter")
         # A process of its own: drivers in software do not live long.

@@ -22,7 +22,17 @@ from draw_house import (
 from house import ROOT, STAGES, stage_imports, without_detours
 from measure_house import deepest_chain, rooms_entered
 
-HOUSE, ARROWS = rooms(), arrows_now()
+
+@pytest.fixture(scope="module")
+def house():
+    """The rooms that the code has now."""
+    return rooms()
+
+
+@pytest.fixture(scope="module")
+def arrows():
+    """Who imports whom now."""
+    return arrows_now()
 
 
 def test_the_committed_drawing_is_up_to_date():
@@ -32,18 +42,18 @@ def test_the_committed_drawing_is_up_to_date():
 
 
 @pytest.mark.parametrize("factor, fresh", [(1.0, True), (1.05, True), (1.25, False)])
-def test_lines_may_be_a_tenth_off(factor, fresh):
+def test_lines_may_be_a_tenth_off(factor, fresh, house, arrows):
     grown = [replace(room, lines=round(factor * room.lines)) if room.name == "field" else room
-             for room in HOUSE]
-    assert up_to_date(picture(HOUSE, ARROWS), grown, ARROWS) is fresh
+             for room in house]
+    assert up_to_date(picture(house, arrows), grown, arrows) is fresh
 
 
-def test_a_new_room_or_arrow_is_noticed():
-    before = picture(HOUSE, ARROWS)
-    assert not up_to_date(before, HOUSE, {**ARROWS, "share": {*ARROWS["share"], "face"}})
+def test_a_new_room_or_arrow_is_noticed(house, arrows):
+    before = picture(house, arrows)
+    assert not up_to_date(before, house, {**arrows, "share": {*arrows["share"], "face"}})
     more = [replace(room, inner=(*room.inner, Room("cellar", 1, 10)))
-            if room.name == "field" else room for room in HOUSE]
-    assert not up_to_date(before, more, ARROWS)
+            if room.name == "field" else room for room in house]
+    assert not up_to_date(before, more, arrows)
 
 
 def test_arrows_that_others_imply_are_left_out():
@@ -58,10 +68,10 @@ def test_imports_between_stages_join_those_of_their_modules():
     assert found["job"] == {"field", "face"} and not found["field"] and set(found) == set(STAGES)
 
 
-def test_arrows_run_down_and_boxes_do_not_overlap():
-    levels = storeys(ARROWS)
-    boxes, width, bottom = placed(HOUSE, untangled(levels, stretches(ARROWS, levels)))
-    for name, others in ARROWS.items():
+def test_arrows_run_down_and_boxes_do_not_overlap(house, arrows):
+    levels = storeys(arrows)
+    boxes, width, bottom = placed(house, untangled(levels, stretches(arrows, levels)))
+    for name, others in arrows.items():
         for other in others:
             assert boxes[name].y + boxes[name].height < boxes[other].y
     shown = [box for name, box in boxes.items() if name in STAGES]

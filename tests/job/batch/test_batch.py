@@ -24,33 +24,11 @@ from lfportrait.files import write_image
 from lfportrait.job.batch import batch, batch_status
 from lfportrait.job.batch import driver as driver_module
 from lfportrait.job.batch.runners import thread_settings
-from lfportrait.job.batch.work import do_task
 
 from .conftest import digests, of_anna
+from .inline import Inline
 
 STAGES = {"capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page": 4}
-
-
-class Inline:
-    """A runner without processes: tasks are done when they are waited for."""
-
-    slots = 1
-
-    def __init__(self, results, *_):
-        self.results, self.task = results, None
-
-    def fits(self, memory):
-        return self.task is None
-
-    def start(self, task, memory):
-        self.task = task
-
-    def wait(self, seconds):
-        task, self.task = self.task, None
-        return [do_task(task, self.results)]
-
-    def close(self):
-        pass
 
 
 @pytest.fixture
