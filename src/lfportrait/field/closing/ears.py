@@ -238,7 +238,8 @@ def _matter(capture: Capture, points: Float64) -> Float64:
 def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float, meets: float,
            ) -> tuple[float, float]:
     """Shares of an ear's places that face photos: which no matter hides from them, and where
-    matter is."""
+    matter is.
+    """
     free = met = total = 0
     for view in _views(len(photos.cameras)):
         way = photos.cameras.position[view] - points
