@@ -223,6 +223,9 @@ class CleanPlates:
         image, matte, plate = self.plate(view)
         squared = (image - plate.color) ** 2 / plate.variance
         room = -0.5 * (squared + np.log(plate.variance)).sum(axis=-1)
+        # Where no anchor shows it, the room is also what the photo itself has beside the person.
+        beside, some = color_likelihood(image, (matte < 0.2).astype(np.float32), 4)
+        room = np.where(plate.known | (some < 0.01), room, np.maximum(room, beside))
         # The person's colors are those that the network calls so, but for what is the wall's.
         alike = (squared.sum(axis=-1) < 9.0) & (plate.variance.mean(axis=-1) < 0.06**2)
         own, near = color_likelihood(image, ((matte > 0.8) & ~alike).astype(np.float32), 4)
