@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from lfportrait.field.grid import camera_row
 from lfportrait.field.kernels.plates import compose_plate
 from tests.reference import plates as reference
 
-WALL, RADIUS, VIEWS = -3.0, 0.6, 14
+WALL, RADIUS, VIEWS = -3.0, 0.6, 11
 
 
 def texture(points, seed, pitch):
@@ -80,16 +81,16 @@ def scene():
 def test_a_plate_shows_the_wall_behind_the_person(scene):
     capture, masks = scene
     plates = CleanPlates.of(capture, said(masks))
-    _, _, plate = plates.plate(7)
+    _, _, plate = plates.plate(5)
     # The wall as a photo without the person has it.
-    origins, directions = capture.cameras.rays(7)
+    origins, directions = capture.cameras.rays(5)
     away = (WALL - origins[:, 2]) / directions[:, 2]
     wall = texture(origins + away[:, None] * directions, 1, 3.0).reshape(192, 144, 3)
-    hidden = masks[7] & plate.known
-    assert hidden.sum() > 0.5 * masks[7].sum()
+    hidden = masks[5] & plate.known
+    assert hidden.sum() > 0.5 * masks[5].sum()
     error = np.abs(plate.color - wall).mean(axis=-1)
     assert np.median(error[hidden]) < 0.025
-    assert np.median(np.abs(capture.images[7] / 255 - wall).mean(axis=-1)[hidden]) > 0.1
+    assert np.median(np.abs(capture.images[5] / 255 - wall).mean(axis=-1)[hidden]) > 0.1
 
 
 @pytest.mark.parametrize("plain", [False, True])
@@ -100,7 +101,24 @@ def test_mattes_wrong_in_all_photos_are_corrected(plain):
     result = plate_mattes(capture, given)
     assert all(matte.dtype == np.float32 and matte.shape == (192, 144) for matte in result)
     assert min(matte.min() for matte in result) >= 0 and max(m.max() for m in result) <= 1
-    assert wrong(result, masks) < 0.25 * wrong(given, masks)
+    # Of a plain wall a color alone does not outweigh the network where that is sure.
+    assert wrong(result, masks) < (0.5 if plain else 0.25) * wrong(given, masks)
+
+
+def test_linen_of_the_walls_color_stays():
+    capture, masks = filmed(plain=True)
+    mattes = [mask.astype(np.float32) for mask in masks]
+    images = []
+    for image, mask in zip(capture.images, masks):
+        rows, columns = np.nonzero(mask)
+        y, x = int(rows.mean()), int(columns.mean())
+        image = image.copy()
+        image[y - 16:y + 16, x - 14:x + 14] = image[2:34, 2:30]
+        images.append(image)
+    result = plate_mattes(replace(capture, images=images), mattes)
+    assert wrong(result, masks) < 0.01
+    assert min(matte[mask].min() for matte, mask in zip(
+        result, [cv2.erode(mask.astype(np.uint8), np.ones((9, 9))) > 0 for mask in masks])) > 0.5
 
 
 def test_a_photo_tells_nothing_of_its_own_plate(scene):

@@ -45,6 +45,7 @@ _KNOWN = 0.3  # and that are needed
 _SPREAD = 0.08  # difference of colors that is no noise
 _SENSOR = 0.02  # standard deviation of a photo's colors, of 1
 _SLIP = 0.7  # pixels by which a plate may be displaced
+_SURE, _COLOR = 0.95, 2.5  # a network's sure word, and what a color alone says against it
 _CERTAIN = 10.0  # bound of what colors say, as log-odds
 
 
@@ -61,11 +62,19 @@ class Plate:
         are not known.
     known
         bool [h, w], where anchors show them.
+    texture
+        float32 [h, w], standard deviation of the colors around.
     """
 
     color: NDArray[np.float32]
     variance: NDArray[np.float32]
     known: NDArray[np.bool_]
+    texture: Plane
+
+    @property
+    def textured(self) -> NDArray[np.bool_]:
+        """Where anchors show more than one color around, which nothing else has by chance."""
+        return self.known & (self.texture > 2.0 * np.sqrt(self.variance.min(axis=-1)))
 
 
 def plate_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
@@ -223,12 +232,17 @@ class CleanPlates:
         image, matte, plate = self.plate(view)
         squared = (image - plate.color) ** 2 / plate.variance
         room = -0.5 * (squared + np.log(plate.variance)).sum(axis=-1)
-        # The person's colors are those that the network calls so, but for what is the wall's.
-        alike = (squared.sum(axis=-1) < 9.0) & (plate.variance.mean(axis=-1) < 0.06**2)
-        own, near = color_likelihood(image, ((matte > 0.8) & ~alike).astype(np.float32), 4)
+        # Where no anchor shows it, the room is also what the photo itself has beside the person.
+        beside, some = color_likelihood(image, (matte < 0.2).astype(np.float32), 4)
+        room = np.where(plate.known | (some < 0.01), room, np.maximum(room, beside))
+        shown = plate.textured & (cv2.blur(squared.sum(axis=-1), (5, 5)) < 9.0)
+        own, near = color_likelihood(image, ((matte > 0.8) & ~shown).astype(np.float32), 4)
         # A color that neither has is a new one of the person's: nobody else came in.
         odds = np.clip(np.maximum(own, -8.0) - np.maximum(room, -14.0), -_CERTAIN, _CERTAIN)
         odds = cv2.GaussianBlur(np.where(near > 0.01, odds, 0.0).astype(np.float32), (0, 0), 0.6)
+        # White linen before a white wall: of what the network is sure, a color alone says little.
+        free = plate.textured | (matte < _SURE)
+        odds = np.where(free, odds, np.maximum(odds, -_COLOR))
         word = np.clip(matte, 0.02, 0.98)
         sure = np.asarray(1.0 / (1.0 + np.exp(-(odds + np.log(word / (1.0 - word))))), np.float32)
         sure = np.where(_near(matte) > 0, sure, np.float32(0.0))
@@ -329,9 +343,10 @@ def _completed(color: NDArray[np.float32], noise: Plane, known: Plane) -> Plate:
     spread = np.maximum(square - mean**2, 0.0) + 0.03**2
     # Without any known color there is nothing to compare with.
     spread = spread if sure.any() else np.ones_like(spread)
-    known_ = sure[..., None]
-    return Plate(np.where(known_, color, mean).astype(np.float32),
-                 np.where(known_, variance, spread).astype(np.float32), sure)
+    seen = sure[..., None]
+    return Plate(np.where(seen, color, mean).astype(np.float32),
+                 np.where(seen, variance, spread).astype(np.float32), sure,
+                 np.asarray(texture, np.float32))
 
 
 def _one_piece(person: Plane) -> Plane:
