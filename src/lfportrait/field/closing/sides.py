@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Capture
-from ..geometry.chart import Chart, coherent, normals_of, read_surface
+from ..geometry.chart import coherent, normals_of, read_surface
 from ..geometry.head_surface import HeadSurface
 from ..geometry.plate import fitted_plate, large_pieces, smoothed
 from ..grid import VoxelField
