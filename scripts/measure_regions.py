@@ -1,6 +1,6 @@
 """Measure how well the regions of a head are told, on a modelled head whose materials are known.
 
-    python scripts/measure_regions.py JOB FILM [--person NAME] [--sheet PICTURE]
+    python scripts/measure_regions.py JOB FILM [--person NAME]
 
 JOB is the folder of a job (``capture/``, ``field.npz``) made from FILM, a folder of
 `scripts/film_head.py`; both are of the same ``--person``. Printed, by how well photos saw a place:
@@ -127,8 +127,9 @@ def main() -> None:
         print(f"{name:7} hair told as skin {row[0]:5.1f} % (off the border {row[1]:5.1f}), "
               f"skin as hair {row[2]:5.1f} % ({row[3]:5.1f}); "
               f"{100 * part.mean():.0f} % of the places")
-    print(f"step of brightness where photos end: hair {seam_step(skin, points, material, HAIR):.2f},"
-          f" skin {seam_step(skin, points, material, SKIN):.2f} of the variation beside it")
+    steps = [seam_step(skin, points, material, kind) for kind in (HAIR, SKIN)]
+    print(f"step of brightness where photos end: hair {steps[0]:.2f}, skin {steps[1]:.2f} of the "
+          "variation beside it")
 
 
 if __name__ == "__main__":
