@@ -12,7 +12,6 @@ is. Nothing above the throat changes, and no color.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray

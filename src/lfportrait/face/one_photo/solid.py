@@ -32,6 +32,8 @@ METRES = 0.207
 """Of a unit of the portrait frame."""
 CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
 """Hair stays so far outside of the skull, from so far behind the hairline on."""
+THIN = 0.2
+"""Of that, where the photo's own depth is known."""
 CHEST = 0.10 / METRES
 """Half the thickness of a body at most."""
 NAPE = -0.36
@@ -227,6 +229,8 @@ def _hair(parts: Parts, near: Float64, far: Float64, sensed: Sensed | None) -> P
     skin = person & ~hair
     given = np.where(skin & skull, np.maximum(middle - near, 0) ** 2, np.nan)
     ramp = np.clip(ndimage.distance_transform_edt(~skin) * cell / RAMP, 0, 1) * CLEAR
+    if sensed is not None:  # the photo knows better how thick hair is
+        ramp[np.isfinite(sensed.depth)] *= THIN
     least = np.where(skull, np.maximum(middle - near, 0) + ramp, 0.0) ** 2
     rim = np.clip(parts.inside * cell / CLEAR, 0, 1)
     least *= rim ** 2
