@@ -19,7 +19,7 @@ from ...capture import Camera
 from ...media.depth import DepthMap
 from .parts import Parts
 
-__all__ = ["Sensed", "hair_squares", "middle_behind", "sensed_depth"]
+__all__ = ["Sensed", "hair_before", "hair_squares", "middle_behind", "sensed_depth"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,9 +32,11 @@ SMOOTH = 0.02
 """Depth is smoothed over so much, portrait units."""
 FACE = 0.55
 """What of the model lies so far behind its nearest point is face, portrait units."""
-OFF, ALIKE = 0.06, 0.7
-"""A depth that is further off in the face (median, portrait units), or whose inverse is less
-correlated with the face's, is none."""
+OFF, FLAT = 0.06, 0.5
+"""A depth that is further off in the face (median, portrait units) is none, nor is one that is
+further off than this part of the face's own relief (its median deviation)."""
+FAR = 4.0
+"""Median deviations from the line from which on a place counts for nothing."""
 LEAST = 300
 """Cells of the face, at least, that it must know."""
 AHEAD, BEHIND = 0.6, 1.5
@@ -79,18 +81,24 @@ def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -
     inverse = _inverse(depth, camera, parts)
     sure = parts.inside * parts.cell > RIM
     face = sure & np.isfinite(near) & np.isfinite(inverse) & ~parts.hair
+    # At its own outline, before hair and neck, it is as uncertain.
+    face = ndimage.binary_erosion(face, iterations=max(1, round(RIM / parts.cell)))
     if face.sum() < LEAST:
         return None
     nearest = float(near[face].min())
     face &= near < nearest + FACE
     known, true = inverse[face], 1.0 / near[face]
-    if face.sum() < LEAST or np.ptp(known) <= 0 or np.corrcoef(known, true)[0, 1] < ALIKE:
+    if np.ptp(known) <= 0 or np.ptp(true) <= 0:
         return None
-    scale, zero = _line(known, true)
+    # The map is what is wrong in places, so it is what is explained.
+    slope, zero = _line(true, known)
+    if slope <= 0:
+        return None
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = 1.0 / (scale * inverse + zero)
+        found = slope / (inverse - zero)
     off = float(np.median(np.abs(found[face] - near[face])))
-    if scale <= 0 or not off < OFF:
+    relief = float(np.median(np.abs(near[face] - np.median(near[face]))))
+    if not off < min(OFF, FLAT * relief):
         return None
     sure &= (found > nearest - AHEAD) & (found < nearest + BEHIND)
     return Sensed(_smoothed(np.where(sure, found, np.nan), SMOOTH / parts.cell), off)
@@ -128,15 +136,24 @@ def _inverse(depth: DepthMap, camera: Camera, parts: Parts) -> Float64:
     return out
 
 
-def _line(known: Float64, true: Float64) -> tuple[float, float]:
-    """The line through points by their least absolute deviations: slope and height."""
-    middle, unit = float(np.median(known)), float(np.std(known))
-    design = np.column_stack([(known - middle) / unit, np.ones(len(known))])
-    weights, found = np.ones(len(known)), np.zeros(2)
-    for _ in range(20):  # reweighted least squares
+def _line(at: Float64, values: Float64) -> tuple[float, float]:
+    """The line through most of some points: slope and height.
+
+    From least absolute deviations to Tukey's biweight, by reweighting.
+    """
+    middle, unit = float(np.median(at)), float(np.std(at))
+    design = np.column_stack([(at - middle) / unit, np.ones(len(at))])
+    weights, found = np.ones(len(at)), np.zeros(2)
+    least = 1e-4 * float(np.std(values))
+    for turn in range(30):
         scaled = design * weights[:, None]
-        found = np.linalg.solve(scaled.T @ design, scaled.T @ true)
-        weights = 1.0 / np.maximum(np.abs(true - design @ found), 1e-5)
+        found = np.linalg.lstsq(scaled.T @ design, scaled.T @ values, rcond=None)[0]
+        away = np.abs(values - design @ found)
+        if turn < 15:
+            weights = 1.0 / np.maximum(away, least)
+        else:
+            far = FAR * max(float(np.median(away)), least)
+            weights = np.clip(1.0 - (away / far) ** 2, 0, None) ** 2
     return float(found[0]) / unit, float(found[1] - found[0] * middle / unit)
 
 
@@ -169,6 +186,11 @@ def hair_squares(sensed: Sensed, middle: Float64, hair: Bools, given: Float64, c
     # Next to the skin it goes over into that, as all hair does.
     inner = ndimage.distance_transform_edt(~np.isfinite(given)) * cell > RIM
     return np.where(hair & inner & np.isfinite(thick), thick ** 2, given)
+
+
+def hair_before(sensed: Sensed, hair: Bools) -> Float64:
+    """Depth [h, w] of hair where it is known, 0 elsewhere: nothing of the skull lies before it."""
+    return np.where(hair & np.isfinite(sensed.depth), sensed.depth, 0.0)
 
 
 def middle_behind(sensed: Sensed, front: Float64, middle: Float64, neck: Bools, cell: float,

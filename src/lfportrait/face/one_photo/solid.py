@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
-from .depth import Sensed, hair_squares, middle_behind
+from .depth import Sensed, hair_before, hair_squares, middle_behind
 from .parts import Parts
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
@@ -107,6 +107,8 @@ class Solid:
         float64 [4]: a plane (normal, height) below which the head's model ends.
     lowest
         Height of the plane that ends the bust.
+    before
+        float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     """
 
     parts: Parts
@@ -115,6 +117,7 @@ class Solid:
     body: Piece | None
     neck: Float64
     lowest: float
+    before: Float64 | None = None
 
     def distance(self, points: Float64, reach: float, near: Bools | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
@@ -133,6 +136,8 @@ class Solid:
         head[asked] = np.maximum(
             self.head.distance(points[asked], reach)
             + receding[asked] * np.clip(1 - above[asked] / TAPER, 0, 1) ** 2, -above[asked])
+        if self.before is not None:
+            head = np.maximum(head, Parts.at(self.before, places) - depth)
         owner = np.full(len(points), HEAD, np.uint8)
         out = head
         if self.body is not None:
@@ -176,7 +181,8 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     neck = _plane(samples.points[np.abs(height - NECK_END) < 0.0015])
     hair = _hair(parts, near, far, sensed) if parts.hair.any() else None
     body = _body(parts, near, depth_maps(samples, parts, band), neck, sensed)
-    return Solid(parts, samples, hair, body, neck, _end(parts, body))
+    before = None if sensed is None else hair_before(sensed, parts.hair)
+    return Solid(parts, samples, hair, body, neck, _end(parts, body), before)
 
 
 def scalp(rest: Float64) -> Bools:
@@ -247,6 +253,7 @@ def _hair(parts: Parts, near: Float64, far: Float64, sensed: Sensed | None) -> P
     least *= rim ** 2
     if sensed is not None:
         given = hair_squares(sensed, middle, hair, given, cell)
+        least[hair & np.isfinite(sensed.depth)] = 0.0  # the skull under it is a guess
     front = inflated(hair, parts.inside, cell, source=4.0, given=given, least=least,
                      free=skin & ~skull)
     behind = _behind(parts, hair, skull)
