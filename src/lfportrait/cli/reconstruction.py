@@ -15,7 +15,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..field import ReconstructConfig, VoxelField
 from ..files import write_exr, write_image
-from ..job.few_photos import MadeFrom
+from ..job import MadeFrom
 from .common import Common
 
 __all__ = ["Calibrate", "CaptureCheck", "Reconstruct", "Render"]

@@ -13,7 +13,7 @@ from .. import models
 from ..cache import key_of
 from .detect import detect_faces, detect_landmarks, face_mesh, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
-from .limits import FIT, PORTRAIT_CONE
+from .limits import FIT, MOST_TURNED, PORTRAIT_CONE
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
 from .pose import FacePose, face_pose
@@ -22,6 +22,7 @@ from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = [
     "GENERIC_LANDMARKS",
+    "MOST_TURNED",
     "PORTRAIT_CONE",
     "FacePose",
     "capture_from_faces",

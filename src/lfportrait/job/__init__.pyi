@@ -1,5 +1,5 @@
 from .check_drawing import check_picture
-from .few_photos import head_way, is_few
+from .few_photos import MadeFrom, head_way, is_few
 from .first_look import FirstLook
 from .graph import (
     STAGES,
@@ -31,7 +31,7 @@ from .usual_steps import Source
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
-__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
+__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MadeFrom", "MakeConfig",
            "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
            "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",

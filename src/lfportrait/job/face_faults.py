@@ -42,7 +42,7 @@ def face_faults(image: NDArray[np.uint8], landmarks: NDArray[np.float64], name: 
     name
         Of the photo.
     """
-    from ..example.worn.glasses import find_spectacles
+    from ..example import spectacles
     from ..face import hair_mask, parts
 
     found = []
@@ -60,6 +60,6 @@ def face_faults(image: NDArray[np.uint8], landmarks: NDArray[np.float64], name: 
         if share > _HAND:
             found.append(f"a hand seems to lie at the face in {name}: it becomes paint on the "
                          "skin; use a photo without it")
-    if find_spectacles(image, landmarks) is not None:
+    if spectacles(image, landmarks).any():
         found.append(f"glasses in {name} become paint on the skin; a photo without them is better")
     return found

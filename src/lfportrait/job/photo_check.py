@@ -29,8 +29,7 @@ from ..capture import (
     relative_sharpness,
 )
 from ..color import linear_light
-from ..face import PORTRAIT_CONE, detect_faces, detect_landmarks, face_pose
-from ..face.limits import MOST_TURNED
+from ..face import MOST_TURNED, PORTRAIT_CONE, detect_faces, detect_landmarks, face_pose
 from ..files import write_image
 from ..progress import Progress
 from .few_photos import head_way

@@ -93,8 +93,8 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None,
         angles = fit.views[0].angles
         progress.say(
             f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
-            f"{fit.pixels[0]:.1f} pixels, the face turned by {angles['yaw']:.0f} degrees; it can "
-            f"be looked at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
+            f"{fit.pixels[0]:.1f} pixels, the face turned by {abs(angles['yaw']):.0f} degrees; it "
+            f"can be looked at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
     return capture, figures
 
 
