@@ -114,6 +114,19 @@ class HeadPrior:
         out[within, 2] = np.maximum(out[within, 2], 0.05)
         return out
 
+    @property
+    def outer(self) -> Int32:
+        """The triangles [T, 3] of the surface that is seen: without sockets and the eyes' backs.
+
+        Sockets and the backs of eyeballs lie a millimetre from other surfaces and look the other
+        way: no distance from such a surface has a sure sign.
+        """
+        kinds = self.part[self.triangles]
+        normals = with_normals(self.mean.astype(np.float64), self.triangles)
+        behind = (self.part == EYES) & (normals[:, 2] < 0.1)
+        hidden = (kinds == SOCKETS).any(axis=1) | behind[self.triangles].any(axis=1)
+        return np.ascontiguousarray(self.triangles[~hidden])
+
     def vertices_seen(self, landmarks: Float64) -> Float64:
         """Where the vertices lie whose landmarks detectors put at [68, 2] pixels."""
         return landmarks if self.lean is None else landmarks - _turned(self.lean[:, :2], landmarks)

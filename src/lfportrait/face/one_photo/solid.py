@@ -34,8 +34,9 @@ CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
 """Hair stays so far outside of the skull, from so far behind the hairline on."""
 CHEST = 0.10 / METRES
 """Half the thickness of a body at most."""
-NAPE = -0.36
-"""Height at which hair ends behind."""
+NAPE, BACK = -0.36, 0.05
+"""Height below which hair that hangs down on both sides hangs down behind, too; how much farther
+behind than a scalp ears and a neck may lie."""
 NECK_TOP, NECK_END = -0.006, -0.015
 """Heights above the model's chin (metres) between which its neck goes over into the body's."""
 NECK_OVERLAP = 0.05
@@ -179,7 +180,12 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     height = samples.rest[:, 1]
     band = (height < NECK_TOP) & (height > NECK_END)
     neck = _plane(samples.points[np.abs(height - NECK_END) < 0.0015])
-    hair = _hair(parts, near, far, sensed) if parts.hair.any() else None
+    hair = None
+    if parts.hair.any():
+        grown = depth_maps(samples, parts, scalp(samples.rest))[1]
+        ears = np.isfinite(depth_maps(samples, parts, _ears(samples.rest))[0])
+        # Where the back of the head, or what lies just before it, is scalp.
+        hair = _hair(parts, near, far, (grown > far - BACK) & ~ears, sensed)
     body = _body(parts, near, depth_maps(samples, parts, band), neck, sensed)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before)
@@ -187,9 +193,12 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
 
 def scalp(rest: Float64) -> Bools:
     """Where hair grows, bool [N], of places [N, 3] on the mean head (`HeadPrior.rest`)."""
-    depth, height = rest[:, 2], rest[:, 1]
-    ear = (np.abs(rest[:, 0]) > EAR) & (height < 0.125) & (depth < 0.01)
-    return np.asarray((height > np.interp(depth, *HAIRLINE.T)) & ~ear)
+    return np.asarray((rest[:, 1] > np.interp(rest[:, 2], *HAIRLINE.T)) & ~_ears(rest))
+
+
+def _ears(rest: Float64) -> Bools:
+    """What is ear, bool [N], of places [N, 3] on the mean head."""
+    return np.asarray((np.abs(rest[:, 0]) > EAR) & (rest[:, 1] < 0.125) & (rest[:, 2] < 0.01))
 
 
 def _plane(points: Float64) -> Float64:
@@ -238,7 +247,7 @@ def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float
     return np.asarray(out, np.float64)
 
 
-def _hair(parts: Parts, near: Float64, far: Float64, sensed: Sensed | None) -> Piece:
+def _hair(parts: Parts, near: Float64, far: Float64, grown: Bools, sensed: Sensed | None) -> Piece:
     """Hair as a piece: in front what the photo shows, behind the back of the head."""
     cell = parts.cell
     middle = np.asarray(cv2.GaussianBlur(_filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
@@ -256,7 +265,7 @@ def _hair(parts: Parts, near: Float64, far: Float64, sensed: Sensed | None) -> P
         least[hair & np.isfinite(sensed.depth)] = 0.0  # the skull under it is a guess
     front = inflated(hair, parts.inside, cell, source=4.0, given=given, least=least,
                      free=skin & ~skull)
-    behind = _behind(parts, hair, skull)
+    behind = _behind(parts, hair, grown)
     rim = np.clip(ndimage.distance_transform_edt(behind) * cell / RAMP, 0, 1)
     deep = np.where(skull, np.maximum(far - middle, 0) + rim * CLEAR, 0.0)
     deep *= np.clip(parts.inside * cell / CLEAR, 0, 1)
@@ -264,8 +273,8 @@ def _hair(parts: Parts, near: Float64, far: Float64, sensed: Sensed | None) -> P
     return Piece(_outside(front, parts, hair, 1.0), _outside(back, parts, behind, 1.0), middle)
 
 
-def _behind(parts: Parts, hair: Bools, skull: Bools) -> Bools:
-    """Where hair covers the back of the head: down to the nape, and between long strands."""
+def _behind(parts: Parts, hair: Bools, grown: Bools) -> Bools:
+    """Where hair covers the back of the head: where it grows, and between long strands."""
     height = hair.shape[0]
     rows = np.arange(height)
     middle = parts.camera.center[0, 0]
@@ -273,7 +282,7 @@ def _behind(parts: Parts, hair: Bools, skull: Bools) -> Bools:
     rays = parts.camera.rays(0, np.stack([np.full(height, middle), rows + 0.5], axis=1))
     depth = -rays[0][:, 2] / rays[1][:, 2]
     level = rays[0][:, 1] + depth * rays[1][:, 1]
-    out = hair | (skull & (level > NAPE)[:, None] & (parts.inside > 0))
+    out = hair | (grown & (parts.inside > 0))
     for row in np.flatnonzero(level <= NAPE):
         columns = np.flatnonzero(hair[row])
         if len(columns) and columns[0] < middle < columns[-1]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.interpolate import RBFInterpolator
 
 from ..head_fit import (
@@ -34,8 +35,11 @@ CHIN = slice(5, 12)
 """Landmarks of the chin."""
 NEAR = 0.1
 """The matte knows the outline so near to it, over the eyes' distance."""
-TURNS, HELD = 2, 0.05
-"""Rounds over all photos, and how much a vertex that few photos see well is held."""
+TURNS, HELD, LONGEST = 2, 0.05, 0.006
+"""Rounds over all photos; how much a vertex that few photos see well is held; metres that it moves
+at most in a round."""
+SMOOTHED = 40
+"""How often vertices move as their neighbors do, or an ear would fold."""
 
 
 def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) -> Float64:
@@ -83,6 +87,7 @@ def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
         return warped(fit.prior, fit.views[0], fit.vertices(0), pictures[0])
     start = fit.vertices(0)
     points = start.copy()
+    mixing = _neighbors(fit.prior)
     for _ in range(TURNS):
         # Seen from the middle: around an ear the surface itself looks everywhere.
         outward = points - 0.5 * (points.min(axis=0) + points.max(axis=0))
@@ -98,10 +103,25 @@ def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
             plane = view.rotation[:2]
             matrix += weight[:, :, None] * (plane.T @ plane)
             right += weight * (move @ plane)
-        points += np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+        move = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+        for _ in range(SMOOTHED):
+            move = mixing @ move
+        length = np.linalg.norm(move, axis=1)[:, None]
+        points += move * np.minimum(1.0, LONGEST / np.maximum(length, 1e-9))
     for ball in _eyeballs(fit.prior, start):
         points[ball] = start[ball] + (points[ball] - start[ball]).mean(axis=0)
     return fit.views[0].to_camera(points)
+
+
+def _neighbors(prior: HeadPrior) -> sparse.csr_array:
+    """A matrix [N, N] that makes of values of vertices the means with their neighbors."""
+    one, two = prior.triangles.ravel(), np.roll(prior.triangles, 1, axis=1).ravel()
+    count = len(prior.mean)
+    rows, columns = np.concatenate([one, two]), np.concatenate([two, one])
+    links = sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
+    links.data[:] = 1.0
+    links = links + sparse.eye_array(count)
+    return sparse.csr_array(sparse.diags_array(1.0 / links.sum(axis=1)) @ links)
 
 
 def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) -> Float64:
