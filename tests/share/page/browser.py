@@ -16,9 +16,9 @@ from lfportrait import studio
 ARGUMENTS = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader",
              "--enable-unsafe-swiftshader"]
 """WebGL2 in software: slow, the same everywhere."""
-PLAIN = "--disable-gpu-compositing"
-"""Pages are put together without WebGL, which takes less time. What they draw by WebGL themselves
-is read back, and the browser complains of that."""
+PLAIN = ("--disable-gpu-compositing", "--renderer-process-limit=1")
+"""Pages are put together without WebGL, and one process shows all of them, which takes less time.
+What they draw by WebGL themselves is read back, and the browser complains of that."""
 
 SMALL = Path(studio.__file__).parent / "web" / "favicon.svg"
 
