@@ -186,7 +186,7 @@ def plain_browser(playwright):
     """A running browser for pages that draw little by WebGL."""
     from tests.share.page.browser import PLAIN, chromium
 
-    with chromium(playwright, PLAIN) as running:
+    with chromium(playwright, *PLAIN) as running:
         yield running
 
 

@@ -1,10 +1,26 @@
 """The studio as its command starts it, but its built-in paintings are small.
 
-What is found out of a painting takes seconds at full size, in each test file again.
+What is found out of a painting takes seconds at full size, in each test file again. And the browser
+may keep the page's fifty files: they are asked for again by a hundred pages.
 """
 
+from starlette.datastructures import MutableHeaders
+
 from lfportrait.cli import program
-from lfportrait.studio import previews
+from lfportrait.studio import app, previews
+from lfportrait.studio.guard import Guard
+
+
+class KeepingGuard(Guard):
+    """Answers as the studio does, but says that its own files may be kept."""
+
+    async def __call__(self, scope, receive, send):
+        async def kept(message):
+            if message["type"] == "http.response.start" and scope["path"].startswith("/static/"):
+                MutableHeaders(scope=message)["cache-control"] = "private, max-age=3600"
+            await send(message)
+
+        await super().__call__(scope, receive, kept)
 
 
 class QuickChild(previews.Child):
@@ -27,4 +43,5 @@ def serve():
 
 if __name__ == "__main__":
     previews.Child = QuickChild
+    app.Guard = KeepingGuard
     program()
