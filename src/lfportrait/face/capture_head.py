@@ -113,7 +113,7 @@ class _Solver:
         self.rotation, self.scale, self.shift = _similarity(
             prior.mean[prior.landmarks[self.used]].astype(np.float64), self.landmarks)
         self.drawn = _spread(prior)
-        _, y, z = prior.mean.T
+        y, z = prior.mean.T[1:]
         self.hairy = (y > _HIGH) | ((z < _BEHIND) & (y > _NAPE))
 
     def placed(self) -> Float64:

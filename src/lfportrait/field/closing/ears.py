@@ -100,8 +100,7 @@ class Ears:
         """Where what was trained is torn, and goes: which of points [N, 3], [N]."""
         out = np.zeros(len(points), bool)
         for low, high in self.torn:
-            out |= ((points > low - 2 * self.step) & (points < high + 2 * self.step)).all(axis=1)
-        out[out] = np.isfinite(self.distance(points[out])[0])
+            out |= ((points > low - self.reach) & (points < high + self.reach)).all(axis=1)
         return out
 
 
@@ -142,7 +141,8 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
     if not found:
         return None
     points, normals, own = (np.concatenate(part) for part in zip(*found, strict=True))
-    return Ears(points, normals, own, np.reshape(torn, (-1, 2, 3)), cKDTree(points), REACH * unit, STEP * unit)
+    return Ears(points, normals, own, np.reshape(torn, (-1, 2, 3)), cKDTree(points), REACH * unit,
+                STEP * unit)
 
 
 def _around(head: FittedHead, side: Bools) -> NDArray[np.int64]:
@@ -237,9 +237,7 @@ def _matter(capture: Capture, points: Float64) -> Float64:
 
 def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float, meets: float,
            ) -> tuple[float, float]:
-    """Shares of an ear's places that face photos: which no matter hides from them, and where
-    matter is.
-    """
+    """Share of an ear's places facing photos that nothing hides, and of those that matter is at."""
     free = met = total = 0
     for view in _views(len(photos.cameras)):
         way = photos.cameras.position[view] - points

@@ -70,7 +70,8 @@ class Shell:
     voxel: float
     guessed: bool = False
     ears: Ears | None = None
-    yields: Bools | None = None
+    yields: Float64 | None = None
+    fringe: float = FRINGE
 
     def depth(self, points: Float64) -> tuple[Float64, Float64]:
         """How deep points [N, 3] lie within, in voxels (-inf beside the gap), and places [2, N]."""
@@ -93,7 +94,7 @@ class Shell:
             return np.zeros(len(deep), bool)
         row, column = np.rint(places).astype(np.int64)
         rows, columns = self.gap.shape
-        return (deep < FRINGE) & self.yields[np.clip(row, 0, rows - 1), column % columns]
+        return np.asarray(deep < self.yields[np.clip(row, 0, rows - 1), column % columns])
 
     def within_ears(self, points: Float64) -> Bools:
         """Which of points [N, 3] are the ears', [N]."""
@@ -210,7 +211,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
         well |= photos.faced(points[near], FACED) >= SURELY
         torn = shell.ears is not None and shell.ears.replaced(points[near])
         well &= ~(shell.yielding(deep[near], places[:, near]) | torn)
-        hardly = (seen > 0) & (deep[near] > FRINGE) & ~torn
+        hardly = (seen > 0) & (deep[near] > shell.fringe) & ~torn
         density[near] = np.where(well, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come

@@ -26,7 +26,7 @@ from .ears import Ears, ears_of
 from .fitted_head import FitHead, FittedHead, head_distance
 from .hairline import NAPE, hair_cells, usual_hair
 from .photos import Photos, behind_what_is_seen
-from .shell import Shell, with_shell
+from .shell import FRINGE, Shell, with_shell
 
 __all__ = ["close_sides"]
 
@@ -54,9 +54,13 @@ NECK = -0.75
 SIDES = np.radians(100.0)
 """Angle from the front up to which it is, where it has no hair."""
 UNLIKELY = 0.05
-"""What slanting rays saw so far from a fitted head's skin is not believed, portrait units (1 cm)."""
+"""What slanting rays saw so far from a fitted head's skin is not believed: 1 cm."""
 HIDDEN = -0.5
 """Cosine below which photos do not see a surface at all."""
+STANDS_OUT, EAR_STANDS_OUT = -2.0, -4.0
+"""Voxels that what was trained may stand out from a fitted head's skin, and from its ears."""
+NARROW_FRINGE = -0.75
+"""Voxels outside of a surface that follows a fitted head at which its fringe begins."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
@@ -103,7 +107,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
     guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
-                   np.full(known.shape, LOOSE), np.zeros_like(known), None)
+                   np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
         ears = ears_of(head, chart, photos, capture)
         guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
@@ -123,8 +127,9 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     hair, own = hair_cells(chart, whole, colors, well)
     paint = continued_colors(colors, own, upwards, hair)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
-                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True, ears=guess.ears,
-                  yields=guess.yields)
+                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True,
+                  ears=guess.ears,
+                  yields=guess.yields, fringe=FRINGE if head is None else NARROW_FRINGE)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(float((area * gap).sum() / area.sum()), count)
 
@@ -144,7 +149,7 @@ class _Guess:
     tension
         Pull towards the base, [V, U].
     yields
-        Where matter that stands out from the surface goes, whatever sees it, [V, U].
+        Where what was trained goes, whatever sees it (`Shell.yields`), [V, U].
     ears
         Solids beside it, or None.
     """
@@ -153,7 +158,7 @@ class _Guess:
     trust: Float64
     known: Bools
     tension: Float64
-    yields: Bools
+    yields: Float64
     ears: Ears | None
 
 
@@ -176,10 +181,10 @@ def _led(guess: _Guess, base: Float64, surface: HeadSurface, distance: Float64,
     hidden = skin & ~guess.known & (surface.facing < HIDDEN)
     trust[hidden] = 0.0
     known = guess.known & (sure > YIELDS) & (trust > 0)
-    yields = hidden | (doubted & (likely < 0.5))
+    yields = np.where(hidden | (doubted & (likely < 0.5)), STANDS_OUT, -np.inf)
     if ears is not None:
         beside = _ear_cells(chart, ears)
-        trust[beside], known[beside], yields[beside] = 0.0, False, False
+        trust[beside], known[beside], yields[beside] = 0.0, False, EAR_STANDS_OUT
     return _Guess(base, trust, known, np.where(skin, FOLLOWS, LAX), yields, ears)
 
 
