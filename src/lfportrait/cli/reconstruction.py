@@ -17,8 +17,6 @@ from ..field import ReconstructConfig, VoxelField
 from ..files import write_exr, write_image
 from .common import Common
 
-__all__ = ["Calibrate", "CaptureCheck", "Reconstruct", "Render"]
-
 
 @dataclass
 class CaptureCheck(Common):
