@@ -42,7 +42,7 @@ for radius in map(int, sys.argv[1:]):
 KEYS = """
 import lfportrait
 from lfportrait.example.kernels.patches import patch_errors, search_pass
-from lfportrait.lightfield.kernels.encode import encode_kernel
+from lfportrait.lightfield.kernels.panel import encode_kernel
 from lfportrait.field.kernels.render import render_kernel, render_kernel_one_lane
 from lfportrait.field.kernels.train import train_kernel
 

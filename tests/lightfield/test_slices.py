@@ -22,7 +22,7 @@ from lfportrait.lightfield import (
     encode_with_figures,
     render_view,
 )
-from lfportrait.lightfield.kernels.plane import plane_matrix
+from lfportrait.lightfield.kernels.slab import plane_matrix
 from lfportrait.lightfield.kernels.slices import slice_kernel
 from lfportrait.metrics import psnr
 from tests.fields import shell_field

@@ -12,9 +12,7 @@ from ...lanes.cache_keys import identified
 from ...lanes.decorators import kernel, lean, lean_kernel
 from ...lanes.threads import shared
 from ...lanes.vectors import LANES
-from .encode import eye_of
-
-__all__ = ["fill_ground", "shade_ground", "view_ground"]
+from .panel import eye_of
 
 _floats, _gather, _ints, _load, _store = (LANES.floats, LANES.gather, LANES.ints, LANES.load,
                                           LANES.store)
