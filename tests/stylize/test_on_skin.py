@@ -19,7 +19,7 @@ from lfportrait.stylize import (
     paint,
     stylize_with_figures,
 )
-from lfportrait.stylize.notices import eye_opening, mouth_opening, notices
+from lfportrait.stylize.optimize import eye_opening, mouth_opening, notices
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 

@@ -45,7 +45,8 @@ def kernel_sources() -> str:
     """Hash of the sources of all kernels: the stages' and the lanes they are made of."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256()
-    for path in sorted([*package.glob("lanes/*.py"), *package.glob("*/kernels/*.py")]):
+    for path in sorted([*package.glob("lanes/*.py"), *package.rglob("kernels/*.py"),
+                        *package.rglob("kernels.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

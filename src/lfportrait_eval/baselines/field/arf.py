@@ -37,8 +37,13 @@ from lfportrait.device import device_name, torch_device
 from lfportrait.example import Exemplar
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.losses import content_loss, nearest_neighbour_loss, stacked, total_variation
-from lfportrait.stylize.networks import FeatureNetwork
+from lfportrait.stylize.losses import (
+    FeatureNetwork,
+    content_loss,
+    nearest_neighbour_loss,
+    stacked,
+    total_variation,
+)
 
 from .config import ArfConfig
 from .descent import ColorDescent

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait.field import C0, VoxelField
-from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.views import StyleView
+from lfportrait.stylize.fit import ColorModel, StyleView
 
 from .kernels.rmsprop import rmsprop_step
 

@@ -8,8 +8,7 @@ from torch.nn import functional
 
 from lfportrait import models
 from lfportrait.stylize import FieldTask
-from lfportrait.stylize.losses import stacked
-from lfportrait.stylize.networks import FeatureNetwork, load_network
+from lfportrait.stylize.losses import FeatureNetwork, load_network, stacked
 
 from .photo_views import PhotoView, tensor
 

@@ -24,8 +24,7 @@ from lfportrait.errors import UserError
 from lfportrait.field import VoxelField
 from lfportrait.files import write_image
 from lfportrait.stylize import FieldTask
-from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.views import StyleView, facing
+from lfportrait.stylize.fit import ColorModel, StyleView, facing
 
 __all__ = ["TOLERANCE", "Correspondence", "PhotoView", "dump_views", "photo_views", "seen_from",
            "tensor", "view_of"]

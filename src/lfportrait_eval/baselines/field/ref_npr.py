@@ -43,8 +43,13 @@ from lfportrait.errors import UserError
 from lfportrait.example import Transfer
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.losses import content_loss, stacked, total_variation
-from lfportrait.stylize.networks import FeatureNetwork, load_network
+from lfportrait.stylize.losses import (
+    FeatureNetwork,
+    content_loss,
+    load_network,
+    stacked,
+    total_variation,
+)
 
 from .config import RefNprConfig
 from .descent import ColorDescent

@@ -9,7 +9,7 @@ import torch
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.stylize import FieldTask, StylizeConfig, load_network, stylize_with_figures
-from lfportrait.stylize.networks import _vgg19_se_deep
+from lfportrait.stylize.losses import _vgg19_se_deep
 from lfportrait_eval.baselines.field.adain import ENCODER
 from lfportrait_eval.baselines.field.config import RefNprConfig
 from lfportrait_eval.baselines.field.features import nearest_places

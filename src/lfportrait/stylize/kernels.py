@@ -1,13 +1,14 @@
-"""Products with a view's sparse weights, and steps of Adam."""
+"""Hot loops of the stylisation, in Numba: from colors to a view and back, and steps of Adam.
+
+These are products with a view's sparse weights.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
-
-__all__ = ["adam_step", "gather_colors", "scatter_colors"]
+from ..lanes.decorators import lean_kernel
+from ..lanes.threads import shared
 
 
 @shared("out")

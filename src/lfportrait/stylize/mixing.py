@@ -9,6 +9,12 @@ commands that take a field show the mix. Beside them stand ``painted`` and ``pho
 rounded by at most half of a level of an 8-bit picture, and the same at each further saving. A
 painting's texture (`lfportrait.field.SurfaceTexture`) is mixed with its colors, block by block;
 ``painted_texels`` hold those of all styles where the mix shows anything else than the first.
+
+Colors are planes, float32 [3, ...], sRGB in [0, 1]. Luma is Rec. 601's, and chroma the difference
+of a color from the grey of its luma: what is added to all three channels changes the luma alone.
+
+A texture holds differences, so that a share of a painting takes the same share of its texture. The
+photo has none. What takes the painting's luma away takes that of its texture, too.
 """
 
 from __future__ import annotations
@@ -19,26 +25,195 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
-from ...errors import UserError
-from ...field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
-from ...labels import (
+from ..errors import UserError
+from ..field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
+from ..labels import (
     PICTURE_LABELS,
     RegionStyle,
     RegionValue,
     members,
     number,
     one_of,
+    read_regions,
     read_value,
 )
-from .options import plain
-from .texels import mixed_texels
-from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
-
-__all__ = ["StyledField", "load_styled"]
 
 Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+BINS = 1024
+"""Bins of a histogram of luma; matched values are finer, as they are interpolated in it."""
+
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+"""Shares of red, green and blue in Rec. 601's luma."""
+
+
+def luma(planes: Float32) -> Float32:
+    """Rec. 601 luma of colors [3, ...], float32 [...]."""
+    red, green, blue = LUMA
+    return red * planes[0] + green * planes[1] + blue * planes[2]
+
+
+def tone_histogram(values: Float32, weights: Float32) -> Float64:
+    """Weighted histogram of values in [0, 1], float64 [BINS]."""
+    index = np.minimum((values * np.float32(BINS)).astype(np.int32), BINS - 1)
+    return np.asarray(np.bincount(index, weights, BINS), np.float64)
+
+
+def matching_curve(source: Float64, target: Float64) -> Float32:
+    """The rising curve that gives values of one histogram the distribution of another.
+
+    Parameters
+    ----------
+    source, target
+        `tone_histogram` of the values as they are and of those that they are to be like.
+
+    Returns
+    -------
+    float32 [BINS]
+        What values at the middle of each bin become, for `toned`; the values themselves where one
+        of the histograms is empty.
+    """
+    middles = (np.arange(BINS) + 0.5) / BINS
+    if source.sum() <= 0 or target.sum() <= 0:
+        return middles.astype(np.float32)
+    # A bin stands for the middle of its share: many equal values get the median of the tones that
+    # they take up, not the darkest of them.
+    ranks = (np.cumsum(source) - 0.5 * source) / source.sum()
+    below = np.concatenate([[0.0], np.cumsum(target) / target.sum()])
+    wanted = np.interp(ranks, below, np.arange(BINS + 1) / BINS)
+    # Empty bins say nothing of their own; what lies at a full one's edge leans on them, though.
+    held = source > 0
+    return np.interp(middles, middles[held], wanted[held]).astype(np.float32)
+
+
+def toned(values: Float32, curve: Float32) -> Float32:
+    """Values in [0, 1] by a curve of `matching_curve`, linear between its points."""
+    place = np.clip(values * np.float32(BINS) - np.float32(0.5), 0, BINS - 1)
+    index = np.minimum(place.astype(np.int32), BINS - 2)
+    return curve[index] + (place - index.astype(np.float32)) * np.diff(curve)[index]
+
+
+def colored(light: Float32, chroma: Float32) -> Float32:
+    """Colors of a given luma and chroma.
+
+    Chroma that leads out of the range of colors is drawn in, all channels alike: unlike clipping
+    each for itself this keeps the luma and the hue.
+
+    Parameters
+    ----------
+    light
+        float32 [...], luma in [0, 1].
+    chroma
+        float32 [3, ...], colors less their luma.
+
+    Returns
+    -------
+    float32 [3, ...] in [0, 1].
+    """
+    least = np.float32(1e-6)
+    up = np.maximum(np.maximum(chroma[0], chroma[1]), chroma[2])
+    down = np.minimum(np.minimum(chroma[0], chroma[1]), chroma[2])
+    share = np.minimum((1 - light) / np.maximum(up, least), light / np.maximum(-down, least))
+    return np.clip(light + np.minimum(share, np.float32(1)) * chroma, 0, 1)
+
+
+BLOCK = 4
+"""Texels across a block, which takes its shares in a mix from one lattice row."""
+_BAND = 32
+"""Rows of blocks mixed at a time."""
+
+
+def mixed_texels(texels: NDArray[np.int8], rows: NDArray[np.int32], amounts: Mapping[int, Any],
+                 identity: float = 0.0, luma_alone: bool = False) -> NDArray[np.int8]:
+    """Texels of a mix, int8 [H, W, 3].
+
+    Parameters
+    ----------
+    texels
+        int8 [S, H, W, 3], of S styles at full strength.
+    rows
+        int32 [H / 4, W / 4], rounded up: the lattice row of each block.
+    amounts
+        How much of each style, by its number: a number, or one for each lattice row.
+    identity
+        Share of the luma that gives way to the photo's, 0 to 1.
+    luma_alone
+        Leave out all chroma.
+    """
+    used = {n: amount for n, amount in amounts.items() if np.any(amount)}
+    if len(used) == 1 and identity == 0 and not luma_alone:
+        [(n, amount)] = used.items()
+        if np.all(amount == 1):
+            return texels[n]
+    out = np.zeros(texels.shape[1:], np.int8)
+    for first in range(0, len(rows), _BAND):
+        band = slice(BLOCK * first, BLOCK * (first + _BAND))
+        mixed = np.zeros(out[band].shape, np.float32)
+        for n, amount in used.items():
+            mixed += _shares(amount, rows[first:first + _BAND], mixed.shape) * texels[n, band]
+        if identity > 0 or luma_alone:
+            light = (mixed @ LUMA)[..., None]
+            kept = np.float32(1 - identity) * light
+            mixed = np.broadcast_to(kept, mixed.shape) if luma_alone else mixed - light + kept
+        out[band] = np.clip(np.rint(mixed), -127, 127)
+    return out
+
+
+def _shares(amount: Any, rows: NDArray[np.int32], shape: tuple[int, ...]) -> Any:
+    """A number, or what texels [H, W, ...] take by the rows of their blocks, float32 [H, W, 1]."""
+    if np.ndim(amount) == 0:
+        return np.float32(amount)
+    share = np.asarray(amount, np.float32)[rows].repeat(BLOCK, 0).repeat(BLOCK, 1)
+    return share[:shape[0], :shape[1], None]
+
+
+_Words = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
+"""Words of an option that may be given several times, and several words at a time."""
+
+
+@dataclass(frozen=True)
+class MixConfig:
+    """Mix of the photo's and the paintings' colors in a stylised field."""
+
+    strength: float = 1.0
+    """0 leaves the photo's colors, 1 gives the painting's."""
+    identity: float = 0.0
+    """Share of the photo's own light and shade in the painting, with the painting's tones and
+    colors: 0 (none) to 1."""
+    region: _Words = ()
+    """Strength or style of one region: NAME=NUMBER multiplies its strength (0 keeps the
+    photo, above 1 exaggerates, 4 at most), NAME=STYLE or NAME=STYLE:NUMBER paints it in another
+    style of the file, e.g. hair=2 lips=0.5; where regions overlap, the last one wins."""
+    style: str = ""
+    """Style of all other regions; by default the first in the file."""
+    keep_colors: bool = False
+    """Keep the photo's colors: use only light and shade of the painting."""
+    keep: _Words = ()
+    """Regions that stay as in the photo, e.g. eyes lips."""
+
+    def arguments(self) -> dict[str, Any]:
+        """The same as arguments of `StyledField.mix`.
+
+        Raises
+        ------
+        UserError
+            If a region is not of the form NAME=VALUE.
+        """
+        regions: dict[str, RegionValue] = dict(read_regions(self.region))
+        return {"strength": self.strength, "identity": self.identity, "regions": regions,
+                "keep_colors": self.keep_colors, "style": self.style or None,
+                "keep": tuple(name for words in self.keep for name in words)}
+
+
+def plain(choices: Mapping[str, RegionStyle]) -> dict[str, Any]:
+    """Choices as `StyledField.mix` takes them and a JSON file holds them."""
+    return {name: [choice.style, choice.strength] if choice.style else choice.strength
+            for name, choice in choices.items()}
+
 
 _BLOCK = 32768
 """Rows mixed at a time: few enough that all that is computed for them stays in the cache."""
