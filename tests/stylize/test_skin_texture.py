@@ -26,7 +26,7 @@ from lfportrait.stylize.skin import (
     surface_texture,
     texel_rows,
 )
-from lfportrait_eval.metrics.sharpness import sharpness
+from lfportrait_eval.metrics.repeats import sharpness
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 

@@ -25,13 +25,9 @@ from lfportrait.gpu import GpuProcess, gpu_process
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
 
-from .encode import bench_encode
-from .kernels.probe import multiply_adds, random_lines
-from .print import bench_print
+from .encode import bench_encode, bench_print
+from .kernels import multiply_adds, random_lines
 from .transfer import SHORT_NETWORK, bench_transfer, say, timed
-
-__all__ = ["BENCHES", "bench", "bench_encode", "bench_print", "bench_reconstruct", "bench_stylize",
-           "bench_transfer", "device_floor", "line_plot", "machine_rates", "training_floor"]
 
 SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,))
 """A reconstruction that takes seconds, for a field to measure on."""

@@ -52,11 +52,19 @@ from lfportrait.stylize.losses import (
 )
 
 from .config import RefNprConfig
-from .descent import ColorDescent
-from .features import best_network, head_places, nearest_places
-from .photo_views import TOLERANCE, PhotoView, dump_views, photo_views, seen_from, tensor, view_of
-
-__all__ = ["paint_by_reference", "painted_view", "registered", "steady_places"]
+from .photo_views import (
+    TOLERANCE,
+    ColorDescent,
+    PhotoView,
+    best_network,
+    dump_views,
+    head_places,
+    nearest_places,
+    photo_views,
+    seen_from,
+    tensor,
+    view_of,
+)
 
 Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
-__all__ = ["Painter", "run", "train"]
-
 STRIDE = 8
 """Sides of a picture are padded to multiples of this."""
 BLOCKS = 4

@@ -7,8 +7,6 @@ import numpy as np
 from lfportrait.lanes.decorators import lean_kernel
 from lfportrait.lanes.threads import shared
 
-__all__ = ["rmsprop_step"]
-
 
 @shared("colors")
 @lean_kernel

@@ -8,8 +8,6 @@ from lfportrait.lanes.decorators import lean_kernel
 from lfportrait.lanes.threads import shared
 from lfportrait.lanes.vectors import LANES
 
-__all__ = ["multiply_adds", "random_lines"]
-
 _floats, _load, _store = LANES.floats, LANES.load, LANES.store
 
 

@@ -14,8 +14,6 @@ from lfportrait.lanes.decorators import kernel, lean
 from lfportrait.lanes.threads import shared
 from lfportrait.lanes.vectors import LANES
 
-__all__ = ["nearest_patches"]
-
 _DEEPEST = 64
 _floats, _where, _iota, _load = LANES.floats, LANES.where, LANES.iota, LANES.load
 _maximum, _total = LANES.maximum, LANES.total

@@ -13,8 +13,6 @@ import numpy as np
 from lfportrait.lanes.decorators import kernel, lean_kernel
 from lfportrait.lanes.threads import share_out, shared
 
-__all__ = ["NOWHERE", "flood", "search_windows", "sweep_windows"]
-
 NOWHERE = np.int32(-1)
 """Marks a pixel that the synthesis has not reached."""
 
