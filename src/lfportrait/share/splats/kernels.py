@@ -12,10 +12,8 @@ import math
 
 import numpy as np
 
-from ....lanes.decorators import kernel, lean_kernel
-from ....lanes.threads import shared
-
-__all__ = ["COLUMNS", "TILE", "composite", "differentiate", "fill_tiles", "project", "pull"]
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import shared
 
 TILE = 16
 """Side of a tile in pixels."""

@@ -1,18 +1,10 @@
-"""Rows of a lattice, predicted from the neighbours before them.
-
-A value is guessed as the mean of its neighbours at x - 1, y - 1 and z - 1, as far as these are
-kept. What the guess lacks is stored: small numbers, which deflate well. A tolerance rounds it to
-multiples of 2 tolerance + 1, so that no value is off by more than the tolerance. The prediction
-starts from what the reader will see, so errors do not add up.
-"""
+"""The hot loop of the page's coding, in Numba: rows predicted from the neighbours before them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ....lanes.decorators import kernel
-
-__all__ = ["code_rows"]
+from ...lanes.decorators import kernel
 
 
 @kernel
