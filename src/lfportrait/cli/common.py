@@ -126,7 +126,7 @@ class Common:
     def progress(self, title: str, total: int = 0, outlook: Outlook | None = None,
                  ) -> AbstractContextManager[Progress]:
         """A progress line, silent with ``--quiet``; it also shows the compilation of kernels."""
-        from ..lanes.compiling import compiling_progress
+        from ..simd.host import compiling_progress
 
         return compiling_progress(title, total, not self.quiet, outlook)
 

@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 
 from lfportrait.errors import UserError
 from lfportrait.files import read_json
-from lfportrait.lanes.host import vector_unit
 from lfportrait.measure import machine
 from lfportrait.progress import Progress
+from lfportrait.simd.host import vector_unit
 from lfportrait.temporary import temporary_folder
 
 from .transfer import say

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfportrait.lanes.decorators import lean_kernel
-from lfportrait.lanes.threads import shared
-from lfportrait.lanes.vectors import LANES
+from lfportrait.simd.decorators import lean_kernel
+from lfportrait.simd.threads import shared
+from lfportrait.simd.vectors import LANES
 
 _floats, _load, _store = LANES.floats, LANES.load, LANES.store
 

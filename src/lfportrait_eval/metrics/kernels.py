@@ -10,9 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from lfportrait.lanes.decorators import kernel, lean
-from lfportrait.lanes.threads import shared
-from lfportrait.lanes.vectors import LANES
+from lfportrait.simd.decorators import kernel, lean
+from lfportrait.simd.threads import shared
+from lfportrait.simd.vectors import LANES
 
 _DEEPEST = 64
 _floats, _where, _iota, _load = LANES.floats, LANES.where, LANES.iota, LANES.load

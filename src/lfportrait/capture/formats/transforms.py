@@ -18,10 +18,10 @@ import numpy as np
 
 from ...errors import UserError
 from ...files import fresh_folder, read_json, write_image, write_json
-from ...lanes.threads import side_by_side
 from ...measure import usable_cores
 from ...media.folders import Finder, visible
 from ...media.pictures import read_image
+from ...simd.threads import side_by_side
 from ..camera import Camera
 from ..depths import load_depth, save_depth, some_depth
 from ..distortion import Lens

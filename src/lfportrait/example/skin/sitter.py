@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...capture import Camera
 from ...field import VoxelField
 from ...labels import SURFACE_LABELS
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..exemplar import face_size
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur

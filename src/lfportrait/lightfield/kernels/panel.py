@@ -20,10 +20,9 @@ from ...field.marching import (
     make_texture_share,
     sh_basis,
 )
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean, lean_kernel
-from ...lanes.threads import share_out, shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, kernel, lean, lean_kernel
+from ...simd.threads import share_out, shared
+from ...simd.vectors import LANES
 
 
 def lens_of(display: Any) -> NDArray[np.float64]:

@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 
 from ...field.marching import sh_basis
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import lean, lean_kernel
-from ...lanes.interleaved import prefetch
-from ...lanes.shuffles import largest, make_look_up, smallest, store_half
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, lean, lean_kernel
+from ...simd.interleaved import largest, make_look_up, prefetch, smallest, store_half
+from ...simd.vectors import LANES
 
 LINES = 13
 """Rows of a plane: density and 3 x 4 coefficients."""

@@ -30,10 +30,9 @@ from typing import Any
 import numpy as np
 
 from ...field.marching import make_detail, make_texture_share
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean
-from ...lanes.threads import shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, kernel, lean
+from ...simd.threads import shared
+from ...simd.vectors import LANES
 from .panel import eye_of, side_of
 from .slab import GROUP, LINES, least_cosine, make_build, make_cast, pitch_of, plane_matrix
 

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from ...lanes.decorators import kernel, lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import kernel, lean_kernel
+from ...simd.threads import shared
 
 TILE = 16
 """Side of a tile in pixels."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfportrait.lanes.decorators import lean_kernel
-from lfportrait.lanes.threads import shared
+from lfportrait.simd.decorators import lean_kernel
+from lfportrait.simd.threads import shared
 
 
 @shared("colors")

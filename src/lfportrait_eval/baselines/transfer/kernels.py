@@ -10,8 +10,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from lfportrait.lanes.decorators import kernel, lean_kernel
-from lfportrait.lanes.threads import share_out, shared
+from lfportrait.simd.decorators import kernel, lean_kernel
+from lfportrait.simd.threads import share_out, shared
 
 NOWHERE = np.int32(-1)
 """Marks a pixel that the synthesis has not reached."""

@@ -11,9 +11,9 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from lfportrait.errors import UserError
-from lfportrait.lanes import processor
-from lfportrait.lanes.types import F
-from lfportrait.lanes.vectors import LANES
+from lfportrait.simd import processor
+from lfportrait.simd.processor import F
+from lfportrait.simd.vectors import LANES
 
 WORDS = ir.VectorType(ir.IntType(16), 16)
 
@@ -97,7 +97,7 @@ def test_a_level_that_is_none_or_missing_is_one_line(monkeypatch):
 
 @pytest.mark.parametrize(("level", "unit"), [("avx2", "AVX2"), ("sse2", "SSE2")])
 def test_what_is_used_is_what_is_asked_for(level, unit):
-    script = "from lfportrait.lanes import host; print(host.vector_unit()[0])"
+    script = "from lfportrait.simd import host; print(host.vector_unit()[0])"
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True,
                            env={**os.environ, processor.SETTING: level}, check=True)
     assert found.stdout.strip() == unit

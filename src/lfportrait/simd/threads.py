@@ -33,8 +33,6 @@ from typing import Any, TypeVar
 
 import numba
 
-__all__ = ["share_out", "shared", "side_by_side", "with_kernel"]
-
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 

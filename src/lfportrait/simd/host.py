@@ -1,18 +1,20 @@
-"""Facts of this machine for kernels: vector unit, threads, and cached code."""
+"""Facts of this machine for kernels: vector unit, threads, cached code, progress of compiling."""
 
 from __future__ import annotations
 
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
+from numba.core import event
 from numba.core.caching import FunctionCache
 
+from ..progress import Outlook, Progress
+from .decorators import kernel_files
 from .processor import features
-
-__all__ = ["KernelCache", "kernel_cache", "sweep_kernels", "thread_count", "vector_unit"]
 
 _settings: Any = numba.config
 
@@ -56,8 +58,7 @@ def thread_count() -> int:
 def kernel_cache() -> KernelCache:
     """Where compiled kernels are kept, by Numba's own choice: beside the sources, if it may."""
     package = Path(__file__).parents[1]
-    homes = sorted({path.parent for path in [*package.glob("lanes/*.py"),
-                                             *package.glob("*/kernels/*.py")]})
+    homes = sorted({path.parent for path in kernel_files()})
     try:
         folders = [_cache_folder(home) for home in homes]
     except RuntimeError:  # there is none that it could write
@@ -69,10 +70,8 @@ def kernel_cache() -> KernelCache:
 
 def sweep_kernels() -> None:
     """Remove what Numba had half written when it was killed; writing takes less than a second."""
-    package = Path(__file__).parents[1]
     with suppress(RuntimeError, OSError):
-        for home in {path.parent for path in [*package.glob("lanes/*.py"),
-                                              *package.glob("**/kernels/*.py")]}:
+        for home in {path.parent for path in kernel_files()}:
             for left in _cache_folder(home).glob("*.nb[ic].tmp.*"):
                 if time.time() - left.lstat().st_mtime > _HALF_WRITTEN:
                     left.unlink()
@@ -91,3 +90,61 @@ def _common(folders: list[Path], package: Path) -> Path:
     if all(folder.is_relative_to(package) for folder in folders):
         return package
     return folders[0].parent
+
+
+def cache_folder() -> Path:
+    """Where Numba keeps the compiled code of this folder's functions (each folder has its own)."""
+    from .vectors import LANES
+
+    return Path(LANES.exp.stats.cache_path)
+
+
+class _Watch(event.Listener):
+    """Hears of each function of ours that Numba compiles."""
+
+    def __init__(self, heard: Callable[[str], None]) -> None:
+        self._heard = heard
+
+    def on_start(self, event: Any) -> None:
+        pass
+
+    def on_end(self, event: Any) -> None:
+        function = event.data["dispatcher"].py_func
+        if function.__module__.partition(".")[0].startswith("lfportrait"):
+            self._heard(f"{function.__module__}.{function.__qualname__}")
+
+
+@contextmanager
+def watched_compilations(heard: Callable[[str], None]) -> Iterator[None]:
+    """Call ``heard`` with the name of each function of this package that is compiled meanwhile.
+
+    What is read from Numba's cache on the disk is not compiled and not heard of. A function with
+    several signatures comes once for each.
+    """
+    watch = _Watch(heard)
+    event.register("numba:compile", watch)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", watch)
+
+
+@contextmanager
+def compiling_progress(title: str, total: int = 0, enabled: bool = True,
+                       outlook: Outlook | None = None) -> Iterator[Progress]:
+    """A progress line that also shows the compilation of kernels, which takes seconds.
+
+    Parameters
+    ----------
+    title, total, enabled, outlook
+        As for `Progress`.
+    """
+    count = 0
+
+    def heard(_: str) -> None:
+        nonlocal count
+        count += 1
+        progress.update(progress.done, f"compiling kernels, once: {count}")
+
+    with Progress(title, total, enabled, outlook=outlook) as progress, watched_compilations(heard):
+        yield progress

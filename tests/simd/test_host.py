@@ -8,7 +8,7 @@ from pathlib import Path
 import llvmlite.binding
 import pytest
 
-from lfportrait.lanes import host
+from lfportrait.simd import host
 
 
 @pytest.mark.parametrize("features, unit", [
@@ -23,7 +23,7 @@ def test_the_widest_unit_counts(monkeypatch, features, unit):
 
 def looked_up(**settings: str) -> tuple[Path, int]:
     """Folder of the cache and its number of functions, as another process finds them."""
-    code = ("from lfportrait.lanes.host import kernel_cache; found = kernel_cache()\n"
+    code = ("from lfportrait.simd.host import kernel_cache; found = kernel_cache()\n"
             "print(found.folder, found.functions, sep='\\n')")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
                           env={**os.environ, **settings})

@@ -6,8 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from lfportrait.lanes.decorators import kernel, lean, lean_kernel
-from lfportrait.lanes.threads import share_out, shared, side_by_side
+from lfportrait.simd.decorators import kernel, lean, lean_kernel
+from lfportrait.simd.threads import share_out, shared, side_by_side
 
 
 @lean

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from lfportrait.lanes import one_lane
-from lfportrait.lanes import vectors as lanes
+from lfportrait.simd import vectors
+from lfportrait.simd import vectors as lanes
 
 EDGES = np.array([0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1e-30, -1e-30, 1e30, 88.0, -87.0, 3.999, -3.999,
                   7.0, 255.0, 1e-7], np.float32)
@@ -129,7 +129,7 @@ def test_masks_and_their_bits():
 
 def test_half_precision_decodes_exactly_in_the_one_lane_twin():
     words = np.arange(65536, dtype=np.uint16)
-    pair = one_lane.SCALAR.gather_pair
+    pair = vectors.SCALAR.gather_pair
 
     @njit
     def decode(words, out):

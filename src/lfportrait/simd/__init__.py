@@ -1,15 +1,17 @@
 """Sixteen numbers at once (SIMD) for kernels in Numba, and how such kernels are compiled.
 
-A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes (SIMD), `one_lane`
-plain numbers, which makes a scalar twin that is easy to debug. `types` defines lanes for Numba;
-`interleaved` and `shuffles` add loads, stores and orders that pictures and short rows need;
-`processor` says which instructions are used; `cache_keys`, `compiling` and `decorators` are about
-compiling, `threads` about sharing out a kernel's lines, `host` about the machine.
+A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes, or plain numbers,
+which makes a scalar twin that is easy to debug. `processor` defines lanes for Numba and says which
+instructions are used; `interleaved` adds loads, stores and orders that pictures and short rows
+need; `decorators` compile kernels and keep what is compiled, `threads` share out a kernel's lines,
+`host` is about the machine.
 
 No kernel here uses Numba's own threads, but one that a user brings may, and Numba loads them when
 it is asked how many there are: OpenMP's where there is one, because the fallback may not be entered
 from two Python threads at once (a viewer does that).
 """
+
+from __future__ import annotations
 
 import os
 import warnings

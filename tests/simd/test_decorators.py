@@ -7,14 +7,14 @@ import sys
 import numba
 import numpy as np
 
-from lfportrait.lanes.decorators import woven
-from lfportrait.lanes.vectors import LANES
+from lfportrait.simd.decorators import woven
+from lfportrait.simd.vectors import LANES
 
 _load, _store = LANES.load, LANES.store
 
 MODULE = """
 import numpy as np
-from lfportrait.lanes.decorators import kernel, lean
+from lfportrait.simd.decorators import kernel, lean
 
 @lean
 def third(x):

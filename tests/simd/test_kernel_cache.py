@@ -13,8 +13,8 @@ from numba.core.caching import IndexDataCacheFile
 
 import lfportrait
 from lfportrait.files import lock
-from lfportrait.lanes import cache_keys
-from lfportrait.lanes.decorators import kernel
+from lfportrait.simd import decorators
+from lfportrait.simd.decorators import kernel
 
 # The smallest factory whose kernel calls a function that the factory made, too: a process that
 # compiles takes a few seconds here, and twenty for the field's kernels.
@@ -92,9 +92,9 @@ def test_what_two_processes_compile_at_a_time_is_found_under_its_own_types(tmp_p
 
 
 def test_a_process_that_is_paused_holds_up_no_other_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache_keys, "_PATIENCE", 0.2)
+    monkeypatch.setattr(decorators, "_PATIENCE", 0.2)
     files = type(_half._cache._cache_file)(str(tmp_path), "half", "stamp")
-    held = lock(tmp_path / cache_keys._LOCK)
+    held = lock(tmp_path / decorators._LOCK)
     try:
         saving = threading.Thread(target=files.save, args=("a", "code for a"), daemon=True)
         saving.start()
