@@ -237,11 +237,6 @@ class Display:
         share = 2.0 * (np.arange(self.views) + 0.5) / self.views - 1.0
         return self.eye_reach * share
 
-    def view_at(self, x: float) -> float:
-        """Fractional view that an eye at ``x`` on the eye line receives (v + 1/2 in the middle)."""
-        share = x / self.eye_reach
-        return 0.5 * (share + 1.0) * self.views
-
     def channel(self, place: int) -> int:
         """Color channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
         return 2 - place if self.subpixels == "BGR" else place

@@ -226,7 +226,6 @@ def singles(array, n):
     return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
 
 
-_VF = ir.VectorType(ir.FloatType(), WIDTH)
 _VI = ir.VectorType(ir.IntType(32), WIDTH)
 
 

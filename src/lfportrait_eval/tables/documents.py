@@ -21,6 +21,7 @@ from lfportrait.files import atomic_write, write_json
 from lfportrait.share import Picture, Report, Section, Table, write_report
 
 from ..study import Row, interval_chart
+from .figures import missing_networks
 
 FLOORS = {"field": "the field before style", "photos": "the photos"}
 """Rows of the consistency that are no methods."""
@@ -166,8 +167,7 @@ Rows = dict[str, dict[str, Spread]]
 def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
                     floors: dict[str, dict[str, Any]], speed: dict[str, Any],
                     study: dict[str, Any] | None, failures: Sequence[dict[str, str]],
-                    missing: dict[str, list[str]], *, pictures: bool,
-                    paintings: dict[str, NDArray[np.uint8]]) -> dict[str, Any]:
+                    paintings: dict[str, NDArray[np.uint8]] | None) -> dict[str, Any]:
     """Write ``tables.md``, ``tables.csv``, ``tables.json`` and, with pictures, ``index.html``.
 
     Parameters
@@ -180,18 +180,17 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
         What was measured.
     speed, study
         Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
-    failures, missing
-        Cells that could not be measured, and networks that figures wait for.
-    pictures
-        Whether the page is written.
+    failures
+        Cells that could not be measured.
     paintings
-        The styles' pictures by name.
+        The styles' pictures by name, for the page; None writes none.
 
     Returns
     -------
     figures
         Those of ``tables.json``.
     """
+    missing = missing_networks()
     rows = spreads(cells, list(facts["methods"]))
     base = _floor_rows(floors)
     figures = {
@@ -207,7 +206,7 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
         with atomic_write(out / name) as stream:
             stream.write(content.encode())
     write_json(out / "tables.json", figures)
-    if pictures:
+    if paintings is not None:
         tables = [(title, *table) for title, table in _grids(rows, base, facts).items()]
         write_tables_page(out, facts, cells, rows, base, tables + _speed_grids(speed),
                           _notes(facts, cells, failures, missing), paintings)

@@ -344,22 +344,24 @@ class Sitter:
         The field's file, for the skin that is kept beside it.
     pixels
         Of the skin per world unit.
-    views, cone, render_size, close_size
-        Of the arc, in degrees and pixels, and of the close views.
+    arc
+        Its width in degrees, its views, and their pixels a side.
+    close_size
+        Pixels a side of the close views.
     device
         Where networks compute, a choice of ``--device``.
     """
 
     def __init__(self, name: str, field: VoxelField, capture: Capture, file: Path, *,
-                 pixels: float, views: int, cone: float, render_size: int,
-                 close_size: int, device: str = "auto") -> None:
+                 pixels: float, arc: tuple[float, int, int], close_size: int,
+                 device: str = "auto") -> None:
         if capture.landmarks is None:
             raise UserError(f"the sitter {name!r} has no facial landmarks; run `lfportrait "
                             "calibrate` on the photos")
         self.name, self.field, self.capture, self.file = name, field, capture, file
         self.device = device
         self.landmarks = np.asarray(capture.landmarks, np.float64)
-        self._pixels, self._arc = pixels, (cone, views, render_size)
+        self._pixels, self._arc = pixels, arc
         self.close_cameras = head_cameras(self.landmarks, CLOSE_DEGREES, close_size, room=1.1,
                                           back=0.2)
 

@@ -34,7 +34,7 @@ from ..baselines.transfer import NetworkConfig
 from ..bench import METHODS as TRANSFERS
 from ..bench import bench_masks, bench_transfer
 from .documents import Cell, write_documents
-from .figures import Target, agreement, measure, missing_networks, photo_agreement
+from .figures import Target, agreement, measure, photo_agreement
 from .methods import (
     METHODS,
     SHOWN,
@@ -312,9 +312,8 @@ class _Run:
         key = key_of(__name__, "field", self.keys[source.name], self.seed)
         self.folder.run(f"field.{source.name}", key, [f"{home}/field.npz"], field)
         return Sitter(source.name, VoxelField.load(file), capture, file, pixels=self.sizes.pixels,
-                      device=self.device,
-                      views=self.config.views, cone=self.config.cone,
-                      render_size=self.sizes.render_size, close_size=self.sizes.close_size)
+                      arc=(self.config.cone, self.config.views, self.sizes.render_size),
+                      close_size=self.sizes.close_size, device=self.device)
 
     def _keep_capture(self, source: Source, target: Path) -> dict[str, Any]:
         capture = self.open_capture(source.capture)
@@ -446,8 +445,8 @@ class _Run:
         if self.config.study is not None and pictures:
             study = read_json(self.config.study / "results.json")
         return write_documents(self.out, facts, cells, floors, speed, study, self.failures,
-                               missing_networks(), pictures=pictures,
-                               paintings={one.name: one.image for one in self.exemplars})
+                               {one.name: one.image for one in self.exemplars} if pictures
+                               else None)
 
 
 class _Lazily:

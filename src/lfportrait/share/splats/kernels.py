@@ -19,8 +19,6 @@ TILE = 16
 """Side of a tile in pixels."""
 COLUMNS = 8
 """Of a projected splat: middle x, y; inverse covariance xx, xy, yy; opacity; half width, height."""
-WIDER = np.float32(0.3)
-"""Pixels squared, added to the variances: no splat falls between pixels."""
 LEAST = np.float32(1 / 255)
 MOST = np.float32(0.99)
 DARK = np.float32(1e-4)
@@ -64,6 +62,7 @@ def project(first, last, positions, scales, axes, opacity, camera, size, flat, d
         x = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / z
         y = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / z
         bent_x, bent_y = min(max(x, -far_x), far_x), min(max(y, -far_y), far_y)
+        # Pixels squared: so no splat falls between pixels.
         xx, xy, yy = 0.3, 0.0, 0.3
         for k in range(3):
             u, v = _seen_axis(axes, n, k, camera, bent_x, bent_y, z)
