@@ -17,8 +17,7 @@ from lfportrait.field import VoxelField
 from lfportrait.files import write_image
 from lfportrait.lightfield import encode_rows
 from lfportrait.lightfield.prints import PrintConfig, PrintSheet, SheetView, fitted, through_lenses
-from lfportrait.lightfield.prints.marks import Marks
-from lfportrait.lightfield.prints.trial import TrialPage
+from lfportrait.lightfield.prints.pages import Marks, TrialPage
 
 PICTURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "prints.jpg"
 HEIGHT, GAP = 460, 12

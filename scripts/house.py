@@ -24,9 +24,9 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
-          "gpu", "graphics", "health", "labels", "lanes", "leftovers", "measure",
+          "gpu", "graphics", "health", "labels", "leftovers", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
-          "stages", "states", "temporary", "version")
+          "simd", "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""

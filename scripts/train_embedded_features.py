@@ -21,7 +21,7 @@ from torch.nn import functional
 from lfportrait.files import atomic_write
 from lfportrait.media.pictures import read_image
 from lfportrait.models import fetch
-from lfportrait.stylize.networks import _read, _vgg19_se, embedded_features
+from lfportrait.stylize.losses import _read, _vgg19_se, embedded_features
 
 WIDTHS = (24, 48, 48, 96, 96, 96, 96)
 

@@ -22,7 +22,7 @@ from lfportrait.files import write_image
 from lfportrait.job.batch import load_jobs
 from lfportrait.job.batch.journal import read_events
 from lfportrait.lightfield import Display, QuiltLayout, layout_for, layout_of_file
-from lfportrait.lightfield.lookingglass import calibration_of
+from lfportrait.lightfield.display_files import calibration_of
 from lfportrait.media.depth import read_depth
 from lfportrait.media.masks import read_mask
 from lfportrait.media.pictures import read_image

@@ -130,15 +130,15 @@ def test_libraries_get_no_more_threads_than_cores(tmp_path, monkeypatch):
 def test_kernels_get_no_more_threads_than_cores(monkeypatch):
     import numba
 
-    from lfportrait import lanes
+    from lfportrait import simd
 
     monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 64)
-    monkeypatch.setattr(lanes, "usable_cores", lambda: 2)
+    monkeypatch.setattr(simd, "usable_cores", lambda: 2)
     monkeypatch.setenv("NUMBA_NUM_THREADS", "64")
-    lanes.limit_threads()
+    simd.limit_threads()
     assert numba.config.NUMBA_NUM_THREADS == 64  # as asked for
     monkeypatch.delenv("NUMBA_NUM_THREADS")
-    lanes.limit_threads()
+    simd.limit_threads()
     assert numba.config.NUMBA_NUM_THREADS == 2
 
 

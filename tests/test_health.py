@@ -8,7 +8,7 @@ from lfportrait import health, models
 from lfportrait.gpu import Adapter
 from lfportrait.graphics import Lack
 from lfportrait.health import Fact, examine
-from lfportrait.lanes import host
+from lfportrait.simd import host
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from lfportrait import files, lanes
+from lfportrait import files, simd
 from lfportrait.cache import user_cache  # itself, not what tests have instead
 
 
@@ -51,14 +51,14 @@ def test_kernels_are_kept_somewhere(temporary, monkeypatch):
     kept = numba.config.CACHE_DIR
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        lanes.keep_kernels()  # here there is a place
+        simd.keep_kernels()  # here there is a place
 
     def nowhere(function):
         raise RuntimeError("cannot cache function: no locator available")
-    monkeypatch.setattr(lanes, "FunctionCache", nowhere)
+    monkeypatch.setattr(simd, "FunctionCache", nowhere)
     try:
         with pytest.warns(UserWarning, match="set NUMBA_CACHE_DIR=FOLDER to keep them"):
-            lanes.keep_kernels()
+            simd.keep_kernels()
         assert Path(numba.config.CACHE_DIR) == files.temporary_home() / "kernels"
     finally:
         numba.config.CACHE_DIR = kept

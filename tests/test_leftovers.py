@@ -194,7 +194,7 @@ def test_long_names_have_temporary_ones_and_too_long_ones_are_told_at_once(tmp_p
 
 
 def test_kernels_half_written_are_removed(tmp_path, monkeypatch):
-    from lfportrait.lanes import host
+    from lfportrait.simd import host
 
     monkeypatch.setattr(host, "_cache_folder", lambda home: tmp_path)
     names = ("k-1.py311.nbi", "k-1.py311.nbi.tmp.0123456789abcdef", "k-1.py311.1.nbc.tmp.0123")

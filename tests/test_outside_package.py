@@ -158,6 +158,6 @@ def test_a_format_that_can_not_read_is_one_line(install, tmp_path):
 
 
 def test_our_own_faults_stay_ours(tmp_path, monkeypatch):
-    monkeypatch.setattr("lfportrait.share.solids.field_points", lambda *_: {}["nothing"])
+    monkeypatch.setattr("lfportrait.share.writers.field_points", lambda *_: {}["nothing"])
     with pytest.raises(KeyError):
         export_field(shell_field(size=8), tmp_path / "p.ply")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lfportrait.lanes.threads import share_out
+from lfportrait.simd.threads import share_out
 
 from .design import Design
 from .materials import CLEAR

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from lfportrait.capture import Camera
-from lfportrait.lanes.threads import share_out
+from lfportrait.simd.threads import share_out
 
 from .design import Design
 from .grid import bake, march

@@ -21,7 +21,7 @@ from .measure import free_disk_bytes, free_memory_bytes, machine
 from .version import __version__
 
 if TYPE_CHECKING:
-    from .lanes.host import KernelCache
+    from .simd.host import KernelCache
 
 __all__ = ["Fact", "examine"]
 
@@ -84,7 +84,7 @@ def _versions() -> list[Fact]:
 
 
 def _computing() -> list[Fact]:
-    from .lanes import host
+    from .simd import host
 
     facts = machine()
     unit, width = host.vector_unit()

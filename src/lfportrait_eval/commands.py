@@ -16,8 +16,6 @@ from lfportrait.errors import UserError
 from .study import StudyConfig
 from .tables import TablesConfig
 
-__all__ = ["Bench", "Evaluate", "Study", "Tables"]
-
 
 @dataclass
 class Evaluate(Common):

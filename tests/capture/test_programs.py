@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.capture import Camera, Capture, Lens, is_calibrated
-from lfportrait.capture.formats.metashape import read_metashape
 from lfportrait.capture.formats.placed import brown, fisheye
+from lfportrait.capture.formats.programs import read_metashape
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 
@@ -389,7 +389,7 @@ def test_only_visualsfms_first_model_is_read_and_that_is_said(tmp_path):
 
 def test_visualsfms_distortion_is_undone(tmp_path):
     """Its one term straightens; ours bend."""
-    from lfportrait.capture.formats.tables import _undoing
+    from lfportrait.capture.formats.programs import _undoing
 
     for radial in (-0.15, 0.05, 0.2):
         bent = np.linspace(0, 0.65, 50)

@@ -206,7 +206,7 @@ def test_a_device_that_there_is_not(tmp_path, capsys):
 def test_a_gpu_with_too_little_memory_is_one_line(monkeypatch, capsys):
     import torch
 
-    from lfportrait.cli.displays import DisplayList
+    from lfportrait.cli.presets import DisplayList
 
     def full(self):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20 GiB")

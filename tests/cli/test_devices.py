@@ -5,7 +5,7 @@ import json
 import pytest
 
 from lfportrait import device
-from lfportrait.cli import adapters as command
+from lfportrait.cli import doctor as command
 from lfportrait.cli import main
 from lfportrait.device import TorchDevice
 from lfportrait.gpu import Adapter

@@ -178,9 +178,9 @@ def test_a_part_of_a_photo_in_floats(style, photo, regions):
 def test_the_command_line_chooses(tmp_path, style, monkeypatch, words, wanted):
     asked = []
     monkeypatch.setattr("lfportrait.cli.stylization.Exemplar.load", lambda name: style)
-    monkeypatch.setattr("lfportrait.cli.transfers.transfer_photo",
+    monkeypatch.setattr("lfportrait.cli.stylization.transfer_photo",
                         lambda path, out, exemplar, config, *_: asked.append(config.quality) or {})
-    monkeypatch.setattr("lfportrait.cli.transfers.transfer_video",
+    monkeypatch.setattr("lfportrait.cli.stylization.transfer_video",
                         lambda path, out, exemplar, config, *_: asked.append(config.quality) or {})
     write_image(tmp_path / "photo.png", style.image)
     (tmp_path / "film.mp4").write_bytes(b"")

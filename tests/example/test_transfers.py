@@ -18,7 +18,7 @@ from lfportrait.media.pictures import read_image
 from lfportrait.share import write_video
 from tests.portraits import drawn_face
 
-transfers = importlib.import_module("lfportrait.cli.transfers")
+transfers = importlib.import_module("lfportrait.cli.stylization")
 motion_module = importlib.import_module("lfportrait.example.video.motion")
 
 
@@ -31,7 +31,7 @@ def photo(monkeypatch):
                         lambda image, **options: face.landmarks.copy())
     monkeypatch.setattr("lfportrait.job.style_check.detect_faces",
                         lambda image, near=None: [face.landmarks.copy()])
-    monkeypatch.setattr("lfportrait.cli.transfers.detect_landmarks",
+    monkeypatch.setattr("lfportrait.cli.stylization.detect_landmarks",
                         lambda image: face.landmarks.copy())
     return face
 

@@ -8,9 +8,7 @@ from PIL import Image, ImageCms
 
 from lfportrait.cli.dispatch import main
 from lfportrait.job import inspect, inspection_lines
-from lfportrait.media.faults import fault_of
-from lfportrait.media.headers import open_header
-from lfportrait.media.pictures import read_image
+from lfportrait.media.pictures import fault_of, open_header, read_image
 from lfportrait.share import write_video
 
 

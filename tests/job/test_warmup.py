@@ -10,7 +10,7 @@ import pytest
 from lfportrait.job import warmup
 from lfportrait.job.specimens import ball_capture, ball_field, ball_points, drawn_exemplar
 from lfportrait.job.warmup import FUNCTIONS, Warmup
-from lfportrait.lanes.compiling import compiling_progress, watched_compilations
+from lfportrait.simd.host import compiling_progress, watched_compilations
 
 # What a small job compiles in its own process although all stages were compiled ahead.
 JOB = """
@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.job import MakeConfig, Warmup, make
-from lfportrait.lanes.compiling import watched_compilations
+from lfportrait.simd.compiling import watched_compilations
 from lfportrait.lightfield import Display
 from tests.job.test_pipeline import CONFIG
 
@@ -96,9 +96,9 @@ def test_progress_tells_of_kernels_that_are_compiled_meanwhile(monkeypatch):
         def __exit__(self, *_):
             pass
 
-    from lfportrait.lanes import compiling
     from lfportrait.progress import Progress
-    monkeypatch.setattr(compiling, "watched_compilations", Watch)
+    from lfportrait.simd import host
+    monkeypatch.setattr(host, "watched_compilations", Watch)
     monkeypatch.setattr(Progress, "update", lambda self, done, note="": notes.append(note))
     with compiling_progress("title", enabled=False):
         pass

@@ -145,7 +145,7 @@ def test_smooth_views_come_back_whole():
 def test_taking_apart_in_several_passes_changes_nothing(monkeypatch):
     image = interlace(smooth_views(12, 48, 90), SMALL)
     whole = list(each_view(image, SMALL, width=45, height=24))
-    monkeypatch.setattr("lfportrait.lightfield.deinterlacing._MEMORY", 24 * 45 * 24 * 5)
+    monkeypatch.setattr("lfportrait.lightfield.interlacing._MEMORY", 24 * 45 * 24 * 5)
     assert all(np.array_equal(a, b)
                for a, b in zip(whole, each_view(image, SMALL, width=45, height=24)))
 

@@ -8,7 +8,7 @@ import pytest
 
 from lfportrait.lightfield import Display, EncodeConfig, Placement, ViewMask, encode
 from lfportrait.lightfield.coding import _panel
-from lfportrait.lightfield.kernels.encode import eye_of, side_of
+from lfportrait.lightfield.kernels.panel import eye_of, side_of
 from lfportrait.metrics import psnr
 from tests.fields import shell_field
 from tests.reference.raycast import cast

@@ -11,8 +11,6 @@ from numba import njit
 
 from lfportrait.errors import UserError
 from lfportrait.field.kernels.stretches import build_stretches
-from lfportrait.lanes import shuffles
-from lfportrait.lanes import vectors as lanes
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,
@@ -22,9 +20,11 @@ from lfportrait.lightfield import (
     encode_with_figures,
     render_view,
 )
-from lfportrait.lightfield.kernels.plane import plane_matrix
+from lfportrait.lightfield.kernels.slab import plane_matrix
 from lfportrait.lightfield.kernels.slices import slice_kernel
 from lfportrait.metrics import psnr
+from lfportrait.simd import interleaved
+from lfportrait.simd import vectors as lanes
 from tests.fields import shell_field
 from tests.reference.raycast import sh_basis
 from tests.reference.slices import cast
@@ -205,7 +205,7 @@ def test_harmonics_in_a_plane(count, tolerance):
 
 @pytest.mark.parametrize("permutes", [None, False])
 def test_neighbours_are_looked_up(permutes):
-    look_up = shuffles.make_look_up(permutes)
+    look_up = interleaved.make_look_up(permutes)
 
     @njit
     def fetch(array, start, places, out):
@@ -246,8 +246,8 @@ def test_stretches_hold_every_lattice_point(wide, basis):
 @njit
 def round_trip(values, halves, extremes):
     x = lanes.load(values, 0)
-    shuffles.store_half(halves, np.uintp(3), x)
-    extremes[0], extremes[1] = shuffles.smallest(x), shuffles.largest(x)
+    interleaved.store_half(halves, np.uintp(3), x)
+    extremes[0], extremes[1] = interleaved.smallest(x), interleaved.largest(x)
 
 
 def test_lanes_are_stored_as_halves_and_their_extremes_found():

@@ -6,7 +6,7 @@ from PIL import Image
 
 from lfportrait.capture import read_photos
 from lfportrait.errors import UserError
-from lfportrait.media.damage import damage_of
+from lfportrait.media.kinds import damage_of
 from lfportrait.media.pictures import read_image
 
 KINDS = {"baseline": {}, "progressive": {"progressive": True}, "optimized": {"optimize": True},

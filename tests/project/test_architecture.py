@@ -1,7 +1,6 @@
 """The house keeps its order: imports run one way, between stages and between files."""
 
 import ast
-import warnings
 
 import pytest
 
@@ -112,19 +111,6 @@ def test_hot_loops_belong_to_their_stage(graph):
     wrong = [f"{name} imports {other}" for name, others in graph.items() for other in others
              if ".kernels" in other and place(other) != place(name)]
     assert wrong == []
-
-
-def test_rooms_can_be_overlooked():
-    """Large files and folders are warned of: a room follows an idea, not a number."""
-    rooms = {}
-    for path in FILES.values():
-        rooms.setdefault(path.parent, []).append(path)
-        lines = len(path.read_text("utf-8").splitlines())
-        if lines > 420:
-            warnings.warn(f"{path.relative_to(ROOT)} has {lines} lines", stacklevel=1)
-    for room, files in rooms.items():
-        if len(files) > 16:
-            warnings.warn(f"{room.relative_to(ROOT)} has {len(files)} files", stacklevel=1)
 
 
 def test_tests_mirror_the_folders():

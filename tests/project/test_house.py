@@ -86,7 +86,7 @@ def test_arrows_run_down_and_boxes_do_not_overlap(house, arrows):
 def test_the_drawing_is_sound_xml():
     root = ElementTree.fromstring(PICTURE.read_text("utf-8"))
     shown = {entry.get("data-room") for entry in root.iter() if entry.get("data-room")}
-    assert set(STAGES) <= shown and "ground floor/lanes" in shown and "field/kernels" in shown
+    assert set(STAGES) <= shown and "ground floor/simd" in shown and "field/kernels" in shown
 
 
 def test_the_deepest_chain_of_imports_is_followed():

@@ -17,12 +17,10 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import ExportConfig, export_field
-from lfportrait.share.config import SplatConfig
+from lfportrait.share.exporter import SplatConfig
 from lfportrait.share.splats import Splats, field_splats, framed, render_splats
-from lfportrait.share.splats.cloud import splat_view
-from lfportrait.share.splats.field_splats import splat_psnr
-from lfportrait.share.splats.frames import half_turned
-from lfportrait.share.splats.placing import Ball, place_splats
+from lfportrait.share.splats.cloud import half_turned, splat_view
+from lfportrait.share.splats.fitting import Ball, place_splats, splat_psnr
 from tests.fields import head_field, shell_field
 from tests.reference import splats as reference
 
@@ -45,7 +43,7 @@ def fitted_once(monkeypatch):
         assert replace(config, up="auto") == QUICK
         return fitted(basis)
 
-    monkeypatch.setattr("lfportrait.share.solids.field_splats", found)
+    monkeypatch.setattr("lfportrait.share.writers.field_splats", found)
 
 
 def some_splats(count=40, basis=9, seed=0, colors=1.2):

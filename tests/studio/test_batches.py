@@ -9,7 +9,7 @@ from lfportrait.files import write_json
 from lfportrait.job.batch import jobs_file, load_jobs
 from lfportrait.studio.batches import TAKEN
 from lfportrait.studio.versions import Versions
-from lfportrait_eval.study.entries import entries_of
+from lfportrait_eval.study.design import entries_of
 
 from .conftest import jpeg
 

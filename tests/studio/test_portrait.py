@@ -22,7 +22,7 @@ from lfportrait.face import read_landmarks
 from lfportrait.files import read_json
 from lfportrait.job import make
 from lfportrait.media.pictures import read_image
-from lfportrait_eval.study.entries import entries_of
+from lfportrait_eval.study.design import entries_of
 from tests.job.test_pipeline import CONFIG, PANEL
 
 from .conftest import opened

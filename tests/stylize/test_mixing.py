@@ -10,14 +10,7 @@ from lfportrait.errors import UserError
 from lfportrait.field import VoxelField, save_field
 from lfportrait.labels import PICTURE_LABELS as LABELS
 from lfportrait.stylize import MixConfig, StyledField
-from lfportrait.stylize.mixing.tones import (
-    BINS,
-    colored,
-    luma,
-    matching_curve,
-    tone_histogram,
-    toned,
-)
+from lfportrait.stylize.mixing import BINS, colored, luma, matching_curve, tone_histogram, toned
 from tests.fields import shell_field
 from tests.reference.svox2 import Checkpoint
 

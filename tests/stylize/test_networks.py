@@ -7,7 +7,7 @@ import sys
 import pytest
 
 ASK = "import numba; numba.get_num_threads()"
-LOAD = "import lfportrait.stylize.networks"
+LOAD = "import lfportrait.stylize.losses"
 
 
 @pytest.mark.parametrize("order", [(ASK, LOAD), (LOAD, ASK)])

@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
-from lfportrait.example import Exemplar, Skin, SkinPainter
+from lfportrait.example import Exemplar, Skin, SkinPainter, eye_opening
 from lfportrait.example.skin import save_skin
 from lfportrait.job.specimens import ball_capture
 from lfportrait.stylize import (
@@ -19,7 +19,7 @@ from lfportrait.stylize import (
     paint,
     stylize_with_figures,
 )
-from lfportrait.stylize.notices import eye_opening, mouth_opening, notices
+from lfportrait.stylize.optimize import mouth_opening, notices
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 

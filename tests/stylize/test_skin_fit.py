@@ -9,7 +9,7 @@ from scipy.ndimage import binary_erosion
 from lfportrait.capture import Camera
 from lfportrait.example import Painting, Skin
 from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.skin_fit import (
+from lfportrait.stylize.skin import (
     ASIDE,
     chart_pixels,
     chart_views,

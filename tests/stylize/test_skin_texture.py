@@ -10,23 +10,23 @@ from lfportrait.capture import Camera
 from lfportrait.example import Painting, Skin
 from lfportrait.field import VoxelField
 from lfportrait.stylize import StyledField
-from lfportrait.stylize.chart_lattice import (
+from lfportrait.stylize.fit import ColorModel
+from lfportrait.stylize.mixing import mixed_texels
+from lfportrait.stylize.skin import (
     MARGIN,
     SOLID,
     ChartLattice,
-    chart_lattice,
-)
-from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.mixing.texels import mixed_texels
-from lfportrait.stylize.skin_fit import chart_camera, look_up_rows, row_labels
-from lfportrait.stylize.skin_texture import (
     _keen,
+    chart_camera,
+    chart_lattice,
+    look_up_rows,
     projections,
     row_charts,
+    row_labels,
     surface_texture,
     texel_rows,
 )
-from lfportrait_eval.metrics.sharpness import sharpness
+from lfportrait_eval.metrics.repeats import sharpness
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 

@@ -10,23 +10,20 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.media.pictures import read_image
 from lfportrait.stylize import StylizeConfig, load_network, refinement, stylize_with_figures
-from lfportrait.stylize.fit import ColorModel, affine_color_map
-from lfportrait.stylize.kernels.linear import adam_step, gather_colors, scatter_colors
+from lfportrait.stylize.fit import ColorModel, StyleView, affine_color_map, prepare_view
+from lfportrait.stylize.kernels import adam_step, gather_colors, scatter_colors
 from lfportrait.stylize.losses import (
-    content_loss,
-    laplacian,
-    laplacian_loss,
-    nearest_neighbour_loss,
-)
-from lfportrait.stylize.networks import (
     _halved,
     _normalised,
     _read,
     _resnet50,
     _vgg16,
+    content_loss,
     has_half_numbers,
+    laplacian,
+    laplacian_loss,
+    nearest_neighbour_loss,
 )
-from lfportrait.stylize.views import StyleView, prepare_view
 from tests.fields import shell_field
 
 

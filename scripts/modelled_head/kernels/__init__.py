@@ -1,3 +1,3 @@
 """Hot loops of the modelled head, in Numba: its shape, photographs of it, brush strokes."""
 
-from lfportrait import lanes as lanes  # sets Numba's threading layer before any kernel is compiled
+from lfportrait import simd as simd  # sets Numba's threading layer before any kernel is compiled

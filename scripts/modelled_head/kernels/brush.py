@@ -13,7 +13,7 @@ from math import exp, sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import kernel, lean
+from lfportrait.simd.decorators import kernel, lean
 
 from .implicit import noise
 

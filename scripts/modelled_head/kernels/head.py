@@ -17,7 +17,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import lean, lean_kernel
+from lfportrait.simd.decorators import lean, lean_kernel
 
 from .head_beard import beard_distance
 from .head_hair import hair_distance

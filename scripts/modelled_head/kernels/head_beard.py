@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import atan2, sqrt
 
-from lfportrait.lanes.decorators import lean
+from lfportrait.simd.decorators import lean
 
 from .implicit import capsule, carve, ellipsoid, noise, smooth_step, union
 

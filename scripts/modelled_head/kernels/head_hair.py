@@ -11,7 +11,7 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import lean
+from lfportrait.simd.decorators import lean
 
 from .implicit import bump, carve, ellipsoid, noise, smooth_step, uniform, union
 

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import kernel
+from lfportrait.simd.decorators import kernel
 
 from .head import bone_distance, face_distance, surfaces
 

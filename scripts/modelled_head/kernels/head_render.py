@@ -14,7 +14,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import kernel, lean
+from lfportrait.simd.decorators import kernel, lean
 
 from .head import scene, surfaces
 from .head_skin import cloth_albedo, eye_albedo, hair_albedo, hair_tangent, skin_albedo

@@ -10,7 +10,7 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import lean, lean_kernel
+from lfportrait.simd.decorators import lean, lean_kernel
 
 from .head import ear_distance, lid_lines, mouth_lines
 from .head_hair import curls, hair_coordinates, hair_cover

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from lfportrait.lanes.decorators import lean_kernel
+from lfportrait.simd.decorators import lean_kernel
 
 from .implicit import capsule
 

@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from lfportrait.lanes.decorators import lean
+from lfportrait.simd.decorators import lean
 
 __all__ = ["bump", "capsule", "carve", "ellipsoid", "fractal", "noise", "smooth_step",
            "uniform", "union"]

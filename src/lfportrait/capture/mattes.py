@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..lanes.threads import side_by_side
+from ..simd.threads import side_by_side
 from .camera import Camera
 from .capture import Capture
 from .kernels.voting import cover_views, vote_lattice

@@ -21,10 +21,9 @@ from PIL import Image
 from ..errors import UserError
 from ..measure import usable_cores
 from ..media.colors import color_space, srgb_from
-from ..media.damage import damage_of
 from ..media.depth import DepthMap, read_depth
 from ..media.folders import RAW_PHOTOS, Listing, folders_below, list_pictures, say_left_out
-from ..media.kinds import kind_of
+from ..media.kinds import damage_of, kind_of
 from ..media.pictures import file_of, open_picture
 from .exif import noted
 

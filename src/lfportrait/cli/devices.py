@@ -1,4 +1,7 @@
-"""The commands ``cast`` and ``show`` for attached displays."""
+"""The commands ``cast`` and ``show`` for attached displays.
+
+``show --live`` codes a field on the GPU as it moves, on a panel or in an ordinary window.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,59 @@ from ..lightfield.screens import URL, Bridge, DepthPicture, Device, Entry
 from ..share import SECONDS, DrivePlan, fill_drive, write_quilt
 from .common import Common
 
-__all__ = ["Cast", "Show"]
+
+def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: EncodeConfig,
+             photo: Path | None, *, screen: int, simulate: bool, seconds: float,
+             ) -> dict[str, Any]:
+    """Show a field until the viewer closes the window, or the time is up.
+
+    Parameters
+    ----------
+    command
+        Its device and its progress line.
+    fields
+        The field's file, one.
+    panel, config
+        The display, and how the field is placed at first.
+    photo
+        The field to mix with; None: one of the same points beside it.
+    screen
+        Number of the panel's screen; -1 = the one that has its pixels.
+    simulate
+        An ordinary window instead of the panel.
+    seconds
+        How long; 0 = until the window is closed.
+
+    Returns
+    -------
+    figures
+        What ``--json`` writes.
+    """
+    from ..lightfield.screens import (
+        LiveWindow,
+        check_packages,
+        fields_to_show,
+        live_adapter,
+        show_live,
+    )
+
+    if len(fields) != 1 or fields[0].suffix.lower() != ".npz":
+        raise UserError("name one field to show live: lfportrait show styled.npz --live")
+    if command.device != "cpu":
+        check_packages()
+    adapter = live_adapter(command.device)
+    window = LiveWindow(panel, screen, simulate)
+    with command.progress("live") as progress:
+        progress.update(0, fields[0].name)
+        field, real = fields_to_show(fields[0], photo)
+
+        def say(line: str, stays: bool) -> None:
+            if stays:
+                progress.say(line)
+            else:
+                progress.update(0, line)
+
+        return show_live(window, adapter, field, config, panel, real, seconds=seconds, say=say)
 
 
 @dataclass
@@ -261,7 +316,6 @@ class Show(Common):
                           "`lfportrait display import` and `lfportrait cast --save-display`",
                           UserWarning, stacklevel=1)
         if self.live or self.simulate:
-            from .live import run_live
 
             return run_live(self, self.lightfields, panel, self.config, self.photo,
                             screen=self.screen, simulate=self.simulate, seconds=self.seconds)

@@ -1,20 +1,28 @@
-"""The commands ``doctor`` (installation check) and ``models`` (pretrained networks)."""
+"""What is here: the installation (``doctor``), networks (``models``), GPUs (``devices``), files.
+
+``inspect`` says what files and folders are, and how they will be read.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from ..device import device_name, gpu_adapter, gpu_adapters, too_small, torch_device, torch_devices
 from ..errors import UserError
+from ..graphics import lacking
 from ..health import Fact, examine
 from .common import Common
 
-__all__ = ["Doctor", "Models", "ModelsAdd", "ModelsFetch"]
+if TYPE_CHECKING:
+    from ..gpu import Adapter
+
 
 _MARKS = {"good": ("✓", "+", "32"), "optional": ("·", "-", "33"), "bad": ("✗", "!", "31;1")}
 """Mark of each state, the same in ASCII, and its color in a terminal."""
@@ -115,3 +123,108 @@ def _lines(facts: list[Fact], colored: bool, unicode: bool) -> list[str]:
             lines.append(f"  {dyed(mark if unicode else plain, code)} {fact.name:<{width}}  "
                          f"{remedy if fact.remedy else fact.text}")
     return lines
+
+
+_LIMITS = {"max-storage-buffer-binding-size": "largest binding",
+           "max-buffer-size": "largest buffer",
+           "max-compute-workgroup-storage-size": "memory of a workgroup",
+           "max-storage-buffers-per-shader-stage": "storage buffers of a stage"}
+"""Limits of an adapter that matter here, in words."""
+
+
+@dataclass
+class Devices(Common):
+    """List the GPUs that --device can name, what auto takes, and what is missing.
+
+    Light fields are computed through WebGPU (any maker's GPU), networks by torch.
+    """
+
+    def run(self) -> dict[str, Any]:
+        """Look and print."""
+        adapters, gpus, lacks = gpu_adapters(), torch_devices(), lacking()
+        used = {"light fields": device_name(gpu_adapter("auto")),
+                "networks": device_name(torch_device("auto"))}
+        try:
+            torch = metadata.version("torch")
+        except metadata.PackageNotFoundError:
+            torch = ""
+        print("WebGPU")
+        for one in adapters:
+            print(f"  {one.name}  ({_words(one)})")
+            print(f"    {', '.join(_limit_words(one))}")
+        if not adapters:
+            print("  none")
+        print(f"torch {torch}")
+        for gpu in gpus:
+            memory = f", {_size(gpu.memory)}" if gpu.memory else ""
+            print(f"  {gpu.name}  ({gpu.backend}, {gpu.place}{memory})")
+        if not gpus:
+            print("  none")
+        print("--device auto")
+        for what, name in used.items():
+            print(f"  {what}: {name}")
+        if lacks:
+            print("missing")
+        for lack in lacks:
+            print(f"  {lack.what}: {lack.remedy}")
+        return {"adapters": [_figures(one) for one in adapters],
+                "torch": {"version": torch, "devices": [asdict(gpu) for gpu in gpus]},
+                "auto": used, "missing": [lack._asdict() for lack in lacks]}
+
+
+def _limits(adapter: Adapter) -> dict[str, int]:
+    return {name: adapter.limits[name] for name in _LIMITS if name in adapter.limits}
+
+
+def _words(adapter: Adapter) -> str:
+    """Kind, interface, driver and memory."""
+    parts = [adapter.kind, adapter.backend, adapter.driver,
+             _size(adapter.memory) if adapter.memory else "",
+             "too small: less than WebGPU's default limits" if too_small(adapter) else ""]
+    return ", ".join(part for part in parts if part)
+
+
+def _limit_words(adapter: Adapter) -> list[str]:
+    return [f"{_LIMITS[name]} {value if 'buffers' in name else _size(value)}"
+            for name, value in _limits(adapter).items()]
+
+
+def _size(size: int) -> str:
+    """A number of bytes in the units that limits are given in."""
+    for unit, words in ((1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")):
+        if size >= unit:
+            return f"{size / unit:.4g} {words}"
+    return f"{size} bytes"
+
+
+def _figures(adapter: Adapter) -> dict[str, Any]:
+    return {"name": adapter.name, "kind": adapter.kind, "backend": adapter.backend,
+            "vendor": adapter.vendor, "driver": adapter.driver, "memory": adapter.memory,
+            "too_small": too_small(adapter), "limits": _limits(adapter)}
+
+
+@dataclass
+class Inspect(Common):
+    """Tell what files and folders are and how they will be read; nothing is computed.
+
+    Size, orientation, colors, lens, depth, cameras, masks, a quilt's layout; and what is left out.
+    """
+
+    paths: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Photos, videos, quilts, folders, data sets."""
+
+    def run(self) -> dict[str, Any]:
+        """Look and print."""
+        from ..job import inspect, inspection_lines
+
+        if not self.paths:
+            raise UserError("name what to look at: lfportrait inspect FILE-OR-FOLDER ...")
+        missing = [path for path in self.paths if not path.exists()]
+        if missing:
+            raise UserError(f"there is no file or folder {missing[0]}; check the name")
+        found = []
+        for number, path in enumerate(self.paths):
+            found.append(inspect(path))
+            if not self.quiet:
+                print("\n".join([""] * bool(number) + inspection_lines(found[-1])))
+        return {"inspected": [one.figures() for one in found]}

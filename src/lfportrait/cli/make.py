@@ -27,8 +27,6 @@ from ..job.batch import (
 from ..measure import usable_cores
 from .common import Common
 
-__all__ = ["BatchCommand", "BatchStatus", "Demo", "Make"]
-
 
 def _told(run: dict[str, Any], out: Path, quiet: bool, begun: float) -> dict[str, Any]:
     """Say where the results are, and the seconds since the command began; return the figures."""

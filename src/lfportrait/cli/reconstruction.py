@@ -18,8 +18,6 @@ from ..files import write_exr, write_image
 from ..job import MadeFrom
 from .common import Common
 
-__all__ = ["Calibrate", "CaptureCheck", "Reconstruct", "Render"]
-
 
 @dataclass
 class CaptureCheck(Common):

@@ -17,8 +17,6 @@ import tyro
 from ..stylize import MixConfig, StyledField
 from .common import Common
 
-__all__ = ["Restyle"]
-
 
 @dataclass
 class Restyle(Common):

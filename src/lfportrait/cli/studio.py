@@ -9,8 +9,6 @@ from typing import Any
 from ..errors import UserError
 from .common import Common
 
-__all__ = ["Studio"]
-
 
 @dataclass
 class Studio(Common):

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..lanes.threads import side_by_side
+from ..simd.threads import side_by_side
 
 __all__ = ["read_array", "write_array"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..lanes.threads import side_by_side
 from ..metrics import psnr, ssim
+from ..simd.threads import side_by_side
 from .grid import VoxelField
 
 __all__ = ["held_out_quality"]

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS, atomic_write
-from ..lanes.threads import share_out
 from ..measure import usable_cores
+from ..simd.threads import share_out
 from ..stages import check_writable
 from ..version import __version__
 from .backdrop import Backdrop

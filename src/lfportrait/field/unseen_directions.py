@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..lanes.threads import side_by_side
+from ..simd.threads import side_by_side
 from .grid import VoxelField
 from .harmonics import real_harmonics
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture, consistent_mattes, matte_agreement, refine_changes, refine_matte
-from ..lanes.threads import side_by_side
 from ..progress import Progress
+from ..simd.threads import side_by_side
 
 __all__ = ["cut_person", "rough_mattes"]
 

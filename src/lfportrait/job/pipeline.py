@@ -34,9 +34,9 @@ from ..errors import UserError
 from ..example import Exemplar
 from ..field import VoxelField
 from ..files import write_json
-from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
+from ..simd.host import compiling_progress
 from ..stages import StageFolder, check_writable
 from ..version import __version__
 from .first_look import LookTaken, PageLook

@@ -91,7 +91,7 @@ _STAGES: dict[str, Callable[[], None]] = {
 
 def run_stage(name: str) -> None:
     """Compile a stage's functions in this process, the name of each on a line of its own."""
-    from ..lanes.compiling import watched_compilations
+    from ..simd.host import watched_compilations
 
     with watched_compilations(lambda function: print(function, flush=True)):
         _STAGES[name]()
@@ -110,8 +110,8 @@ def _mark(name: str) -> Path:
     import llvmlite.binding
     import numba
 
-    from ..lanes.cache_keys import kernel_sources
-    from ..lanes.compiling import cache_folder
+    from ..simd.decorators import kernel_sources
+    from ..simd.host import cache_folder
 
     key = hash_of(name, kernel_sources(), numba.__version__, sys.version,
                  llvmlite.binding.get_host_cpu_name(),
@@ -144,7 +144,7 @@ class Warmup:
     def __init__(self, names: Sequence[str]) -> None:
         wanted = [name for name in names if not _mark(name).exists()]
         if wanted:
-            from ..lanes.host import sweep_kernels
+            from ..simd.host import sweep_kernels
 
             sweep_kernels()
         self.compiled = 0

@@ -21,9 +21,9 @@ from ..example import Exemplar, Skin
 from ..example.skin import load_skin, save_skin
 from ..field import VoxelField
 from ..files import write_image
-from ..lanes.compiling import compiling_progress
 from ..progress import Outlook, Progress
 from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_video
+from ..simd.host import compiling_progress
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
 from .graph import STAGES, Task

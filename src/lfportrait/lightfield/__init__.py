@@ -1,8 +1,9 @@
 """From a field to a light-field display: one ray for each sub-pixel (Shen et al. 2023, 2.3, Eq. 8).
 
-`display` knows the panel, `mask` the view of each sub-pixel, `encode` codes a field for it;
-`interlacing` codes pictures of views, `deinterlacing` takes coded pictures apart; `simulate` shows
-what an eye sees, `patterns` whether the panel's numbers are right, `budget` how deep is sharp.
+`display` knows the panel, and reads its files (`display_files`); `placement` says where a field
+stands before it and how deep is sharp; `coding` codes a field, with its `ground`. `interlacing`
+makes coded pictures of views (`views`, `quilts`), takes them apart and shows what an eye sees;
+`patterns` show whether the panel's numbers are right.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
-from .budget import DepthReport
-from .coded import lossless, read_coded, write_coded
 from .coding import (
+    ViewMask,
     code_on_device,
+    composed,
     depth_budget,
     encode,
     encode_rows,
@@ -9,26 +9,26 @@ from .coding import (
     render_view,
     view_camera,
 )
-from .composition import composed
-from .deinterlacing import deinterlace, each_view
 from .display import Display
+from .display_files import customary_views
 from .ground import Ground, backdrop_of, ground_of, world_ground
 from .interlacing import (
     InterlaceConfig,
     assemble_quilt,
+    deinterlace,
+    each_view,
     interlace,
+    lossless,
     quilt_tiles,
+    read_coded,
     read_views,
+    simulate,
+    write_coded,
 )
-from .lookingglass import customary_views
-from .mask import ViewMask
 from .patterns import pattern
-from .placement import EncodeConfig, Placement
-from .quilt import quilt_of
+from .placement import DepthReport, EncodeConfig, Placement
 from .quilts import QuiltHint, QuiltLayout, layout_for, layout_of_file, quilt_part
-from .renderers import Renderer, encode_views
-from .simulation import simulate
-from .views import eight_bit, render_views
+from .views import Renderer, eight_bit, encode_views, quilt_of, render_views
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
            "QuiltHint", "QuiltLayout", "Renderer", "ViewMask", "assemble_quilt", "backdrop_of",

@@ -4,36 +4,282 @@ The field is placed in the display frame by a similarity: by default the middle 
 the panel's plane, and the head, two world units high, takes 80 % of the panel's height. A
 sub-pixel's ray runs from the eye point of its view through the sub-pixel's own place on the panel:
 off-axis, never toed in, so that there is no vertical disparity. No picture of any view is made.
+
+The view of each sub-pixel is the mask guide. The views depend on the panel alone, so they are
+computed once, kept on disk under the display's hash and mapped into memory when they are needed
+again.
+
+A composed portrait stands by a rule. The face, not the middle of the head, lies in the panel's
+plane, where it is sharpest; the rest is behind it. The head is as large as its crown and the end of
+its bust allow: that ends below the picture's lower edge, and the eyes stay in its middle third. If
+the panel can't show the head's depth sharply, as far as it is seen from the front, the head is
+flattened.
 """
 
 from __future__ import annotations
 
 import math
 import time
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import key_of, user_cache
 from ..capture import Camera
 from ..device import device_name, gpu_adapter
 from ..errors import UserError
-from ..field import VoxelField
+from ..field import VoxelField, camera_row, head_points
+from ..field.gpu import PROBES, REACH, ViewJob, keep_field, views_on_gpu
+from ..files import UNREADABLE_ARRAYS, atomic_write
 from ..gpu import Adapter, GpuProcess, attempted
-from .composition import composed
 from .display import Display
-from .gpu.calling import code_on_gpu, viewpoints
 from .gpu.panel import PanelJob
 from .ground import Ground, ground_of
-from .kernels.encode import encode_kernel
-from .kernels.panel import mix_light
+from .kernels.panel import encode_kernel, lens_of, mask_views, mix_light
 from .kernels.slices import slice_kernel
-from .mask import ViewMask, row_views
-from .placement import EncodeConfig, Placement
+from .placement import DepthReport, EncodeConfig, Placement
 
-__all__ = ["code_on_device", "encode", "encode_rows", "encode_with_figures", "panel_job",
-           "render_view", "view_camera"]
+
+def row_views(display: Display, first: int, count: int, apart: int = 1,
+              ) -> NDArray[np.unsignedinteger]:
+    """The nearest view of the sub-pixels of some rows, as `ViewMask` holds all of them.
+
+    Parameters
+    ----------
+    display
+        The panel.
+    first, count, apart
+        The first row, how many, and how far apart they are.
+    """
+    kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
+    views = np.empty((count, display.width, 3), kind)
+    mask_views(views, display.steps(), lens_of(display), first, apart)
+    return views
+
+
+@dataclass(frozen=True)
+class ViewMask:
+    """The nearest view of every sub-pixel of a panel.
+
+    Attributes
+    ----------
+    views
+        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels as `Display.phase` counts them.
+    display
+        Hash of the display that it was computed for.
+    seconds
+        Time that building or loading it took.
+    loaded
+        Whether it came from the cache.
+    """
+
+    views: NDArray[np.unsignedinteger]
+    display: str
+    seconds: float
+    loaded: bool
+
+    @staticmethod
+    def build(display: Display, cache: bool | Path = True) -> ViewMask:
+        """The mask of a display, from the cache if it is there.
+
+        Parameters
+        ----------
+        display
+            The panel.
+        cache
+            True keeps masks in the user's cache folder, a path in that folder, False nowhere.
+        """
+        start = time.perf_counter()
+        kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
+        shape = (display.height, display.width, 3)
+        file = None
+        if cache is not False:
+            folder = user_cache("masks") if cache is True else Path(cache)
+            file = folder / f"{key_of(__name__, display.hash())}.npy"
+            try:
+                stored = np.load(file, mmap_mode="r", allow_pickle=False)
+                if stored.shape == shape and stored.dtype == kind:
+                    return ViewMask(stored, display.hash(), time.perf_counter() - start, True)
+            except UNREADABLE_ARRAYS:
+                pass
+        views = row_views(display, 0, display.height)
+        if file is not None:
+            try:
+                with atomic_write(file) as stream:
+                    np.save(stream, views, allow_pickle=False)
+            except Exception:  # a cache that can't be written is no reason to stop
+                pass
+        return ViewMask(views, display.hash(), time.perf_counter() - start, False)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory taken, in bytes."""
+        return int(self.views.nbytes)
+
+
+# In the portrait frame the eyes lie at y = 0 and z = 0.4 (`lfportrait.capture.frame`), the tip of
+# the nose at z = 0.6; from the front a head is seen back to its widest place, at z = 0.
+_FACE, _NOSE, _OUTLINE = 0.4, 0.6, 0.0
+_EYES = 0.2
+"""Half the distance of the eyes' outer corners, rounded up."""
+_TOP = 0.86
+"""Place of the crown in half panel heights, where all else allows it."""
+_LOW = -1.06
+"""The bust ends here or below, in half panel heights: just beneath the lower edge."""
+_HIGHEST = 0.24
+"""Eyes are at most so high or low, in half panel heights: well within the middle third."""
+_SIZES = 0.6, 1.2
+"""Half panel heights per world unit, at least and at most."""
+_WIDE = 0.86
+"""Share of a panel's width that a head's own may take up: hair and outer views need the rest."""
+_FLATTEST = 0.5
+"""Of its depth a head keeps so much at least: a flatter one looks like a relief."""
+
+
+def composed(field: VoxelField, display: Display, config: EncodeConfig) -> EncodeConfig:
+    """The placement that a composition comes to, as a configuration without one.
+
+    Size, shifts, focus and depth scale of the configuration change what is composed: a size of 0.8
+    (the default) leaves it, one of 0.4 halves it, a focus of 0.1 moves it towards the viewer.
+
+    Parameters
+    ----------
+    field
+        In the portrait frame.
+    display
+        The panel.
+    config
+        Parameters; without ``compose`` they come back as they are.
+
+    Returns
+    -------
+    config
+        For all that takes one. A warning says where the panel can't keep the head sharp.
+    """
+    if not config.compose:
+        return config
+    points = head_points(field) if field.backdrop is None else field.backdrop.points
+    low, high = (float(v) for v in np.quantile(points[:, 1], [0.002, 0.998]))
+    upper = points[points[:, 1] > -_EYES]
+    wide = float(np.quantile(np.abs(upper[:, 0]), 0.99)) if len(upper) else 0.5
+    scale, up = _stand(display, low, high, wide)
+    scale *= config.size / EncodeConfig.size
+    depth = _kept_depth(display, scale)
+    usual = EncodeConfig()
+    # What `Placement.of` does to heads on narrow panels is taken into account already.
+    size = scale / min(1.0, 1.15 * display.aspect)
+    return replace(config, compose=False, size=size, shift_y=up + config.shift_y - usual.shift_y,
+                   focus=config.focus - _FACE * scale * depth * config.depth_scale,
+                   depth_scale=depth * config.depth_scale)
+
+
+def _stand(display: Display, low: float, high: float, wide: float) -> tuple[float, float]:
+    """Scale and shift upwards of a head from ``low`` to ``high`` and so wide to each side."""
+    # The bust ends behind the panel's plane, where things are a little smaller.
+    nearer = display.distance / (display.distance + 0.5)
+    scale = (_TOP - _LOW) / max(high - nearer * low, 0.5)
+    scale = float(np.clip(scale, *_SIZES))
+    scale = min(scale, _WIDE * display.aspect / max(wide, 0.3),
+                0.3 * display.aspect / _EYES)
+    # Above all the bust's end is hidden; then the crown has its distance from the upper edge.
+    up = min(_TOP - scale * high, _LOW - nearer * scale * low)
+    return scale, float(np.clip(up, -_HIGHEST, _HIGHEST))
+
+
+def _kept_depth(display: Display, scale: float) -> float:
+    """How much of its depth a head of a scale keeps so that it is sharp as far as it is seen."""
+    plain = DepthReport.of(display)
+    wanted = min(plain.front / ((_NOSE - _FACE) * scale),
+                 -plain.back / ((_FACE - _OUTLINE) * scale), 1.0)
+    if wanted < _FLATTEST:
+        warnings.warn(
+            f"{display.name} shows {plain.length(plain.back)} behind its plane sharply, the "
+            f"composed head is {(_FACE - _OUTLINE) * scale * _FLATTEST / -plain.back:.1f} times as "
+            "deep to its outline: ears and hair blur a little (a smaller --size helps)",
+            stacklevel=4)
+    return float(max(wanted, _FLATTEST))
+
+
+_APART = math.radians(3.0)
+"""Angle between neighbouring eyes that colors are evaluated for."""
+_LAYERS = 16
+"""Most such eyes."""
+_STEEP = 0.77
+"""Cosine between a camera's axis and the lattice's from which planes lie close enough."""
+_MEMORY = 512 << 20
+"""Bytes that their colors may take."""
+
+
+def viewpoints(field: VoxelField, eyes: NDArray[np.float64], distance: float, height: float,
+               to_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Eyes that colors are evaluated for, float64 [L, 3] in the field's world.
+
+    Parameters
+    ----------
+    field
+        The field; colors of one coefficient are the same for all eyes.
+    eyes
+        float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
+        up.
+    to_world
+        float64 [3, 4], from that frame to the world.
+    """
+    first, last = float(eyes[0]), float(eyes[-1])
+    layers = 1
+    if field.basis > 1:
+        cone = math.atan(abs(last) / distance) + math.atan(abs(first) / distance)
+        room = _MEMORY // (8 * len(field.bricks.links))
+        layers = max(1, min(math.ceil(cone / _APART), _LAYERS, room))
+    share = (np.arange(layers) + 0.5) / layers
+    places = np.stack([first + (last - first) * share, np.full(layers, height),
+                       np.full(layers, distance), np.ones(layers)])
+    return np.ascontiguousarray((to_world @ places).T)
+
+
+def code_on_gpu(process: GpuProcess, field: VoxelField, job: PanelJob, footprint: float,
+                read: bool = True, repeats: int = 0) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+    """Code a panel on the device (`code_panel`), where the field is sent first if it must be."""
+    keys = keep_field(process, field, len(job.viewpoints), footprint)
+    image, figures = process.call("lfportrait.lightfield.gpu.panel:code_panel", keys, job, read,
+                                  repeats)
+    return image, figures
+
+
+def pictures_on_gpu(process: GpuProcess, field: VoxelField, cameras: Camera, *, background: float,
+                    ground: Ground | None) -> NDArray[np.uint8]:
+    """Pictures of cameras of one size, uint8 [V, H, W, 3], with what is behind the field.
+
+    Rays are sampled on the lattice's planes, as row slices are, and at half steps where they are
+    oblique.
+    """
+    count = len(cameras)
+    details = [field.detail_of(cameras, view) for view in range(count)]
+    # Views of the same width of detail go together.
+    levels = [0 if field.texture is None else field.texture.level(wide) for wide, _ in details]
+    out = np.empty((count, int(cameras.height[0]), int(cameras.width[0]), 3), np.uint8)
+    for level in sorted(set(levels)):
+        some = [view for view in range(count) if levels[view] == level]
+        job = _picture_job(field, cameras, some, details[some[0]][1], background, ground)
+        out[some] = views_on_gpu(process, field, job, details[some[0]][0])
+    return out
+
+
+def _picture_job(field: VoxelField, cameras: Camera, views: list[int], covered: float,
+                 background: float, ground: Ground | None) -> ViewJob:
+    """Some views of one width of the texture's detail, as pictures of bytes."""
+    ahead = np.abs(cameras.pose[views, 2, 2])
+    axis, step = (3, 1.0) if ahead.min() > _STEEP else (0, 0.5)
+    rays = None if ground is None else np.stack([ground.rays(cameras, view) for view in views])
+    return ViewJob(np.stack([camera_row(cameras, view) for view in views]),
+                   (int(cameras.width[0]), int(cameras.height[0])), field.lattice, axis, step,
+                   2e-4 * field.lattice[5] if axis else 1e-2, 4e-3 if axis else 1e-3, axis > 0,
+                   covered, PROBES, REACH, True, (background,) * 3,
+                   None if ground is None else ground.planes, rays)
 
 
 _FAINTEST = 1e-3

@@ -7,7 +7,8 @@ in sub-pixels, and the view (Shen et al. 2023, Eq. 8, written for columns from t
     u = (3 x + k + 3 y tan(slant) + offset) mod L_n,     v = u V_n / L_n  in [0, V_n)
 
 The paper's value is v - V_n / 2 of the mirrored column. Looking Glass states the same by ``pitch``,
-``slope`` and ``center`` over the panel from its lower left corner; `lookingglass` converts exactly.
+``slope`` and ``center`` over the panel from its lower left corner; `display_files`
+converts exactly.
 
 Some panels do not have their sub-pixels side by side: ``cells`` then gives each color's place
 within its pixel, and 3 (x + dx_k) - 3 tan(slant) dy_k takes the place of 3 x + k. Everything here
@@ -34,10 +35,8 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import atomic_write
-from . import display_file, lookingglass
-from .lookingglass import CELL_PATTERNS
-
-__all__ = ["CELL_PATTERNS", "Display"]
+from . import display_files
+from .display_files import CELL_PATTERNS
 
 _ORDERS = ("RGB", "BGR")
 
@@ -238,11 +237,6 @@ class Display:
         share = 2.0 * (np.arange(self.views) + 0.5) / self.views - 1.0
         return self.eye_reach * share
 
-    def view_at(self, x: float) -> float:
-        """Fractional view that an eye at ``x`` on the eye line receives (v + 1/2 in the middle)."""
-        share = x / self.eye_reach
-        return 0.5 * (share + 1.0) * self.views
-
     def channel(self, place: int) -> int:
         """Color channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
         return 2 - place if self.subpixels == "BGR" else place
@@ -260,12 +254,12 @@ class Display:
     @staticmethod
     def from_looking_glass(calibration: dict[str, Any], *, views: int = 0, name: str = "",
                            ) -> Display:
-        """A display from Looking Glass's calibration: `lookingglass.entries_of`."""
-        return Display(**lookingglass.entries_of(calibration, views=views, name=name))
+        """A display from Looking Glass's calibration: `display_files.entries_of_calibration`."""
+        return Display(**display_files.entries_of_calibration(calibration, views=views, name=name))
 
     def looking_glass(self, dpi: float = 0.0) -> dict[str, Any]:
-        """The panel in Looking Glass's terms: `lookingglass.calibration_of`."""
-        return lookingglass.calibration_of(self, dpi)
+        """The panel in Looking Glass's terms: `display_files.calibration_of`."""
+        return display_files.calibration_of(self, dpi)
 
     # -- files ------------------------------------------------------------------------------------
 
@@ -289,7 +283,7 @@ class Display:
                             f"{', '.join(Display.names())}; or name a display file")
         folder = resources.files("lfportrait.lightfield") / "presets"
         text = (folder / f"{name}.toml").read_text("utf-8")
-        return Display(**display_file.entries_of(text, name, _kinds()))
+        return Display(**display_files.entries_of(text, name, _kinds()))
 
     @staticmethod
     def load(path: str | Path) -> Display:
@@ -300,7 +294,7 @@ class Display:
         UserError
             If the file is missing or does not describe a display.
         """
-        return Display(**display_file.load_entries(Path(path), _kinds()))
+        return Display(**display_files.load_entries(Path(path), _kinds()))
 
     @staticmethod
     def resolve(name: str | Path) -> Display:
@@ -311,7 +305,7 @@ class Display:
 
     def to_toml(self) -> str:
         """The display as a TOML text that `load` reads and a person can edit."""
-        return display_file.text_of(self)
+        return display_files.text_of(self)
 
     def save(self, path: str | Path) -> None:
         """Write the display as TOML."""

@@ -25,8 +25,6 @@ from .display import Display
 from .kernels.ground import fill_ground, shade_ground, view_ground
 from .placement import EncodeConfig, Placement
 
-__all__ = ["Ground", "backdrop_of", "ground_of", "panel_reach", "world_ground"]
-
 Float32 = NDArray[np.float32]
 
 _LIGHT = np.array([-0.5, 0.55, 1.0])

@@ -1,12 +1,25 @@
-"""Interlace quilts and folders of views for a panel.
+"""Coded pictures: made of quilts and views, kept in files, taken apart, and seen by an eye.
 
 Each sub-pixel takes its color from its view, at its own place on the panel. (A field is coded
-directly, by `encode`, without pictures of views.)
+directly, by `coding.encode`, without pictures of views.)
+
+In memory a coded picture is as the viewer sees the panel. A panel that shows its picture mirrored
+needs it mirrored; that happens here, on the way to a file and back, and nowhere else.
+
+A view owns but few sub-pixels of each row, one in V_n at most. The rest of its picture is filled in
+from its own sub-pixels nearby, coarse to fine: sums over blocks of 2, 4, 8, ... pixels stand in
+wherever a block of the next finer size holds nothing.
+
+Every sub-pixel is seen through the lens above it in the direction of its view's eye point. An eye
+elsewhere sees, at each place of the panel, the view whose eye point lies on its line of sight
+through that place: a picture sampled once per lens along each row, which is then filled in along
+the row. Outside of its cone a panel repeats its views.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,14 +28,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..files import write_image
 from ..media.folders import list_pictures, say_left_out
 from ..media.kinds import kind_of
 from ..media.pictures import read_image
 from .display import Display
-from .kernels.panel import interlace_views, lens_of
+from .kernels.panel import gather_views, interlace_views, lens_of, see_panel
 from .quilts import QuiltLayout, layout_for, warn_of_misfit
 
-__all__ = ["InterlaceConfig", "assemble_quilt", "interlace", "quilt_tiles", "read_views"]
+
+def check_size(image: NDArray[np.uint8], display: Display) -> None:
+    """Raise `UserError` if a picture does not have the panel's size.
+
+    Raises
+    ------
+    UserError
+        If the sizes differ.
+    """
+    if image.shape[:2] != (display.height, display.width):
+        raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
+                        f"display {display.name} has {display.width} x {display.height}: a coded "
+                        "picture must not be scaled")
+
+
+def lossless(path: str | Path) -> Path:
+    """The path, if its format keeps every sub-pixel.
+
+    Raises
+    ------
+    UserError
+        If it is a JPEG or the like, which mixes the views.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
+        raise UserError("a coded picture must keep every sub-pixel: write it as .png, not "
+                        f"{path.suffix or 'without a suffix'}")
+    return path
+
+
+def read_coded(path: str | Path, display: Display) -> NDArray[np.uint8]:
+    """A coded picture as the viewer sees the panel, uint8 [H, W, 3].
+
+    Raises
+    ------
+    UserError
+        If the file is missing or not of the panel's size.
+    """
+    image = np.ascontiguousarray(read_image(path)[..., :3])
+    check_size(image, display)
+    return display.to_panel(image)
+
+
+def write_coded(path: str | Path, image: NDArray[np.uint8], display: Display) -> None:
+    """Write a coded picture, uint8 [H, W, 3] as seen, so that the panel shows it right."""
+    check_size(image, display)
+    write_image(lossless(path), display.to_panel(image), fast=True)
 
 
 @dataclass(frozen=True)
@@ -185,3 +245,163 @@ def interlace(views: NDArray[np.uint8], display: Display, config: InterlaceConfi
                     lens_of(display), np.array([wide, high, turn]), config.sample == "linear",
                     config.blend == "linear", image)
     return image
+
+
+_MEMORY = 400_000_000
+"""Bytes that the sums of one pass may take."""
+
+
+def deinterlace(image: NDArray[np.uint8], display: Display, view: int,
+                ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """The sub-pixels of a coded picture that one view owns.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], coded for ``display``.
+    display
+        The panel.
+    view
+        0 to V_n - 1.
+
+    Returns
+    -------
+    picture, owned
+        uint8 [H, W, 3], zero where the view owns nothing, and bool [H, W, 3].
+    """
+    check_size(image, display)
+    if not 0 <= view < display.views:
+        raise UserError(f"the display has views 0 to {display.views - 1}, not {view}")
+    rows, columns = np.ogrid[:display.height, :display.width]
+    owned = np.zeros(image.shape, bool)
+    for place in range(3):
+        index = display.view_of(rows, columns, place).astype(np.int64)
+        owned[..., display.channel(place)] = index == view
+    return np.where(owned, image, 0).astype(np.uint8), owned
+
+
+def _half(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Sums over blocks of 2 x 2; [h, w, c] -> [ceil(h / 2), ceil(w / 2), c]."""
+    padded = np.pad(plane, ((0, plane.shape[0] % 2), (0, plane.shape[1] % 2), (0, 0)))
+    summed: NDArray[np.float32] = (padded[::2, ::2] + padded[1::2, ::2] + padded[::2, 1::2]
+                                   + padded[1::2, 1::2])
+    return summed
+
+
+def _double(plane: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
+    """Twice the size, interpolated linearly between the middles of the pixels."""
+    for axis, size in ((0, height), (1, width)):
+        before = np.concatenate([plane.take([0], axis), plane], axis)
+        after = np.concatenate([plane, plane.take([-1], axis)], axis)
+        first = 0.25 * before.take(range(plane.shape[axis]), axis) + 0.75 * plane
+        second = 0.75 * plane + 0.25 * after.take(range(1, plane.shape[axis] + 1), axis)
+        both = np.stack([first, second], axis + 1)
+        shape = list(plane.shape)
+        shape[axis] *= 2
+        plane = both.reshape(shape).take(range(size), axis)
+    return plane
+
+
+def _filled(value: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The weighted mean where there is weight, else what the coarser picture says."""
+    known = weight > 0
+    mean = np.where(known, value / np.where(known, weight, 1), 0).astype(np.float32)
+    if known.all() or max(value.shape[:2]) == 1:
+        return mean
+    sure = known.astype(np.float32)
+    coarse = _filled(_half(mean * sure), _half(sure))
+    return np.where(known, mean, _double(coarse, *value.shape[:2]))
+
+
+def each_view(image: NDArray[np.uint8], display: Display, *, count: int = 0, width: int = 0,
+              height: int = 0) -> Iterator[NDArray[np.uint8]]:
+    """Whole pictures of the views of a coded picture, the leftmost first.
+
+    Sub-pixels that a view owns come through exactly where its picture has the panel's size, and are
+    averaged where it is smaller; the rest is filled in.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], coded for ``display``.
+    display
+        The panel.
+    count
+        Number of views; the panel's by default. Others are spread over the same cone.
+    width, height
+        Size of the pictures; the panel's by default.
+
+    Yields
+    ------
+    view
+        uint8 [height, width, 3].
+    """
+    check_size(image, display)
+    count, width, height = count or display.views, width or display.width, height or display.height
+    if not 1 <= count <= 4096 or width < 1 or height < 1:
+        raise UserError(f"{count} views of {width} x {height} pixels can't be made")
+    # Pictures finer than the panel gain nothing but holes.
+    inner_width, inner_height = min(width, display.width), min(height, display.height)
+    order = np.array([display.channel(place) for place in range(3)])
+    at_once = max(1, min(count, _MEMORY // (24 * inner_width * inner_height)))
+    image = np.ascontiguousarray(image)
+    for first in range(0, count, at_once):
+        shape = (min(at_once, count - first), inner_height, inner_width, 3)
+        value, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        gather_views(image, display.steps(), display.places(), order, lens_of(display), count,
+                     first, value, weight)
+        for index in range(shape[0]):
+            picture = np.clip(_filled(value[index], weight[index]) + 0.5, 0, 255).astype(np.uint8)
+            if (inner_width, inner_height) != (width, height):
+                from PIL import Image
+
+                picture = np.asarray(Image.fromarray(picture).resize(
+                    (width, height), Image.Resampling.BICUBIC))
+            yield picture
+
+
+def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = (0.0,), *,
+             crosstalk: float = 0.0, distance: float | None = None, block: int = 1,
+             ) -> NDArray[np.float32]:
+    """Simulate an eye's view of a coded picture.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], coded for ``display``.
+    display
+        The panel.
+    eye
+        (x,) or (x, y) of the eye in half panel heights; lenses have no vertical parallax, so only x
+        matters.
+    crosstalk
+        Sigma in views of the Gaussian lobe with which other views leak in, as light; 0 = none. At
+        the cone's edges the views of its other edge leak in, too, as through real lenses.
+    distance
+        Distance of the eye; the viewing distance by default.
+    block
+        A pixel of the picture is the mean light of a square of so many pixels of the panel, as
+        eyes see those that are too fine for them.
+
+    Returns
+    -------
+    picture
+        float32 [H // block, W // block, 3] in [0, 1].
+    """
+    check_size(image, display)
+    far = display.distance if distance is None else distance
+    x = display.aspect * (2.0 * (np.arange(display.width * 3) + 0.5) / (3 * display.width) - 1.0)
+    # Where the line from each place through the eye meets the eye line, as a view.
+    received = x + (float(eye[0]) - x) * display.distance / far
+    wanted = np.mod(0.5 * (received / display.eye_reach + 1.0) * display.views, display.views)
+    picture = np.empty((display.height // block, display.width // block, 3), np.float32)
+    order = np.array([display.channel(place) for place in range(3)])
+    # Views mix as light, not as stored values.
+    light = ((np.arange(256) / 255.0) ** display.gamma).astype(np.float32)
+    # Of arrays that can be written to, the kernel would be compiled once more.
+    panel = np.ascontiguousarray(image).view()
+    panel.flags.writeable = False
+    see_panel(panel, light, wanted, order, display.steps(), lens_of(display), float(crosstalk),
+              block, picture)
+    np.clip(picture, 0, 1, out=picture)
+    return np.power(picture, np.float32(1.0 / display.gamma), out=picture)

@@ -29,10 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from .budget import DepthReport
 from .display import Display
-
-__all__ = ["PATTERNS", "pattern"]
+from .placement import DepthReport
 
 _ROWS = 128
 """Rows of the panel that are worked on at once."""

@@ -1,9 +1,18 @@
-"""Rendering the pictures of level cameras by row slices: quilts, sweeps."""
+"""Pictures of views: level cameras by row slices, quilts of a field, and what any renderer shows.
+
+The views' eyes lie on one level line, and their pictures in one plane: rows of the same height are
+seen through one slice of the field (`render_views`).
+
+A `VoxelField` is coded directly, one ray for each sub-pixel (`coding.encode`). Of other scenes -
+splats, a neural field, a mesh, an analytic surface - only pictures are known: each view of the
+panel is rendered for its off-axis camera, and the views are interlaced.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
 
 import numba
 import numpy as np
@@ -11,11 +20,16 @@ from numpy.typing import NDArray
 
 from ..capture import Camera
 from ..device import gpu_adapter
+from ..errors import UserError
 from ..field import Rendering, VoxelField, camera_row
-from .ground import Ground
-from .kernels.views import view_kernel
-
-__all__ = ["eight_bit", "render_views"]
+from ..gpu import attempted
+from .coding import composed, pictures_on_gpu, view_camera
+from .display import Display
+from .ground import Ground, ground_of
+from .interlacing import InterlaceConfig, interlace
+from .kernels.slices import view_kernel
+from .placement import EncodeConfig
+from .quilts import QuiltLayout
 
 _FAINTEST = 2e-4
 """Slices leave out samples that hold back less light than this."""
@@ -161,3 +175,115 @@ def _together(field: VoxelField, cameras: Camera, views: Sequence[int],
         behind = background if ground is None else ground.seen(cameras, view)
         yield field.finished(cameras, view, Rendering(color[place], alpha[place], depth[place]),
                              background=behind)
+
+
+def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
+             name: str | None = None, device: str = "cpu") -> tuple[NDArray[np.uint8], str]:
+    """Render a quilt of a field for a display.
+
+    Parameters
+    ----------
+    field, display, config
+        As for `lfportrait.lightfield.coding`.
+    name
+        File name that gives columns and rows, and may give the aspect; by default the layout is the
+        display's customary one.
+    device
+        Where to compute (`lfportrait.device.gpu_adapter`).
+
+    Returns
+    -------
+    quilt, name
+        uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
+    """
+    config = composed(field, display, config or EncodeConfig())
+    ground = ground_of(field, display, config)
+    layout = QuiltLayout.of_name(name, display) if name else None
+    if layout is None:
+        layout = QuiltLayout.of_display(display)
+    full_width, full_height = display.quilt_size
+    width, height = full_width // layout.columns, full_height // layout.rows
+    quilt = np.zeros((full_height, full_width, 3), np.uint8)
+    count = layout.columns * layout.rows
+    eyes = display.eye_reach * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
+    cameras = Camera.concatenate([view_camera(display, config, float(eye), width=width,
+                                              height=height) for eye in eyes])
+    pictures: Iterable[NDArray[np.uint8]] | None
+    pictures = attempted(gpu_adapter(device), lambda process: pictures_on_gpu(
+        process, field, cameras, background=max(config.background, 0.0), ground=ground))
+    if pictures is None:
+        pictures = (eight_bit(seen.color) for seen in render_views(
+            field, cameras, background=config.background, ground=ground))
+    for view, seen in enumerate(pictures):
+        row, column = divmod(view, layout.columns)
+        top = full_height - (row + 1) * height
+        quilt[top:top + height, column * width:(column + 1) * width] = seen
+    return quilt, f"quilt{layout.suffix()}.png"
+
+
+class Renderer(Protocol):
+    """What can picture a scene: a `VoxelField`, or any object with this one method."""
+
+    def render(self, cameras: Camera, view: int = 0, *, background: float = 1.0) -> Rendering:
+        """Picture the scene for one camera.
+
+        Parameters
+        ----------
+        cameras, view
+            A batch of pinhole cameras and which of them: ``cameras.rays(view)`` are its rays. The
+            world is the portrait frame: +y up, +z out of the face, the head within [-1, 1]^3.
+        background
+            Grey level in [0, 1] behind the scene.
+
+        Returns
+        -------
+        rendering
+            Of the camera's size. Coding uses its ``color`` alone.
+        """
+
+
+def encode_views(renderer: Renderer, display: Display, config: EncodeConfig | None = None, *,
+                 sampling: InterlaceConfig | None = None, height: int = 0) -> NDArray[np.uint8]:
+    """Code what a renderer shows for a display: all its views are rendered and interlaced.
+
+    Parameters
+    ----------
+    renderer
+        The scene.
+    display
+        The panel.
+    config
+        Placement of the scene in front of the panel (size, shifts, focus, turn, depth scale) and
+        the grey level behind it.
+    sampling
+        How views are interlaced.
+    height
+        Rows of a view's picture. By default a view has as many pixels as an eye sees of the panel:
+        one for each lens in each row, about as many across as down.
+
+    Returns
+    -------
+    image
+        uint8 [H, W, 3]: show it on the panel pixel for pixel, unscaled.
+
+    Raises
+    ------
+    UserError
+        If the configuration composes the picture, which needs a field, or a picture has another
+        size than its camera.
+    """
+    config = config or EncodeConfig()
+    if config.compose:
+        raise UserError("a picture is composed about a field's head; place another scene by size, "
+                        "shifts and focus")
+    height = height or max(1, round(display.height / math.sqrt(max(display.pitch / 3.0, 1.0))))
+    width = max(1, round(height * display.aspect))
+    views = np.empty((display.views, height, width, 3), np.uint8)
+    for view, eye in enumerate(display.eyes()):
+        camera = view_camera(display, config, float(eye), width=width, height=height)
+        color = renderer.render(camera, 0, background=max(config.background, 0.0)).color
+        if color.shape != (height, width, 3):
+            raise UserError(f"the renderer made a picture [{', '.join(map(str, color.shape))}] for "
+                            f"a camera of {width} x {height} pixels")
+        views[view] = eight_bit(np.array(color, np.float32))
+    return interlace(views, display, sampling, aspect=display.aspect)

@@ -29,9 +29,6 @@ from PIL import Image, ImageOps
 
 from ..color import BT2020, SRGB, linear_light, primaries_to_srgb, srgb_values, tone_mapped
 
-__all__ = ["ColorSpace", "coded_space", "color_space", "from_space", "looks_premultiplied",
-           "named_colors", "premultiplied", "srgb", "srgb_from", "straight"]
-
 _PROFILED = ("L", "RGB", "CMYK", "LAB")
 """Pillow's modes that LittleCMS converts."""
 _D65, _DCI_WHITE, _C = (0.3127, 0.3290), (0.314, 0.351), (0.310, 0.316)

@@ -1,20 +1,413 @@
-"""Depth that phones keep in the pictures of their portrait mode.
+r"""Depth that phones keep in the pictures of their portrait mode: where it lies in HEIC and JPEG.
 
-HEIC of iPhones (`depth_heic`); JPEG with GDepth, Dynamic Depth or, of iPhones, a second picture
-(`depth_jpeg`). What the numbers mean, `depth_xmp` says.
+What its numbers mean, `depth_notes` says.
+
+In HEIC, as iPhones keep it, depth is an auxiliary image of type
+``urn:mpeg:hevc:2015:auxid:2``, which pillow-heif lists. What its numbers mean stands in Apple's XMP
+(`depth_notes`), and in the "depth representation information" of
+H.265 (annex F.14), which is all that other writers note. That has four types:
+
+- 0: 1/z from 1/far (0) to 1/near (the largest number);
+- 1: disparity from ``d_min`` to ``d_max``, of no certain unit (iPhones: 1 / metres);
+- 2: z from near to far;
+- 3: disparity by a curve; only what is nearer is certain.
+
+z lies along the optical axis, in a unit that the standard leaves open.
+
+In JPEG it comes in three ways.
+
+- GDepth keeps a grey picture in base64 in the XMP itself. What is longer than a segment of a JPEG,
+  64 KiB, goes to extended XMP: segments APP1 ``http://ns.adobe.com/xmp/extension/\0`` with the MD5
+  that ``xmpNote:HasExtendedXMP`` names in 32 letters, the length of the whole and the offset of
+  this part (big-endian, 4 bytes each). (XMP specification, part 3, 1.1.3.)
+- Dynamic Depth appends files to the JPEG. ``Container:Directory`` lists them in their order, the
+  JPEG first, each with ``Length`` and ``Mime``; ``Padding`` bytes follow the JPEG. The map's
+  ``DepthURI`` is the ``DataURI`` of a file; the later container calls it by its ``Semantic``.
+- iPhones append JPEGs that the Multi-Picture Format lists (APP2 ``MPF\0``, a TIFF directory whose
+  entry 0xB002 has 16 bytes a picture: kind, length, offset from the directory's header, two
+  numbers of dependents; CIPA DC-007). Apple's XMP in one of them says that it is the depth.
 """
 
 from __future__ import annotations
 
+import base64
+import contextlib
+import io
 import os
+import re
+import struct
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, BinaryIO
 
-from .depth_heic import heic_depth, is_heic
-from .depth_jpeg import is_jpeg, jpeg_depth
-from .depth_map import DepthMap
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
-__all__ = ["DepthMap", "read_depth"]
+from .depth_notes import (
+    ANDROID,
+    APPLE,
+    GOOGLE,
+    ITEMS,
+    DepthMap,
+    XmpError,
+    android_depth,
+    apple_depth,
+    packets,
+    properties,
+    same_ratio,
+    upright,
+)
+from .pictures import open_picture
+
+Floats = NDArray[np.float32]
+
+_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
+_LARGEST = 1 << 26
+"""Pixels of a depth map beyond which it is none."""
+_SOURCE = "heic"
+_ORIENTATION = 0x0112
+
+
+def is_heic(start: bytes) -> bool:
+    """Whether a file that starts so (12 bytes) is a HEIC picture."""
+    return start[4:8] == b"ftyp" and start[8:12] in _BRANDS
+
+
+def heic_depth(path: Path) -> DepthMap | None:
+    """The depth of a HEIC picture, upright, or None where it has none.
+
+    Raises
+    ------
+    Exception
+        Whatever pillow-heif raises for a damaged file.
+    """
+    try:
+        import pillow_heif
+    except ImportError:  # the picture itself can't be read either
+        return None
+    file = pillow_heif.open_heif(path, convert_hdr_to_8bit=False)
+    images = file.info.get("depth_images") or []
+    if not images:
+        return None
+    image = images[0]
+    if image.size[0] * image.size[1] > _LARGEST:
+        raise ValueError(f"a depth map of {image.size[0]} x {image.size[1]} pixels")
+    shares = _shares(image)
+    depth = None
+    for packet in packets(Path(path).read_bytes()):
+        if APPLE.encode() in packet:
+            depth = depth or apple_depth(shares, packet, _SOURCE)
+    depth = depth or _by_standard(shares, image.info.get("metadata") or {})
+    size = depth.values.shape[::-1]
+    if same_ratio((size[0], size[1]), file.size) or not same_ratio(
+            (size[0], size[1]), file.size[::-1]):
+        return depth  # it was turned with the picture, by the same note
+    orientation = _orientation(file.info.get("exif"))
+    if orientation < 5:
+        raise ValueError("it lies another way than its picture")
+    return upright(depth, orientation, (size[0], size[1]))
+
+
+def _shares(image: Any) -> Floats:
+    """A grey picture's pixels as float32 [h, w] in [0, 1]."""
+    numbers = np.asarray(image)
+    if numbers.ndim == 3:
+        numbers = numbers[..., 0]
+    numbers = numbers[:image.size[1], :image.size[0]]
+    white = np.float32(np.iinfo(numbers.dtype).max)  # more than 8 bits are stretched to 16
+    return np.asarray(numbers / white, np.float32)
+
+
+def _orientation(exif: bytes | None) -> int:
+    notes = Image.Exif()
+    notes.load(exif or b"")
+    return int(notes.get(_ORIENTATION, 1))
+
+
+def _by_standard(shares: Floats, notes: dict[str, Any]) -> DepthMap:
+    """The depth map by H.265's notes, or one that only says what is nearer."""
+    kind = notes.get("representation_type")
+    near, far, low, high = (_positive(notes.get(name))
+                            for name in ("z_near", "z_far", "d_min", "d_max"))
+    if kind == 0 and near and far:
+        values = 1.0 / far + shares * (1.0 / near - 1.0 / far)
+        return DepthMap(np.asarray(values, np.float32), "inverse", False, "axis", near, far,
+                        None, _SOURCE)
+    if kind == 2:
+        start, end = (near, far) if near and far else (0.0, 1.0)
+        values = start + shares * (end - start)
+        return DepthMap(np.asarray(values, np.float32), "distance", False, "axis",
+                        near or None, far or None, None, _SOURCE)
+    if kind == 1 and high > low:
+        return DepthMap(np.asarray(low + shares * (high - low), np.float32), "inverse", False,
+                        "axis", 1.0 / high, 1.0 / low if low else None, None, _SOURCE)
+    return DepthMap(shares, "inverse", False, "axis", None, None, None, _SOURCE)
+
+
+def _positive(value: Any) -> float:
+    """A number above 0 that is noted, else 0."""
+    number = float(value or 0.0)
+    return number if np.isfinite(number) and number > 0 else 0.0
+
+
+_XMP, _MORE_XMP, _MPF = b"http://ns.adobe.com/xap/1.0/\0", \
+    b"http://ns.adobe.com/xmp/extension/\0", b"MPF\0"
+_NOTE = "http://ns.adobe.com/xmp/note/"
+_SCAN, _END, _APP1, _APP2 = 0xDA, 0xD9, 0xE1, 0xE2
+# In a scan 0xFF is followed by 0, or by a restart's number, unless a segment begins.
+_NEXT_SEGMENT = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+
+
+def is_jpeg(start: bytes) -> bool:
+    """Whether a file that starts so (3 bytes) is a JPEG."""
+    return start[:3] == b"\xff\xd8\xff"
+
+
+def jpeg_depth(path: Path) -> DepthMap | None:
+    """The depth of a JPEG, upright, or None where it has none.
+
+    Without depth no more than the segments before the first scan is read.
+
+    Raises
+    ------
+    Exception
+        If its depth is damaged: what Pillow, base64 and the parser of XML raise.
+    """
+    with open(path, "rb") as stream:
+        notes, more, pictures = _notes(stream)
+        found = (_embedded(notes, more) or _appended(notes, more, stream)
+                 or _second_picture(pictures, stream))
+    if found is None:
+        return None
+    with open_picture(path) as picture:
+        return upright(found, int(picture.getexif().get(_ORIENTATION, 1)), picture.size)
+
+
+def _segments(stream: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
+    """The APP1 and APP2 segments before the first scan: number, offset and content of each."""
+    place = stream.tell() + 2
+    while True:
+        stream.seek(place)
+        head = stream.read(4)
+        if len(head) < 4 or head[0] != 0xFF:
+            return
+        number, length = head[1], int.from_bytes(head[2:], "big")
+        if number == 0xFF:  # padding
+            place += 1
+            continue
+        if number in (_SCAN, _END) or length < 2:
+            return
+        if number in (_APP1, _APP2):
+            yield number, place + 4, stream.read(length - 2)
+        place += 2 + length
+
+
+def _notes(stream: BinaryIO) -> tuple[list[bytes], dict[bytes, bytearray], list[tuple[int, int]]]:
+    """The XMP of a JPEG, its extended XMP by the MD5 in letters, and its further pictures."""
+    plain, more, pictures = [], dict[bytes, bytearray](), list[tuple[int, int]]()
+    for number, place, content in _segments(stream):
+        if number == _APP1 and content.startswith(_XMP):
+            plain.append(content[len(_XMP):])
+        elif number == _APP1 and content.startswith(_MORE_XMP):
+            _add(more, content[len(_MORE_XMP):])
+        elif number == _APP2 and content.startswith(_MPF):
+            pictures += _listed(content[len(_MPF):], place + len(_MPF))
+    return plain, more, pictures
+
+
+def _add(more: dict[bytes, bytearray], content: bytes) -> None:
+    """Put one part of extended XMP in its place; parts follow each other in all known files."""
+    if len(content) < 40:
+        return
+    name, whole = content[:32], more.setdefault(content[:32], bytearray())
+    length, offset = struct.unpack(">II", content[32:40])
+    if offset == len(whole) and offset + len(content) - 40 <= length:
+        more[name] += content[40:]
+
+
+def _google_tables(notes: list[bytes], more: dict[bytes, bytearray],
+                   namespace: str) -> list[dict[str, str]]:
+    """A vocabulary's values in the XMP and in what it is extended by."""
+    every = [*notes, *(bytes(whole) for whole in more.values())]
+    return [table for packet in every if namespace.encode() in packet
+            for table in properties(packet, namespace)]
+
+
+def _embedded(notes: list[bytes], more: dict[bytes, bytearray]) -> DepthMap | None:
+    """GDepth's map, or None."""
+    if not any(GOOGLE.encode() in packet for packet in notes):
+        return None
+    table: dict[str, str] = {}
+    for one in _google_tables(notes, more, GOOGLE):
+        table |= one
+    if not table.get("Data"):
+        # The notes of Google's later container give the range alone.
+        if _google_tables(notes, more, _NOTE) and not _google_items(notes, more):
+            raise XmpError("the extended XMP with the depth is missing or damaged")
+        return None
+    shares = _grey(base64.b64decode(table["Data"]))
+    return android_depth(shares, _confidence(table.get("Confidence")), table, "gdepth")
+
+
+def _confidence(text: str | None) -> Floats | None:
+    """A confidence in base64; a damaged one leaves the depth without."""
+    try:
+        return _grey(base64.b64decode(text)) if text else None
+    except (OSError, ValueError, SyntaxError):
+        return None
+
+
+def _grey(data: bytes) -> Floats:
+    """A grey JPEG or PNG as float32 [h, w] in [0, 1]; raises what Pillow raises."""
+    with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as picture:
+        if picture.width * picture.height > _LARGEST:
+            raise ValueError(f"a depth map of {picture.width} x {picture.height} pixels")
+        deep = picture.mode.startswith("I")
+        numbers = np.asarray(picture if deep else picture.convert("L"))
+    return np.asarray(numbers / np.float32(65535 if deep else 255), np.float32)
+
+
+def _google_items(notes: list[bytes], more: dict[bytes, bytearray]) -> list[dict[str, str]]:
+    """The files that a container lists, the JPEG itself first."""
+    for namespace in ITEMS:
+        items = [item for item in _google_tables(notes, more, namespace) if "Mime" in item]
+        if len(items) > 1:
+            return items
+    return []
+
+
+def _appended(notes: list[bytes], more: dict[bytes, bytearray],
+              stream: BinaryIO) -> DepthMap | None:
+    """The map of Dynamic Depth, or of Google's later container; or None."""
+    if not any(name.encode() in packet for packet in notes for name in ITEMS):
+        return None
+    items = _google_items(notes, more)
+    maps = [table for table in _google_tables(notes, more, ANDROID)
+            if table.get("ItemSemantic", "Depth").lower() == "depth" and table.get("DepthURI")]
+    table = maps[0] if maps else {}
+    wanted = _item(items, table.get("DepthURI"), {"depth", "depthmap", "depth_map"})
+    if wanted is None:
+        return None
+    for namespace in () if maps else (GOOGLE, ANDROID):
+        for one in _google_tables(notes, more, namespace):
+            table |= one
+    sure = _item(items, table.get("ConfidenceURI"), {"confidence", "confidencemap"})
+    stream.seek(0)
+    data = stream.read()
+    shares, start = _first_readable(data, items, wanted)
+    confidence = None
+    if sure is not None:
+        place, length = _place(items, sure)
+        with contextlib.suppress(OSError, ValueError, SyntaxError):  # the depth is there
+            confidence = _grey(data[start + place:start + place + length])
+    return android_depth(shares, confidence, table, "dynamic depth")
+
+
+def _item(items: list[dict[str, str]], address: str | None, semantics: set[str]) -> int | None:
+    """The number of the file with this address, else of the one with such a meaning; or None."""
+    for number, item in enumerate(items):
+        if number and address and item.get("DataURI") == address:
+            return number
+    for number, item in enumerate(items):
+        if number and item.get("Semantic", "").lower() in semantics:
+            return number
+    return None
+
+
+def _place(items: list[dict[str, str]], number: int) -> tuple[int, int]:
+    """Offset of a file from the first that is appended, and its length."""
+    sizes = [_count(item, "Length") for item in items]
+    gaps = [_count(item, "Padding") for item in items]
+    return sum(sizes[1:number]) + sum(gaps[1:number]), sizes[number]
+
+
+def _count(item: dict[str, str], name: str) -> int:
+    number = int(item.get(name) or 0)
+    if number < 0:
+        raise XmpError(f"a file of {number} bytes is appended")
+    return number
+
+
+def _first_readable(data: bytes, items: list[dict[str, str]],
+                    wanted: int) -> tuple[Floats, int]:
+    """The depth's grey picture, and where the appended files start.
+
+    They follow the JPEG. Some phones put other data between, so they may also end with the file.
+    """
+    place, length = _place(items, wanted)
+    every = sum(_place(items, len(items) - 1))
+    starts = [_end_of_picture(data) + _count(items[0], "Padding"), len(data) - every]
+    for start in starts:
+        if start > 0 and start + place + length <= len(data):
+            part = data[start + place:start + place + length]
+            if part[:2] in (b"\xff\xd8", b"\x89P"):
+                return _grey(part), start
+    raise XmpError("the appended depth is cut off")
+
+
+def _end_of_picture(data: bytes) -> int:
+    """Where the first JPEG of a file ends, in bytes; its end if it does not."""
+    place = 2
+    while place + 4 <= len(data):
+        if data[place] != 0xFF:
+            return len(data)
+        number = data[place + 1]
+        if number == _END:
+            return place + 2
+        if number == 0xFF:
+            place += 1
+            continue
+        place += 2 + int.from_bytes(data[place + 2:place + 4], "big")
+        if number == _SCAN:
+            following = _NEXT_SEGMENT.search(data, place)
+            if following is None:
+                return len(data)
+            place = following.start()
+    return place + 2
+
+
+def _listed(content: bytes, place: int) -> list[tuple[int, int]]:
+    """Offset and length of the pictures after the first that the Multi-Picture Format lists.
+
+    A damaged list is an empty one: many JPEGs have it for previews, and no depth.
+    """
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(content[:4])
+    if order is None:
+        return []
+    try:
+        start, = struct.unpack_from(f"{order}I", content, 4)
+        count, = struct.unpack_from(f"{order}H", content, start)
+        for number in range(count):
+            tag, _, length, offset = struct.unpack_from(f"{order}HHII", content,
+                                                        start + 2 + 12 * number)
+            if tag == 0xB002:
+                rows = [struct.unpack_from(f"{order}III", content, offset + 16 * row)
+                        for row in range(1, length // 16)]
+                return [(place + far, size) for _, size, far in rows if far]
+    except struct.error:
+        pass
+    return []
+
+
+def _second_picture(pictures: list[tuple[int, int]], stream: BinaryIO) -> DepthMap | None:
+    """The depth among the pictures that an iPhone appended, or None."""
+    for place, length in pictures:
+        stream.seek(place)
+        if not is_jpeg(stream.read(3)):
+            continue
+        stream.seek(place)
+        packet = next((found for number, _, content in _segments(stream)
+                       if number == _APP1 and APPLE.encode() in content
+                       for found in packets(content)), None)
+        if packet is None:
+            continue
+        if apple_depth(np.zeros((1, 1), np.float32), packet, "") is None:
+            continue  # a matte: not to be decoded
+        stream.seek(place)
+        return apple_depth(_grey(stream.read(length)), packet, "apple jpeg")
+    return None
 
 
 def read_depth(path: str | os.PathLike[str]) -> DepthMap | None:

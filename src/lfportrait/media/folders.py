@@ -26,10 +26,6 @@ from typing import Any
 from ..files import own_output
 from .kinds import PHOTOS, RAW, UNREAD, VIDEOS, kind_of
 
-__all__ = ["RAW_PHOTOS", "Finder", "Listing", "files_below", "folders_below", "is_junk",
-           "list_pictures", "natural_key", "one_of_each", "say_left_out", "stem_key",
-           "visible"]
-
 RAW_PHOTOS = "raw photos are not read"
 """The reason why raw photos are left out of a listing."""
 _JUNK = {"@eadir", "__macosx", "#recycle", "#snapshot", "$recycle.bin", "lost+found",

@@ -24,8 +24,6 @@ from ..errors import UserError
 from .folders import Finder
 from .pictures import open_picture
 
-__all__ = ["mask_places", "mask_values", "read_mask"]
-
 _LABELS = 64
 """More values than programs have labels, fewer than soft edges have gray values."""
 _BRIGHT = 128

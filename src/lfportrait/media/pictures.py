@@ -1,12 +1,21 @@
-"""Pictures of every kind that is read, as upright eight-bit sRGB.
+"""Reading pictures of every kind: whole, their heads alone, or only whether they can be read.
 
-What a file is, its content says (`kinds`); what its numbers mean, `colors`.
+A picture becomes upright eight-bit sRGB. What a file is, its content says (`kinds`); what its
+numbers mean, `colors`.
+
+Pillow decodes a PNG when it is asked for EXIF data that it has not met yet, as they may come last.
+Here the file is looked through first: hardly any has such notes at its end.
+
+Files that are whole in their outline are not decoded: a JPEG whose last scan ends by a marker, a
+PNG whose checksums are right, a file as long as its boxes say. Of all others the decoder decides.
 """
 
 from __future__ import annotations
 
 import contextlib
+import mmap
 import os
+import struct
 import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,15 +24,12 @@ from typing import BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageOps
 
 from ..errors import UserError
 from ..measure import usable_cores
 from .colors import srgb
-from .damage import damage_of
-from .kinds import file_format, kind_of
-
-__all__ = ["file_of", "open_picture", "read_image", "read_images"]
+from .kinds import damage_of, file_format, kind_of, scans_end
 
 _LARGEST = 2 << 30
 """Bytes of a decoded picture beyond which a file is taken for a decompression bomb."""
@@ -146,3 +152,118 @@ def read_images(paths: Iterable[str | os.PathLike[str]],
 
     with ThreadPoolExecutor(usable_cores()) as threads:  # decoders let go of Python's lock
         yield from threads.map(read, paths)
+
+
+_ORIENTATION = 0x0112
+_NOTES = {b"eXIf", b"iTXt", b"tEXt", b"zTXt"}
+"""Chunks of a PNG that may hold EXIF data, or XMP with an orientation."""
+
+
+@contextlib.contextmanager
+def open_header(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
+    """A picture as `open_picture` opens it, whose notes can be read without decoding it.
+
+    Raises
+    ------
+    OSError, ValueError, SyntaxError
+        As in `open_picture`.
+    """
+    with open_picture(path) as picture:
+        stream = file_of(picture)
+        if (picture.format == "PNG" and stream is not None and "exif" not in picture.info
+                and "Raw profile type exif" not in picture.info and not _late_notes(stream)):
+            picture.info["exif"] = b""
+        yield picture
+
+
+def _late_notes(stream: BinaryIO) -> bool:
+    """Whether a PNG has notes behind its pixels, or can't be looked through."""
+    place, data = stream.tell(), False
+    try:
+        stream.seek(8)
+        while len(head := stream.read(8)) == 8 and head[4:] != b"IEND":
+            if data and head[4:] in _NOTES:
+                return True
+            data = data or head[4:] == b"IDAT"
+            stream.seek(int.from_bytes(head[:4], "big") + 4, os.SEEK_CUR)
+        return len(head) < 8  # cut off
+    finally:
+        stream.seek(place)
+
+
+def orientation_of(picture: Image.Image) -> int:
+    """The orientation that a picture's notes give, 1 to 8 as in EXIF; 1 where they give none."""
+    found = picture.getexif().get(_ORIENTATION)
+    return found if isinstance(found, int) and 1 <= found <= 8 else 1
+
+
+def sizes_of(picture: Image.Image) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Width and height as stored, and after `srgb` turned the picture by its orientation."""
+    exif = Image.Exif()
+    exif[_ORIENTATION] = orientation_of(picture)
+    small = Image.new("L", (2, 1))
+    small.info["exif"] = exif.tobytes()
+    found = picture.size
+    if ImageOps.exif_transpose(small).size == small.size:
+        return found, found
+    # Pillow turns a TIFF itself when it decodes it, and says so in its size.
+    return (found[::-1], found) if picture.format == "TIFF" else (found, found[::-1])
+
+
+_SMALLEST = 64
+"""Of a JPEG that is decoded to see whether that succeeds, an eighth is enough."""
+_ERRORS = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, EOFError, struct.error)
+
+
+def fault_of(path: Path) -> str:
+    """Why readers refuse a picture, in one line; empty where they read it.
+
+    Parameters
+    ----------
+    path
+        A file whose kind is a picture's (`kind_of`).
+    """
+    damage = damage_of(path)
+    if damage:
+        return f"it is damaged: {damage}"
+    try:
+        with open_picture(path) as picture:
+            if _whole(path, picture):
+                return ""
+        with open_picture(path) as picture:  # Pillow does not decode what it verified
+            picture.draft(None, (_SMALLEST, _SMALLEST))
+            picture.load()
+        return ""
+    except _ERRORS as error:
+        return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def _whole(path: Path, picture: Image.Image) -> bool:
+    """Whether a file is whole in its outline; False where that is not known."""
+    kind, size = file_format(path), os.path.getsize(path)
+    try:
+        if kind == "png":
+            picture.verify()
+            return True
+        with open(path, "rb") as stream, \
+                mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            if kind == "jpeg":
+                return scans_end(data)
+            if kind == "webp":
+                return int.from_bytes(data[4:8], "little") + 8 <= size
+            return kind in ("heic", "avif") and _boxes_fit(data)
+    except _ERRORS:
+        return False
+
+
+def _boxes_fit(data: mmap.mmap) -> bool:
+    """Whether all boxes of a file end in it (ISO/IEC 14496-12, 4.2)."""
+    at = 0
+    while at + 8 <= len(data):
+        length = int.from_bytes(data[at:at + 4], "big")
+        if length == 1:
+            length = int.from_bytes(data[at + 8:at + 16], "big")
+        if length < 8:
+            return length == 0  # up to the end
+        at += length
+    return at == len(data)

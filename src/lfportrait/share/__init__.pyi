@@ -1,5 +1,4 @@
-from .config import ExportConfig, SplatConfig
-from .exporter import Export, ExportContext, NoParameters, Option
+from .exporter import Export, ExportConfig, ExportContext, NoParameters, Option, SplatConfig
 from .frames import (
     QUILTS,
     SECONDS,
@@ -9,6 +8,7 @@ from .frames import (
     fill_drive,
     write_quilt,
 )
+from .kinds import export_field, export_of, exports, own_exports
 from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
 from .paths import (
     good_cone,
@@ -19,10 +19,8 @@ from .paths import (
     sweep_frames,
     sweep_ground,
 )
-from .registry import export_field, export_of, exports, own_exports
 from .report import Picture, Report, Section, Table, write_report
-from .sequence import SequenceConfig, each_frame, write_sequence
-from .video import write_video
+from .video import SequenceConfig, each_frame, write_sequence, write_video
 
 __all__ = ["QUILTS", "SECONDS", "DrivePlan", "Export", "ExportConfig", "ExportContext",
            "FrameConfig", "NoParameters", "OpenPage", "Option", "PageConfig", "Picture",

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from ..version import __version__
 
-__all__ = ["Glb"]
-
 # Component types: 5121 byte, 5123 short, 5125 int (all unsigned), 5126 float.
 _KINDS = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}

@@ -13,9 +13,6 @@ from ..errors import UserError
 from ..field import VoxelField
 from ..lightfield import EncodeConfig, Ground, eight_bit, render_views, world_ground
 
-__all__ = ["DISTANCE", "good_cone", "head_extent", "orbit_cameras", "path_cameras", "sweep_cameras",
-           "sweep_degrees", "sweep_frames", "sweep_ground"]
-
 DISTANCE = 4.0
 """Of the cameras from what they look at, in world units."""
 _MARGIN = 1.04

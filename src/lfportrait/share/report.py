@@ -25,8 +25,6 @@ from PIL import Image
 from ..files import atomic_write
 from ..media.pictures import read_image
 
-__all__ = ["Picture", "Report", "Section", "Table", "write_report"]
-
 
 @dataclass(frozen=True)
 class Picture:

@@ -4,7 +4,7 @@
 the lattice's colors come straight from it: that is the preview. The least-squares fit then
 sharpens strokes between lattice points, with the charts of the skin as its views, and the losses
 refine them at half the size. What the lattice is too coarse for becomes the field's texture
-(`skin_texture`). Skin, weights and the photo's features serve any number of exemplars.
+(`skin.surface_texture`). Skin, weights and the photo's features serve any number of exemplars.
 """
 
 from __future__ import annotations
@@ -26,14 +26,19 @@ from ..example.skin import canvas_of
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
-from .chart_lattice import PREVIEW, ChartLattice, chart_lattice
 from .config import StylizeConfig
-from .fit import ColorModel
-from .skin_fit import chart_views, for_lattice, look_up_rows, row_labels, show_painting
-from .skin_texture import surface_texture
-from .views import StyleView
-
-__all__ = ["NearbyPainters", "Painters", "Sitter", "paint", "stylize_skin"]
+from .fit import ColorModel, StyleView
+from .skin import (
+    PREVIEW,
+    ChartLattice,
+    chart_lattice,
+    chart_views,
+    for_lattice,
+    look_up_rows,
+    row_labels,
+    show_painting,
+    surface_texture,
+)
 
 Float32 = NDArray[np.float32]
 

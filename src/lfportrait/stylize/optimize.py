@@ -1,4 +1,7 @@
-"""Stylise a field by one or more exemplars."""
+"""Stylise a field by one or more exemplars, with notes on what sitter and exemplar differ in.
+
+The notes are a line each: eyes, mouth, stroke size.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +16,71 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..device import check_device
 from ..errors import UserError
-from ..example import Exemplar, Skin, known_ground
+from ..example import Exemplar, Skin, asked_lids, closed_words, known_ground
+from ..example.worn import not_worn
 from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..labels import PICTURE_LABELS
 from ..progress import Progress
-from .config import StylizeConfig
-from .methods import FieldTask
+from .config import FieldTask, StylizeConfig
 from .mixing import StyledField
-from .notices import notices
 from .on_skin import Painters, Sitter, stylize_skin
-from .skin_fit import row_labels
-from .skin_texture import texel_rows
+from .skin import row_labels, texel_rows
 from .vignette import vignetted
 
-__all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
+Points = NDArray[np.floating]
+
+PARTED = 0.14
+"""Height of the gap between the lips over the mouth's width, of a mouth that is open."""
+COARSE = 100.0
+"""An exemplar whose face is smaller (`face_size`, pixels) is coarse beside a display's rows."""
+
+
+def _opening(points: Points, pairs: Sequence[tuple[int, int]], ends: tuple[int, int]) -> float:
+    """Mean distance of pairs of landmarks over that of two ends; NaN where they are unknown."""
+    width = float(np.linalg.norm(points[ends[0]] - points[ends[1]]))
+    return float(np.mean([np.linalg.norm(points[a] - points[b]) for a, b in pairs])) / max(
+        width, 1e-9)
+
+
+def mouth_opening(points: Points) -> float:
+    """Height of the gap between the lips over the mouth's width, from landmarks [68, 2 or 3]."""
+    return _opening(points, ((61, 67), (62, 66), (63, 65)), (48, 54))
+
+
+def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConfig) -> list[str]:
+    """Notes for the user about the result, one line each."""
+    out: list[str] = []
+    points = capture.landmarks
+    if points is None:
+        return out
+    for exemplar in exemplars:
+        theirs = exemplar.landmarks
+        if exemplar.faces > 1:
+            out.append(f"{exemplar.name} shows {exemplar.faces} faces, the largest was taken: "
+                       "`lfportrait styles add PICTURE --face 2` takes another")
+        kept = set(config.keep)
+        lids = asked_lids(exemplar, points)
+        if any(lids) and "eyes" not in kept:
+            them = "them" if all(lids) else "it"
+            how = (f"and painted so: --eyes painted opens {them}"
+                   if config.on_skin and config.eyes == "auto" else
+                   f"but painted open, after {exemplar.name}"
+                   + (f": --eyes auto closes {them}" if config.on_skin else ""))
+            out.append(f"{closed_words(lids)} closed, {how}, --keep eyes leaves the photo's")
+        mouths = mouth_opening(points), mouth_opening(theirs)
+        if "lips" not in kept and (mouths[0] > PARTED) != (mouths[1] > PARTED):
+            which = "open" if mouths[0] > PARTED else "closed"
+            other = "closed" if mouths[0] > PARTED else "open"
+            out.append(f"the sitter's mouth is {which}, that of {exemplar.name} is {other}: "
+                       "--keep lips leaves the photo's")
+        if config.on_skin:
+            out += not_worn(exemplar, config.wear)
+        if exemplar.size < COARSE:
+            out.append(f"the face of {exemplar.name} is only about {3.2 * exemplar.size:.0f} "
+                       "pixels wide: its strokes will be coarse on a large display; use a larger "
+                       "picture of it")
+    return out
+
 
 Float32 = NDArray[np.float32]
 
@@ -165,7 +219,7 @@ def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
               ) -> tuple[list[Float32], dict[str, Any]]:
     """Colors for each exemplar by the paper's or another package's method."""
     # Here: their losses need torch, which paints of a skin do without.
-    from .painted_views import stylize_views
+    from .refinement import stylize_views
 
     colors, rows = [], []
     for one in exemplars:

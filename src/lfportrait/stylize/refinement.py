@@ -3,12 +3,23 @@
 The losses' weights are calibrated: at the paper's values, each term's gradient has a set share of
 the norm of that of the fit to the examples. What does not change from step to step - features of
 the real views, and of the examples - is computed once a view.
+
+With it comes the paper's way to stylise a field, by painted views (2.2): views on arcs are
+rendered, each is painted by example, and the field's colors are fitted to all of them; the
+refinement follows. Every view decides independently which chunks to take, and the fit averages what
+neighbours decided differently: the skin (`skin`) is steadier, sharper and faster. This is what
+comparisons with the paper use.
+
+`rehearse` takes every step of a stylisation on tiny data, to compile the kernels.
 """
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,17 +27,27 @@ import torch
 from numpy.typing import NDArray
 
 from .. import models
+from ..capture import Capture
 from ..device import TorchDevice, device_name, torch_device
+from ..errors import UserError
+from ..example import Exemplar, Painting, Skin, SurfaceGuide, Transfer
+from ..example.skin import rehearse_painting
+from ..field import VoxelField
+from ..files import write_image
 from ..progress import Progress
 from .config import StylizeConfig
-from .fit import ColorModel
-from .kernels.linear import adam_step
-from .losses import content_loss, laplacian_loss, nearest_neighbour_loss, stacked
-from .networks import FeatureNetwork, has_half_numbers, load_network
-from .views import StyleView
-
-__all__ = ["Constants", "Refinement"]
-
+from .fit import ColorModel, StyleView, prepare_view, style_cameras
+from .kernels import adam_step
+from .losses import (
+    FeatureNetwork,
+    content_loss,
+    has_half_numbers,
+    laplacian_loss,
+    load_network,
+    nearest_neighbour_loss,
+    stacked,
+)
+from .skin import chart_views, look_up_rows, show_painting, surface_texture
 
 _LARGE = 224
 """Pixels from which on a picture is reduced for the content: the networks' own size."""
@@ -231,3 +252,94 @@ def _inside(view: StyleView, features: torch.Tensor) -> torch.Tensor:
     share = torch.nn.functional.interpolate(torch.from_numpy(view.alpha)[None, None],
                                             size=features.shape[-2:], mode="area")
     return (share[0, 0] > 0.3).to(features.device)
+
+
+Float32 = NDArray[np.float32]
+
+
+def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, config: StylizeConfig,
+                  progress: Progress | None, dump: Path | None, device: str = "auto",
+                  ) -> tuple[Float32, dict[str, Any]]:
+    """Colors of a field's rows, float32 [N, 3], by painted views, and figures.
+
+    The networks of the refinement compute on ``device``.
+    """
+    start = time.perf_counter()
+    views, transfer_seconds = _prepare(field, capture, exemplar, config, progress, dump)
+    prepared = time.perf_counter()
+    model = ColorModel(field, config.background)
+    errors = model.fit(views, config.iterations, progress)
+    fitted = time.perf_counter()
+    figures: dict[str, Any] = {"views": len(views), "transfer": transfer_seconds,
+                               "fit": {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}}
+    if config.refinements > 0:
+        figures["refinement"] = Refinement(model, views, config,
+                                           device=device).run(progress)
+    refined = time.perf_counter()
+    figures["unseen_share"] = round(model.fill_unseen(), 4)
+    figures["seconds"] = {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),
+                          "refine": round(refined - fitted, 3)}
+    if dump is not None:
+        for index, view in enumerate(views[::3]):
+            write_image(dump / f"view_{index:02d}.png", np.concatenate(
+                [view.content, view.example, model.picture(view)], axis=1))
+    return model.colors, figures
+
+
+def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: StylizeConfig,
+             progress: Progress | None, dump: Path | None,
+             ) -> tuple[list[StyleView], dict[str, float]]:
+    """Render and transfer all views."""
+    cameras = style_cameras(field, config.size, config.arc, config.views, config.pitches)
+    # By landmarks alone, as published.
+    transfer = Transfer(exemplar, replace(config.transfer, seed=config.seed, aside=90.0))
+    guide = None
+    if config.guide == "surface":
+        assert capture.landmarks is not None
+        guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)
+    views: list[StyleView] = []
+    seconds = {"table_seconds": 0.0, "guides_seconds": 0.0, "synthesis_seconds": 0.0}
+    total = len(cameras) + config.refinements
+    for index in range(len(cameras)):
+        view = prepare_view(field, cameras, index, transfer, guide, capture.landmarks,
+                            config.background, keep=True)
+        if view is not None:
+            if view.result is not None:
+                for name in ("guides_seconds", "synthesis_seconds"):
+                    seconds[name] += view.result.seconds[name]
+                seconds["table_seconds"] = view.result.seconds["table_seconds"]
+                if dump is not None and index % 3 == 0:
+                    view.result.dump(dump / f"transfer_{index // 3:02d}")
+                view.result = None
+            views.append(view)
+        if progress is not None:
+            progress.total = total
+            progress.update(index + 1, f"transfer by example: view {index + 1} of {len(cameras)}")
+    if not views:
+        raise UserError("the field is empty: no view shows anything to stylise")
+    return views, {name: round(value, 3) for name, value in seconds.items()}
+
+
+def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
+    """Run through a stylisation on the skin, the painting of the face left out.
+
+    The face's kernels are those of the transfer, which can be compiled at the same time elsewhere.
+
+    Parameters
+    ----------
+    field, capture, exemplar
+        As small as can be; the capture has landmarks.
+    """
+    assert capture.landmarks is not None
+    skin = Skin.of(field, capture.landmarks, capture.cameras, pixels=64.0, networks=False)
+    rehearse_painting(skin)
+    painting = Painting(skin, np.ascontiguousarray(skin.atlas.color), 1, {})
+    model, views = ColorModel(field, 1.0), chart_views(field, skin, 1.0)
+    look_up_rows(model, painting)
+    show_painting(views, painting, 1.0)
+    model.fit(views, 1)
+    shown = model.shown(field)
+    replace(shown, texture=surface_texture(shown, painting)).render(capture.cameras, 0)
+    Refinement(model, views, StylizeConfig(
+        steps=1, content_network="embedded", style_network="embedded"),
+        device="cpu").run(None)

@@ -1,9 +1,7 @@
 """Speed benchmarks, with baselines and quality: of single stages, and of whole jobs."""
 
-from .encode import bench_masks
-from .job_tables import job_tables
-from .jobs import bench_jobs
-from .print import bench_print
+from .encode import bench_masks, bench_print
+from .jobs import bench_jobs, job_tables
 from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
 from .transfer import METHODS, bench_transfer, transfer_table
 

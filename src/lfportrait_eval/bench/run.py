@@ -24,14 +24,11 @@ from lfportrait.files import write_image
 from lfportrait.gpu import GpuProcess, gpu_process
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
+from lfportrait.stylize import StylizeConfig
 
-from .encode import bench_encode
-from .kernels.probe import multiply_adds, random_lines
-from .print import bench_print
+from .encode import bench_encode, bench_print
+from .kernels import multiply_adds, random_lines
 from .transfer import SHORT_NETWORK, bench_transfer, say, timed
-
-__all__ = ["BENCHES", "bench", "bench_encode", "bench_print", "bench_reconstruct", "bench_stylize",
-           "bench_transfer", "device_floor", "line_plot", "machine_rates", "training_floor"]
 
 SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,))
 """A reconstruction that takes seconds, for a field to measure on."""
@@ -126,9 +123,8 @@ def _curve_plot(curve: list[dict[str, Any]]) -> NDArray[np.uint8]:
 
 
 def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None = None, *,
-                  size: int = 320, views: int = 5, steps: int = 6,
-                  pixels: float | None = None, progress: Progress | None = None,
-                  device: str = "auto") -> dict[str, Any]:
+                  by_views: StylizeConfig | None = None, pixels: float | None = None,
+                  progress: Progress | None = None, device: str = "auto") -> dict[str, Any]:
     """Stylisation, its parts apart: on the skin, and by a few painted views beside it.
 
     Parameters
@@ -137,10 +133,9 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         The real field and its capture with landmarks.
     exemplar
         The painting; the embedded one by default.
-    size, views
-        Size and number of the painted views.
-    steps
-        Refinement steps.
+    by_views
+        How it is stylised by painted views; its steps of refinement are also those on the skin. By
+        default five views of 320 pixels, and six steps.
     pixels
         Of the skin per world unit; None: as by default.
     progress
@@ -158,18 +153,19 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         ``fit_iteration_seconds``, ``step_seconds``.
     """
     from lfportrait.example import Skin, SkinPainter
-    from lfportrait.stylize import StylizeConfig, paint, stylize_with_figures
+    from lfportrait.stylize import paint, stylize_with_figures
 
     if exemplar is None:
         from lfportrait.demo import demo_exemplar
 
         exemplar = demo_exemplar()
     assert capture.landmarks is not None
+    by_views = by_views or StylizeConfig(method="paper", size=320, views=5, pitches=(8.0,), steps=6)
+    steps = by_views.steps
     config = StylizeConfig(steps=steps)
     if pixels is not None:
         config = replace(config, pixels=pixels)
     preview = replace(config, preview=True)
-    by_views = StylizeConfig(method="paper", size=size, views=views, pitches=(8.0,), steps=steps)
     # Miniature runs compile the kernels and load the networks before the clock starts.
     stylize_with_figures(field, capture, exemplar, replace(config, pixels=96.0, steps=1),
                          device=device)
@@ -203,7 +199,7 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
             "fit_iteration_seconds": seconds["fit"] / max(config.iterations, 1),
             "step_seconds": seconds["refine"] / max(steps, 1),
             "networks": run.get("refinement", {}).get("networks", {}),
-            "views": {"size": size, "views": viewed["views"], "seconds": others,
+            "views": {"size": by_views.size, "views": viewed["views"], "seconds": others,
                       "view_seconds": others["views"] / max(viewed["views"], 1),
                       "fit_iteration_seconds": others["fit"] / max(by_views.iterations, 1),
                       "step_seconds": others["refine"] / max(steps, 1)},

@@ -16,8 +16,6 @@ from lfportrait.progress import Progress
 
 from ..baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 
-__all__ = ["METHODS", "bench_transfer", "say", "timed", "transfer_table"]
-
 METHODS = ("styleblit", "faceblit", "facestyle", "network")
 """The methods of transfer that are compared: ours and the published ones."""
 SHORT_NETWORK = NetworkConfig(pairs=6, budget=20.0)

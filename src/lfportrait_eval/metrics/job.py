@@ -17,15 +17,10 @@ from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField, held_out_quality
 from lfportrait.progress import Progress
 
-from .features import feature_distance, spread_crops, style_distance
-from .likeness import identity
+from .features import LPIPS_NETWORKS, feature_distance, lpips, spread_crops, style_distance
 from .patches import patch_fidelity
-from .perceptual import LPIPS_NETWORKS, lpips
-from .regions import RowLabels, region_repeats
-from .sharpness import sharpness
-from .views import Arc, Pictures, arc_cameras
-
-__all__ = ["evaluate_field", "evaluate_job", "landmarks_kept", "without_nan"]
+from .repeats import RowLabels, region_repeats, sharpness
+from .views import Arc, Pictures, arc_cameras, identity
 
 Wanted = Callable[[Camera, int], NDArray[Any]]
 """Cameras and a view -> what was painted seen in it, [H, W, 3], NaN where unknown."""

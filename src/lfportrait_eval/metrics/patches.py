@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.nearest_patch import nearest_patches
-
-__all__ = ["PatchIndex", "lab", "patch_fidelity", "spread_places"]
+from .kernels import nearest_patches
 
 Float32 = NDArray[np.float32]
 

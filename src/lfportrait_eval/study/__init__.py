@@ -1,16 +1,24 @@
 """A user study like the paper's: a page on which people choose between portraits, and its results.
 
-`entries` finds what is compared and `design` lays down who sees what; `assembly` writes the page
-(its script and style are in ``web/``). `answers` reads the answer files, `analysis` makes
-figures of it with `statistics`, `results` writes them.
+`design` finds what is compared and lays down who sees what; `assembly` writes the page (its script
+and style are in ``web/``). `analysis` reads the answer files and makes figures of them
+with `statistics`, `results` writes these.
 """
 
-from .analysis import analyse
-from .answers import Answers, Trial, read_answers
+from .analysis import Answers, Trial, analyse, read_answers
 from .assembly import study_script, write_study
-from .config import QUESTIONS, Question, StudyConfig, questions_of
-from .design import Pair, Sheet, pairs_of, sheets_of
-from .entries import Entry, entries_of
+from .design import (
+    QUESTIONS,
+    Entry,
+    Pair,
+    Question,
+    Sheet,
+    StudyConfig,
+    entries_of,
+    pairs_of,
+    questions_of,
+    sheets_of,
+)
 from .results import Row, interval_chart, write_results
 from .statistics import (
     Ranking,

@@ -26,11 +26,17 @@ from lfportrait.share import write_video
 from lfportrait.temporary import temporary_folder
 from lfportrait.version import __version__
 
-from .config import Question, StudyConfig, questions_of
-from .design import Pair, Sheet, pairs_of, sheets_of
-from .entries import Entry, entries_of
-
-__all__ = ["Clip", "clip_of", "picture_bytes", "study_script", "write_study"]
+from .design import (
+    Entry,
+    Pair,
+    Question,
+    Sheet,
+    StudyConfig,
+    entries_of,
+    pairs_of,
+    questions_of,
+    sheets_of,
+)
 
 _SCRIPTS = ("schedule", "session", "player", "screens", "main")
 

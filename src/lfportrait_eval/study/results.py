@@ -13,10 +13,7 @@ from typing import Any
 
 from lfportrait.files import atomic_write, write_json
 
-from .analysis import analyse
-from .answers import read_answers
-
-__all__ = ["Row", "interval_chart", "write_results"]
+from .analysis import analyse, read_answers
 
 _COLUMNS = {
     "preferences.csv": ("question", "first", "second", "count", "total", "share", "low", "high",

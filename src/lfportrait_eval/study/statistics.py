@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import binomtest, norm
 
-__all__ = ["Ranking", "Share", "bradley_terry", "effective_answers", "fleiss_kappa", "holm",
-           "kendall_agreement", "krippendorff_alpha", "rank", "sign_test", "wilson"]
-
 _Z = float(norm.ppf(0.975))
 
 

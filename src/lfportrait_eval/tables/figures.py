@@ -23,24 +23,35 @@ from lfportrait.field import Rendering, VoxelField
 from lfportrait.metrics import psnr, ssim
 from lfportrait.stylize import row_labels
 
-from ..metrics.consistency import Comparison, consistency, pair_error, warp
 from ..metrics.features import (
+    LPIPS_NETWORKS,
     feature_distance,
     frechet_distance,
     inception_features,
     kernel_distance,
+    lpips,
     spread_crops,
 )
-from ..metrics.likeness import contour_correlation, face_region, identity
 from ..metrics.patches import PatchIndex
-from ..metrics.perceptual import LPIPS_NETWORKS, lpips
-from ..metrics.regions import MARGIN, RowLabels, exemplar_regions
-from ..metrics.repeats import Repeat, over_exemplar, strongest_repeat
-from ..metrics.sharpness import gradient_energy
-from .painting import Views, real_views
-from .sitters import SHOWN, Sitter, landmarks_in
-
-__all__ = ["Target", "agreement", "measure", "missing_networks", "photo_agreement", "photo_pairs"]
+from ..metrics.repeats import (
+    MARGIN,
+    Repeat,
+    RowLabels,
+    exemplar_regions,
+    gradient_energy,
+    over_exemplar,
+    strongest_repeat,
+)
+from ..metrics.views import (
+    Comparison,
+    consistency,
+    contour_correlation,
+    face_region,
+    identity,
+    pair_error,
+    warp,
+)
+from .methods import SHOWN, Sitter, Views, landmarks_in, real_views
 
 Figures = dict[str, float | None]
 

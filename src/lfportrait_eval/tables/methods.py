@@ -1,23 +1,54 @@
-"""The methods that are compared: those that color a field, and those that paint single views.
+"""What is compared: sitters, methods, their views with their times, and the parameters of it all.
 
-All get the same field, the same views and the same landmarks. What paints single views gets renders
-of the real field with the landmarks projected into them, which no detector finds as exactly, and is
-cut out by the field's opacity: what is compared is the paint, not the cutting.
+Methods color a field, or paint single views. All get the same field, the same views and the same
+landmarks. What paints single views gets renders of the real field with the landmarks projected into
+them, which no detector finds as exactly, and is cut out by the field's opacity: what is compared is
+the paint, not the cutting.
+
+A sitter is a capture, its field, and the views in which all methods are measured. The real field is
+rendered once in two sets of views. The arc (a light-field display's cone) shows whether
+neighbouring views agree; the close views, which the head fills from one profile's half to the
+other's, show paint as large as an exemplar does.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+import functools
+import os
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, Literal
 
-from lfportrait.example import MethodConfig, TransferConfig
+import numpy as np
+from numpy.typing import NDArray
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.device import device_name, torch_device
+from lfportrait.errors import UserError
+from lfportrait.example import (
+    Exemplar,
+    MethodConfig,
+    Skin,
+    Transfer,
+    TransferConfig,
+    face_size,
+    prepare,
+)
+from lfportrait.face import fit_to_surface
+from lfportrait.field import ReconstructConfig, Rendering, VoxelField, reconstruct_with_figures
+from lfportrait.files import atomic_write
+from lfportrait.measure import cost_of
+from lfportrait.media.folders import files_below
 from lfportrait.plugins import offered
-from lfportrait.stylize import StylizeConfig
+from lfportrait.progress import Progress
+from lfportrait.stages import fingerprint_files
+from lfportrait.stylize import StylizeConfig, kept_skin, stylize_with_figures
 
 from ..baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
-
-__all__ = ["FULL", "METHODS", "QUICK", "MethodEntry", "Sizes", "field_config", "own_parameters",
-           "view_config"]
+from ..metrics.views import Arc, head_cameras
 
 
 @dataclass(frozen=True)
@@ -132,3 +163,369 @@ QUICK = Sizes(256.0, 256, 384, 384, 7, 20, 24, 6, 15.0)
 """About a minute a portrait and method."""
 FULL = Sizes(384.0, 384, 768, 576, 15, 90, 48, 24, 240.0)
 """The methods' own sizes."""
+
+
+@dataclass(frozen=True)
+class TablesConfig:
+    """Methods and sizes of the comparison."""
+
+    methods: tuple[str, ...] = ()
+    """Methods to compare; by default all (field and views, see docs/comparisons.md)."""
+    size: Literal["quick", "full"] = "quick"
+    """quick: about a minute a portrait and method; full: the methods' own sizes, many minutes."""
+    pixels: float = 0.0
+    """Pixels of the skin per world unit; 0: 256 (quick), 384 (full)."""
+    render_size: int = 0
+    """Width and height in pixels of the views on the arc; 0: 256 (quick), 384 (full)."""
+    close_size: int = 0
+    """Width and height in pixels of the close views (the head fills them); 0: 384 (quick), 768
+    (full)."""
+    painted_size: int = 0
+    """Width and height in pixels of views that are painted before a field is fitted to them; 0: 384
+    (quick; fewer leave lattice points undecided), 576 (full)."""
+    painted_views: int = 0
+    """Painted views on each arc; 0: 7 (quick), 15 (full)."""
+    painted_steps: int = -1
+    """Refinement steps on the painted views; -1: 20 (quick), 90 (full)."""
+    crops: int = 0
+    """Crops of renders and of the exemplar, for the distances of features; 0: 24 (quick), 48."""
+    network_pairs: int = 0
+    """Training examples of the network that paints single views; 0: 6 (quick), 24 (full)."""
+    network_seconds: float = 0.0
+    """Seconds of that network's training; 0: 15 (quick), 240 (full)."""
+    views: int = 16
+    """Views on the arc."""
+    cone: float = 40.0
+    """Width of the arc in degrees."""
+    speed: bool = True
+    """Also measure Table 1 (the mask guide) and Fig. 6 (speed of the transfers)."""
+    done_only: bool = False
+    """Compute nothing: write the tables of the finished cells."""
+    study: Path | None = None
+    """Folder with the results of a user study (`lfportrait study results`), to be included."""
+    stylize: StylizeConfig = field(default_factory=StylizeConfig)
+    """Parameters of the methods that color a field; method, guide, pixels, size, views and steps
+    are set by the options above."""
+
+    def sizes(self) -> Sizes:
+        """The sizes of this run: those that are given, else those of ``size``."""
+        preset = QUICK if self.size == "quick" else FULL
+        chosen: dict[str, Any] = {}
+        for one in fields(Sizes):
+            given = getattr(self, one.name)
+            unset = given < 0 if one.name == "painted_steps" else given <= 0
+            chosen[one.name] = getattr(preset, one.name) if unset else given
+        return Sizes(**chosen)
+
+    def chosen(self) -> tuple[str, ...]:
+        """Names of the methods that are compared."""
+        return self.methods or tuple(METHODS)
+
+    def check(self) -> None:
+        """Raise `UserError` where parameters are unknown or out of range."""
+        unknown = [name for name in self.methods if name not in METHODS]
+        if unknown:
+            raise UserError(f"there is no method {unknown[0]!r}; choose from {', '.join(METHODS)}")
+        if len(set(self.chosen())) < len(self.chosen()):
+            raise UserError("a method is named twice in --methods")
+        if self.views < 2:
+            raise UserError(f"--views must be 2 or more, not {self.views}")
+        if not 0.0 < self.cone <= 180.0:
+            raise UserError(f"--cone must lie between 0 and 180 degrees, not at {self.cone:g}")
+        sizes = self.sizes()
+        for name in ("render_size", "close_size", "painted_size"):
+            if getattr(sizes, name) < 32:
+                raise UserError(f"--{name.replace('_', '-')} must be 32 pixels or more, "
+                                f"not {getattr(sizes, name)}")
+        if self.study is not None and not (self.study / "results.json").is_file():
+            raise UserError(f"there are no results of a study in {self.study}; write them with "
+                            "`lfportrait study results`")
+        if sizes.crops < 2:
+            raise UserError(f"--crops must be 2 or more, not {sizes.crops}")
+
+
+CLOSE_DEGREES = (-45.0, -20.0, 0.0, 20.0, 45.0)
+"""Yaws of the close views."""
+SHOWN = (0, 2, 4)
+"""Those that are shown as pictures."""
+
+Opener = Callable[[Path], Capture]
+"""Makes a capture of what a user named."""
+
+
+def bytes_of(image: NDArray[Any]) -> NDArray[np.uint8]:
+    """A picture in [0, 1] as uint8; uint8 as it is."""
+    if image.dtype == np.uint8:
+        return np.asarray(image, np.uint8)
+    return np.asarray(np.clip(image, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
+
+
+def landmarks_in(cameras: Camera, view: int, landmarks: NDArray[np.floating],
+                 ) -> NDArray[np.float64]:
+    """Landmarks [68, 3] in space as pixels [68, 2] of a view."""
+    pixels, _ = cameras[view].project(np.asarray(landmarks, np.float64))
+    return np.asarray(pixels[0], np.float64)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Source of a sitter, as the user named it.
+
+    Attributes
+    ----------
+    name
+        Of the sitter.
+    capture
+        Photos, a data set or a capture.
+    field
+        A field that was reconstructed from it; None: it is reconstructed once and kept.
+    """
+
+    name: str
+    capture: Path
+    field: Path | None = None
+
+    def key(self) -> str:
+        """Hash of the files."""
+        files = [self.capture] if self.capture.is_file() else files_below(self.capture)
+        return fingerprint_files(files + ([self.field] if self.field else []))
+
+
+def sources_of(captures: tuple[str, ...], fields: tuple[str, ...] = ()) -> list[Source]:
+    """Sitters from words of the command line.
+
+    Parameters
+    ----------
+    captures
+        ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
+    fields
+        Field files in the order of the captures, where they are not named there.
+
+    Raises
+    ------
+    UserError
+        If there is none, a file is missing or a name is used twice.
+    """
+    if not captures:
+        raise UserError("name the sitters: --capture NAME=CAPTURE[:FIELD] ...")
+    if len(fields) > len(captures):
+        raise UserError(f"there are {len(fields)} fields for {len(captures)} captures")
+    found = []
+    for number, word in enumerate(captures):
+        name, _, rest = word.rpartition("=") if not Path(word).exists() else ("", "", word)
+        path, given = Path(rest), fields[number] if number < len(fields) else ""
+        if not path.exists() and ":" in rest:
+            text, _, given = rest.rpartition(":")
+            path = Path(text)
+        if not path.exists():
+            raise UserError(f"there is no capture {path}; write --capture NAME=CAPTURE[:FIELD]")
+        if given and not Path(given).is_file():
+            raise UserError(f"there is no field {given}")
+        found.append(Source(name or path.stem, path, Path(given) if given else None))
+    names = [source.name for source in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise UserError(f"two sitters are called {twice!r}; name them: --capture NAME=CAPTURE")
+    wrong = next((name for name in names if "/" in name or name.startswith(".")), None)
+    if wrong is not None:
+        raise UserError(f"{wrong!r} is not a valid sitter name; leave out slashes and leading dots")
+    return found
+
+
+class Sitter:
+    """A sitter that is ready to be painted; what takes long is computed when first needed.
+
+    Parameters
+    ----------
+    name
+        Of the sitter.
+    field, capture
+        The real field, and its capture with landmarks.
+    file
+        The field's file, for the skin that is kept beside it.
+    pixels
+        Of the skin per world unit.
+    arc
+        Its width in degrees, its views, and their pixels a side.
+    close_size
+        Pixels a side of the close views.
+    device
+        Where networks compute, a choice of ``--device``.
+    """
+
+    def __init__(self, name: str, field: VoxelField, capture: Capture, file: Path, *,
+                 pixels: float, arc: tuple[float, int, int], close_size: int,
+                 device: str = "auto") -> None:
+        if capture.landmarks is None:
+            raise UserError(f"the sitter {name!r} has no facial landmarks; run `lfportrait "
+                            "calibrate` on the photos")
+        self.name, self.field, self.capture, self.file = name, field, capture, file
+        self.device = device
+        self.landmarks = np.asarray(capture.landmarks, np.float64)
+        self._pixels, self._arc = pixels, arc
+        self.close_cameras = head_cameras(self.landmarks, CLOSE_DEGREES, close_size, room=1.1,
+                                          back=0.2)
+
+    @functools.cached_property
+    def skin(self) -> Skin:
+        """The skin of the field."""
+        return kept_skin(self.file, self.field, self.capture, self._pixels)
+
+    @functools.cached_property
+    def arc(self) -> Arc:
+        """The real field along the arc."""
+        return Arc.of(self.field, *self._arc)
+
+    @functools.cached_property
+    def close(self) -> list[Rendering]:
+        """The real field in the close views."""
+        return [self.field.render(self.close_cameras, view)
+                for view in range(len(self.close_cameras))]
+
+    @property
+    def unit(self) -> float:
+        """Size of the face in the close view from the front, in pixels."""
+        return face_size(landmarks_in(self.close_cameras, len(CLOSE_DEGREES) // 2, self.landmarks))
+
+
+def linked(source: Path, target: Path) -> None:
+    """Let ``target`` be the file ``source``: a link where the system makes one, else a copy."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.unlink(missing_ok=True)
+    try:
+        os.symlink(source.absolute(), target)
+    except OSError:
+        shutil.copyfile(source, target)
+
+
+def field_of(capture: Capture, target: Path, config: ReconstructConfig,
+             progress: Progress | None) -> dict[str, Any]:
+    """Reconstruct a capture's field into a file; figures."""
+    field, figures = reconstruct_with_figures(capture, config, progress, fit_head=fit_to_surface)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    field.save(target)
+    return figures
+
+
+Pictures = list[NDArray[np.uint8]]
+
+
+@dataclass(frozen=True)
+class Views:
+    """The pictures that a method is measured by, on white.
+
+    Attributes
+    ----------
+    arc, close
+        uint8 [H, W, 3] each: along the arc, and the close views.
+    """
+
+    arc: Pictures
+    close: Pictures
+
+    def save(self, path: Path) -> None:
+        """Write both to a file, which appears when it is complete."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as stream:
+            np.savez_compressed(stream, arc=np.stack(self.arc), close=np.stack(self.close))
+
+    @staticmethod
+    def load(path: Path) -> Views:
+        """Read what `save` wrote."""
+        with np.load(path, allow_pickle=False) as arrays:
+            return Views(list(arrays["arc"]), list(arrays["close"]))
+
+
+def real_views(sitter: Sitter) -> Views:
+    """The real field in the same views."""
+    return Views([bytes_of(shot.color) for shot in sitter.arc.real],
+                 [bytes_of(shot.color) for shot in sitter.close])
+
+
+def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
+                stylize: StylizeConfig, seed: int, progress: Progress | None,
+                ) -> tuple[Views, dict[str, Any]]:
+    """Paint a sitter by a method.
+
+    Parameters
+    ----------
+    method
+        Of `METHODS`.
+    sitter, exemplar
+        Who, and in whose manner.
+    sizes, stylize, seed
+        Parameters.
+    progress
+        Updated with what is being done.
+
+    Returns
+    -------
+    views, figures
+        ``device`` of the networks; ``seconds``: ``once`` (what is done for all views), ``view``
+        (what each view takes on top of it); ``cpu_seconds`` and ``peak_memory_bytes`` of all of
+        it; ``networks``, where there are some.
+    """
+    if METHODS[method].kind == "field":
+        return _by_field(method, sitter, exemplar, sizes, stylize, seed, progress)
+    return _by_views(method, sitter, exemplar, sizes, seed, progress)
+
+
+def _by_field(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
+              stylize: StylizeConfig, seed: int, progress: Progress | None,
+              ) -> tuple[Views, dict[str, Any]]:
+    config = field_config(method, stylize, sizes, seed)
+    skin = sitter.skin if config.on_skin else None
+    cost, (styled, found) = cost_of(lambda: stylize_with_figures(
+        sitter.field, sitter.capture, exemplar, config, progress, device=sitter.device,
+        skin=skin))
+    start = time.perf_counter()
+    views = Views(_seen(styled, sitter.arc.cameras), _seen(styled, sitter.close_cameras))
+    each = (time.perf_counter() - start) / (len(views.arc) + len(views.close))
+    networks = found.get("networks", found.get("refinement", {}).get("networks"))
+    return views, {"seconds": {"once": cost.seconds, "view": round(each, 4)},
+                   "cpu_seconds": cost.cpu_seconds, "peak_memory_bytes": cost.peak_memory_bytes,
+                   "device": found["device"],
+                   **({"networks": networks} if networks else {})}
+
+
+def _seen(styled: VoxelField, cameras: Camera) -> Pictures:
+    return [bytes_of(styled.render(cameras, view).color) for view in range(len(cameras))]
+
+
+def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, seed: int,
+              progress: Progress | None) -> tuple[Views, dict[str, Any]]:
+    config = view_config(method, sizes, seed)
+    device = "cpu"
+    if isinstance(config, NetworkConfig):
+        config = replace(config, device=sitter.device)
+        device = device_name(torch_device(sitter.device))
+    middle = len(sitter.close) // 2
+    front = (bytes_of(sitter.close[middle].color),
+             landmarks_in(sitter.close_cameras, middle, sitter.landmarks))
+    once, prepared = cost_of(lambda: prepare(exemplar, config, [front]))
+
+    def painted(cameras: Camera, real: list[Rendering]) -> Pictures:
+        pictures = []
+        for view, shot in enumerate(real):
+            if progress is not None:
+                progress.update(progress.done, f"view {view + 1} of {len(real)}")
+            pictures.append(_single(prepared, shot, landmarks_in(cameras, view, sitter.landmarks)))
+        return pictures
+
+    cost, views = cost_of(lambda: Views(painted(sitter.arc.cameras, sitter.arc.real),
+                                        painted(sitter.close_cameras, sitter.close)))
+    each = cost.seconds / (len(views.arc) + len(views.close))
+    return views, {"device": device, "seconds": {"once": once.seconds, "view": round(each, 4)},
+                   "cpu_seconds": round(once.cpu_seconds + cost.cpu_seconds, 3),
+                   "peak_memory_bytes": max(once.peak_memory_bytes, cost.peak_memory_bytes)}
+
+
+def _single(prepared: Any, shot: Rendering, landmarks: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """One view painted by itself and cut out by the field's opacity, on white."""
+    photo = bytes_of(shot.color)
+    if isinstance(prepared, Transfer):
+        image = prepared.apply(photo, landmarks, mask=shot.alpha).image
+    else:
+        image = prepared.apply(photo, landmarks).image
+    alpha = shot.alpha[..., None]
+    return bytes_of(image * alpha + (1.0 - alpha))

@@ -4,6 +4,8 @@ A cell is two stages: its views are painted, then measured. Cells that are done 
 run that is killed is resumed, and one that is asked for more sitters, styles or
 methods does only what is new. The measures are a stage of their own: when weights of a network
 arrive, nothing is painted again.
+
+Table 1 (the mask guide) and Fig. 6 (transfer by example) report speed, as the paper does.
 """
 
 from __future__ import annotations
@@ -28,17 +30,143 @@ from lfportrait.progress import Progress
 from lfportrait.stages import StageFolder, check_writable, finished_record
 from lfportrait.version import __version__
 
-from .config import TablesConfig
-from .documents import write_documents
-from .figures import Target, agreement, measure, missing_networks, photo_agreement
-from .methods import METHODS, field_config, own_parameters, view_config
-from .painting import Views, paint_views, real_views
-from .sitters import SHOWN, Opener, Sitter, Source, field_of, linked
-from .speed import speed_tables
-from .summary import Cell
-from .tellers import Teller
+from ..baselines.transfer import NetworkConfig
+from ..bench import METHODS as TRANSFERS
+from ..bench import bench_masks, bench_transfer
+from .documents import Cell, write_documents
+from .figures import Target, agreement, measure, photo_agreement
+from .methods import (
+    METHODS,
+    SHOWN,
+    Opener,
+    Sitter,
+    Sizes,
+    Source,
+    TablesConfig,
+    Views,
+    field_config,
+    field_of,
+    linked,
+    own_parameters,
+    paint_views,
+    real_views,
+    view_config,
+)
 
-__all__ = ["write_tables"]
+CellName = tuple[str, str, str]
+"""Sitter, style, method."""
+
+
+class Teller:
+    """The progress of a run.
+
+    Parameters
+    ----------
+    progress
+        The line that is drawn; None for silence.
+    waiting
+        Cells that are to be done.
+    """
+
+    def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
+        self._progress, self._waiting = progress, list(waiting)
+        self._total = len(self._waiting)
+        self._took: dict[str, list[float]] = {}
+
+    def say(self, text: str) -> None:
+        """Show what is being done, behind what is left."""
+        if self._progress is not None:
+            self._progress.update(0, "; ".join(filter(None, [self._left(), text])))
+
+    def _left(self) -> str:
+        """How much is done and, once it can be estimated, how long the rest takes."""
+        done, seconds = self._total - len(self._waiting), self.seconds_left()
+        rest = f", about {max(seconds / 60, 1):.0f} min left" if seconds else ""
+        return f"{done} of {self._total}{rest}" if self._total else ""
+
+    def inside(self, title: str) -> Progress:
+        """A progress line for a part: what it shows stands behind ``title`` on this one."""
+        return _Inside(title, self)
+
+    def done(self, cell: CellName, seconds: float) -> None:
+        """A cell is done, in so many seconds; one that was done before does not count."""
+        if cell in self._waiting:
+            self._took.setdefault(cell[2], []).append(seconds)
+            self._finish(cell, f"{seconds:.0f} s")
+
+    def failed(self, cell: CellName, reason: str) -> None:
+        """A cell can't be done."""
+        if cell in self._waiting:
+            self._finish(cell, f"not measured: {reason}")
+
+    def _finish(self, cell: CellName, text: str) -> None:
+        self._waiting.remove(cell)
+        if self._progress is not None:
+            self._progress.say(f"{', '.join(cell)}: {text}; {self._left()}")
+
+    def seconds_left(self) -> float:
+        """Estimated time of the waiting cells: by the mean of their method, else of all."""
+        known = [second for row in self._took.values() for second in row]
+        if not known:
+            return 0.0
+        means = {method: sum(row) / len(row) for method, row in self._took.items()}
+        return sum(means.get(cell[2], sum(known) / len(known)) for cell in self._waiting)
+
+
+class _Inside(Progress):
+    """A progress whose notes go to a teller."""
+
+    def __init__(self, title: str, teller: Teller) -> None:
+        super().__init__(title, enabled=False)
+        self._teller = teller
+
+    def update(self, done: int, note: str = "") -> None:
+        """Pass the note on."""
+        self.done = done
+        self._teller.say(f"{self.title}: {note}" if note else self.title)
+
+
+def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
+                 progress: Progress | None) -> dict[str, Any]:
+    """Measure the coding with and without the mask guide, and all methods of transfer.
+
+    Parameters
+    ----------
+    sitter
+        Whose field is coded.
+    exemplar
+        The style of the transfers; their photo is the embedded head, 768 x 1024, as the paper's
+        pictures.
+    sizes, size
+        Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers once.
+    progress
+        Updated with what is being measured.
+
+    Returns
+    -------
+    figures
+        ``table_1``: a row by resolution. ``fig_6``: by method of transfer
+        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one picture),
+        and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
+    """
+    repeats = 1 if size == "quick" else 3
+    # Coding is fast; a single run would measure the machine's noise rather than the mask.
+    masks = bench_masks(sitter.field, repeats=repeats + 1, progress=progress)
+    found = bench_transfer(exemplar=exemplar, repeats=repeats, progress=progress,
+                           network=NetworkConfig(pairs=sizes.network_pairs,
+                                                 budget=sizes.network_seconds,
+                                                 device=sitter.device))
+    views = 3 * sizes.painted_views
+    rows = {}
+    for method in TRANSFERS:
+        row = found[method]
+        once = row.get("published_table_seconds", row["precalculation_seconds"])
+        each = row["guides_seconds"] + row["synthesis_seconds"]
+        rows[method] = {"precalculation_seconds": row["precalculation_seconds"],
+                        "published_seconds": row.get("published_table_seconds"),
+                        "synthesis_seconds": each, "patch_fidelity": row["patch_fidelity"],
+                        "whole_seconds": once + views * each}
+    return {"table_1": masks, "fig_6": rows, "fig_6_views": views}
 
 
 def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: Path,
@@ -184,9 +312,8 @@ class _Run:
         key = key_of(__name__, "field", self.keys[source.name], self.seed)
         self.folder.run(f"field.{source.name}", key, [f"{home}/field.npz"], field)
         return Sitter(source.name, VoxelField.load(file), capture, file, pixels=self.sizes.pixels,
-                      device=self.device,
-                      views=self.config.views, cone=self.config.cone,
-                      render_size=self.sizes.render_size, close_size=self.sizes.close_size)
+                      arc=(self.config.cone, self.config.views, self.sizes.render_size),
+                      close_size=self.sizes.close_size, device=self.device)
 
     def _keep_capture(self, source: Source, target: Path) -> dict[str, Any]:
         capture = self.open_capture(source.capture)
@@ -318,8 +445,8 @@ class _Run:
         if self.config.study is not None and pictures:
             study = read_json(self.config.study / "results.json")
         return write_documents(self.out, facts, cells, floors, speed, study, self.failures,
-                               missing_networks(), pictures=pictures,
-                               paintings={one.name: one.image for one in self.exemplars})
+                               {one.name: one.image for one in self.exemplars} if pictures
+                               else None)
 
 
 class _Lazily:

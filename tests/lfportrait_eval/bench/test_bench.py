@@ -14,6 +14,7 @@ from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display
 from lfportrait.lightfield.prints import PrintConfig
 from lfportrait.media.pictures import read_image
+from lfportrait.stylize import StylizeConfig
 from lfportrait_eval.baselines.transfer import NetworkConfig
 from lfportrait_eval.bench import (
     METHODS,
@@ -188,7 +189,8 @@ def test_stylize_reports_its_parts():
     capture = ball_capture()
     head = demo_landmarks() * 0.5
     figures = bench_stylize(ball(), replace(capture, landmarks=head),
-                            demo_exemplar(width=144, height=192), size=96, views=2, steps=2,
+                            demo_exemplar(width=144, height=192), by_views=StylizeConfig(
+                                method="paper", size=96, views=2, pitches=(8.0,), steps=2),
                             pixels=96.0)
     assert figures["views"]["views"] == 2 and figures["networks"]
     for name in ("skin_seconds", "exemplar_seconds", "preview_seconds", "again_seconds",

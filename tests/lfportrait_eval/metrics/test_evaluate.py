@@ -20,8 +20,8 @@ from lfportrait_eval.metrics import (
     patch_fidelity,
     style_distance,
 )
-from lfportrait_eval.metrics.likeness import face_region
 from lfportrait_eval.metrics.patches import lab, spread_places
+from lfportrait_eval.metrics.views import face_region
 from tests.portraits import drawn_face
 
 

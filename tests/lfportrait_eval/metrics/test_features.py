@@ -10,13 +10,7 @@ from safetensors.torch import save_file
 from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.models import ModelFile
-from lfportrait_eval.metrics import (
-    feature_distance,
-    features,
-    inception_features,
-    lpips,
-    perceptual,
-)
+from lfportrait_eval.metrics import feature_distance, features, inception_features, lpips
 
 
 @pytest.fixture
@@ -184,7 +178,7 @@ def test_the_packed_part_of_vgg16_is_not_enough_for_lpips(shelf):
     folder, _ = shelf
     (folder / models.registry()["vgg16"][0].file).write_bytes(b"")
     assert models.available("vgg16")
-    assert models.missing(perceptual.LPIPS_NETWORKS["vgg"]) == ["lpips", "vgg16-torchvision"]
+    assert models.missing(features.LPIPS_NETWORKS["vgg"]) == ["lpips", "vgg16-torchvision"]
 
 
 ALEX = {0: (3, 64, 11, 4, 2), 3: (64, 192, 5, 1, 2), 6: (192, 384, 3, 1, 1),

@@ -45,8 +45,8 @@ def sitter(head, tmp_path) -> Sitter:
     """The head as a sitter, in views of 64 pixels."""
     field, capture = head
     field.save(tmp_path / "head.npz")
-    return Sitter("head", field, capture, tmp_path / "head.npz", pixels=40.0, views=9, cone=30.0,
-                  render_size=64, close_size=64)
+    return Sitter("head", field, capture, tmp_path / "head.npz", pixels=40.0,
+                  arc=(30.0, 9, 64), close_size=64)
 
 
 @pytest.fixture(scope="session")

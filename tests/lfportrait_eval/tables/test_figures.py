@@ -21,8 +21,8 @@ from lfportrait_eval.tables import (
     real_views,
     sources_of,
 )
-from lfportrait_eval.tables.summary import COLUMNS, GROUPS, best
-from lfportrait_eval.tables.tellers import Teller
+from lfportrait_eval.tables.documents import COLUMNS, GROUPS, best
+from lfportrait_eval.tables.run import Teller
 from tests.lfportrait_eval.metrics.test_features import random_alex
 
 

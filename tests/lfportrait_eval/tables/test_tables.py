@@ -21,7 +21,6 @@ from lfportrait_eval.tables import (
     Views,
     real_views,
     sources_of,
-    speed,
     write_tables,
 )
 from lfportrait_eval.tables import run as running
@@ -315,8 +314,8 @@ def test_speed_is_told_as_the_paper_tells_it(files, tmp_path, brush, monkeypatch
 
     mask = {"resolution": "1k", "with_seconds": 0.5, "without_seconds": 0.75,
             "build_seconds": 0.3, "load_seconds": 0.01, "bytes": 2 ** 21, "memory_bytes": 2 ** 22}
-    monkeypatch.setattr(speed, "bench_masks", lambda *_, **__: [mask])
-    monkeypatch.setattr(speed, "bench_transfer", transfer)
+    monkeypatch.setattr(running, "bench_masks", lambda *_, **__: [mask])
+    monkeypatch.setattr(running, "bench_transfer", transfer)
     figures = compare(files, tmp_path, replace(SMALL, speed=True, methods=("views",)))
     assert figures["fig_6_views"] == 6 and asked["network"].budget == 15
     rows = figures["fig_6"]

@@ -8,8 +8,7 @@ import numpy as np
 
 from lfportrait.lightfield import EncodeConfig
 from lfportrait.lightfield.gpu import live as module
-from lfportrait.lightfield.gpu.blit import Blit, pixels_of
-from lfportrait.lightfield.gpu.live import LiveCoder
+from lfportrait.lightfield.gpu.live import Blit, LiveCoder, pixels_of
 from lfportrait.lightfield.screens.live import Live, OffscreenWindow, check_pixels
 
 

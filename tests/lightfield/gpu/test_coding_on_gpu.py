@@ -202,7 +202,7 @@ import sys
 from lfportrait.gpu import GpuProcess, adapters
 from lfportrait.lightfield import Display, EncodeConfig
 from lfportrait.lightfield.coding import panel_job
-from lfportrait.lightfield.gpu.calling import code_on_gpu
+from lfportrait.lightfield.coding import code_on_gpu
 from tests.fields import head_field
 import psutil_free as memory
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lfportrait.errors import UserError
 from lfportrait.lightfield import Display
-from lfportrait.lightfield.kernels.encode import eye_of
+from lfportrait.lightfield.kernels.panel import eye_of
 from lfportrait.lightfield.prints import PrintConfig, PrintSheet, paper_size
 
 

@@ -31,8 +31,7 @@ from lfportrait.lightfield.prints import (
     through_lenses,
     write_print,
 )
-from lfportrait.lightfield.prints.lenses import lens_heights, write_lenses
-from lfportrait.lightfield.prints.trial import TrialPage
+from lfportrait.lightfield.prints.pages import TrialPage, lens_heights, write_lenses
 from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.lightfield.test_ground import analytic, checkered, nothing

@@ -22,8 +22,7 @@ from lfportrait.lightfield.screens import (
     show_field,
     show_live,
 )
-from lfportrait.lightfield.screens.live import one_eyed
-from lfportrait.lightfield.screens.live_controls import Controls
+from lfportrait.lightfield.screens.live import Controls, one_eyed
 from lfportrait.metrics import psnr
 from tests.fields import shell_field
 from tests.lightfield.gpu.test_live import EVEN, painted

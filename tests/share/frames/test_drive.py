@@ -14,8 +14,8 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.lightfield import Display, EncodeConfig, QuiltLayout
 from lfportrait.share import DrivePlan, fill_drive, write_quilt
-from lfportrait.share.frames import drive as drives
-from lfportrait.share.frames.names import safe_names
+from lfportrait.share.frames import quilts as drives
+from lfportrait.share.frames.files import safe_names
 from tests.share.frames.fields import ball_x, marked_field
 from tests.share.frames.test_quilts import tiles_of, user_comment
 

@@ -8,8 +8,7 @@ from lfportrait.errors import UserError
 from lfportrait.field import VoxelField
 from lfportrait.lightfield import EncodeConfig
 from lfportrait.share import ExportContext, FrameConfig, export_field
-from lfportrait.share.frames.eyes import anaglyph_of
-from lfportrait.share.frames.moving import FLAT, Flat
+from lfportrait.share.frames.export import FLAT, Flat, anaglyph_of
 from tests.fields import head_field
 from tests.share.frames.fields import ball_x, marked_field
 from tests.share.frames.test_quilts import decoded

@@ -8,9 +8,7 @@ import pytest
 from lfportrait.lightfield import EncodeConfig, ground_of
 from lfportrait.metrics import psnr
 from lfportrait.share import ExportContext, FrameConfig, export_field
-from lfportrait.share.frames.eyes import TwoEyes, anaglyph_of
-from lfportrait.share.frames.framing import Margins, framed
-from lfportrait.share.frames.moving import Flat
+from lfportrait.share.frames.export import Flat, Margins, TwoEyes, anaglyph_of, framed
 from tests.fields import head_field
 from tests.lightfield.test_ground import analytic, checkered
 from tests.share.frames.test_eyes import read

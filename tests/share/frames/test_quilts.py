@@ -15,9 +15,8 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.lightfield import Display, QuiltLayout, layout_of_file
 from lfportrait.share import FrameConfig, export_field, export_of, write_quilt
-from lfportrait.share.frames import moving
-from lfportrait.share.frames.names import QuiltName
-from lfportrait.share.frames.pictures import check_picture
+from lfportrait.share.frames import export
+from lfportrait.share.frames.files import QuiltName, check_picture
 from lfportrait.share.frames.quilts import QuiltPlan
 from tests.share.frames.fields import ball_x, marked_field
 
@@ -202,7 +201,7 @@ def test_a_package_may_hold_a_video(tmp_path):
 
 
 def test_quilts_beyond_h264_are_hevc(tmp_path, monkeypatch):
-    monkeypatch.setattr(moving, "_LARGEST_H264", 100)
+    monkeypatch.setattr(export, "_LARGEST_H264", 100)
     path = tmp_path / "x_qs3x2a0.75.mp4"
     assert export_field(marked_field(), path, FrameConfig(pixels=(180, 160), frames=2))[
         "codec"] == "hevc"
@@ -212,8 +211,8 @@ def test_quilts_beyond_h264_are_hevc(tmp_path, monkeypatch):
 
 
 def test_without_hevc_vp9_takes_its_place(tmp_path, monkeypatch):
-    monkeypatch.setattr(moving, "_LARGEST_H264", 100)
-    monkeypatch.setattr(moving, "has_encoder", lambda codec: codec != "hevc")
+    monkeypatch.setattr(export, "_LARGEST_H264", 100)
+    monkeypatch.setattr(export, "has_encoder", lambda codec: codec != "hevc")
     path = tmp_path / "x_qs3x2a0.75.mp4"
     config = FrameConfig(pixels=(180, 160), frames=1)
     with pytest.warns(UserWarning, match="can't code HEVC"):

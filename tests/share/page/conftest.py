@@ -13,7 +13,7 @@ def small_posters():
     Only here: a test elsewhere may compare the bytes of pages that two processes wrote.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lfportrait.share.page.poster._HEIGHT", 250)
+        patch.setattr("lfportrait.share.page.assembly._HEIGHT", 250)
         yield
 
 

@@ -8,9 +8,7 @@ import pytest
 from lfportrait.errors import UserError
 from lfportrait.field import VoxelField
 from lfportrait.share import PageConfig, orbit_cameras, write_page
-from lfportrait.share.page.budget import coarser, fit
-from lfportrait.share.page.colors import color_sets
-from lfportrait.share.page.packing import Lattice, pack
+from lfportrait.share.page.packing import Lattice, coarser, color_sets, fit, pack
 from tests.fields import head_field, shell_field
 from tests.reference.page import restore
 from tests.share.page.browser import decibels

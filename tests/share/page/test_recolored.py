@@ -61,9 +61,7 @@ def test_between_two_mixes_lies_the_mix_between(browser, page, head):
 
 
 def test_a_coarser_page_takes_none(head, tmp_path):
-    from lfportrait.share.page.budget import coarser
-    from lfportrait.share.page.colors import color_sets
-    from lfportrait.share.page.packing import Lattice
+    from lfportrait.share.page.packing import Lattice, coarser, color_sets
 
     write_page(head, tmp_path / "page.html", PageConfig())
     page = OpenPage.of((tmp_path / "page.html").read_bytes())

@@ -9,10 +9,16 @@ from lfportrait.field import VoxelField
 from lfportrait.field.background import Background
 from lfportrait.field.kernels.texture import halve
 from lfportrait.share import PageConfig, write_page
-from lfportrait.share.page.budget import coarser, fit
-from lfportrait.share.page.colors import color_sets
-from lfportrait.share.page.packing import Lattice, pack
-from lfportrait.share.page.texels import PageTexture, pack_texels, with_texels
+from lfportrait.share.page.packing import (
+    Lattice,
+    PageTexture,
+    coarser,
+    color_sets,
+    fit,
+    pack,
+    pack_texels,
+    with_texels,
+)
 from tests.fields import shell_field
 from tests.reference.page import restore
 from tests.share.page.portraits import painted_head

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..photos import Photo
 from .features import FEWEST, Features, Matches, enough
 

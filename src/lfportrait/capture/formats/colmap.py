@@ -21,10 +21,7 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from ...media.folders import Finder
 from ..distortion import Lens
-from .assembly import DataSet, Shot
-from .capture_format import CaptureFormat
-
-__all__ = ["Colmap", "ColmapImage", "lens_of", "read_model"]
+from .assembly import CaptureFormat, DataSet, Shot
 
 Float = NDArray[np.float64]
 

@@ -1,36 +1,370 @@
 """Captures from the camera files of photogrammetry programs.
 
-- Agisoft Metashape: ``cameras.xml`` (`metashape`);
-- RealityCapture and RealityScan: the CSV of "internal/external camera parameters" (`tables`);
-- Meshroom (AliceVision) and OpenMVG: ``cameras.sfm``, ``sfm.json``, ``sfm_data.json`` (`graphs`);
-- Bundler: ``bundle.out`` with ``list.txt``; VisualSfM: ``.nvm`` (`tables`).
+- Agisoft Metashape: ``cameras.xml``;
+- RealityCapture and RealityScan: the CSV of "internal/external camera parameters";
+- Meshroom (AliceVision) and OpenMVG: ``cameras.sfm``, ``sfm.json``, ``sfm_data.json`` (`placed`);
+- Bundler: ``bundle.out`` with ``list.txt``; VisualSfM: ``.nvm``.
 
 Each reader makes `Placed` photos of its file. They are found by their names beside the file or in
 ``images``, with or without folder and suffix, in any case.
+
+Agisoft Metashape: the formulas are those of its manual (appendix "Camera models"). In a rig
+("multi-camera system") only photos of the master have poses. The sensor of another photo has
+``rotation`` and ``location``: how it lies in its master, in the units of the chunk. So its pose is
+the master's times that, as ``metashape_to_krt.py`` of Meta's EyefulTower has it, which its authors
+test on rigs of 9 and 22 cameras.
+
+The text formats: Bundler's formulas are those of its manual (Snavely et al. 2006), VisualSfM's
+those of the README to its ``NVM_V3``. RealityCapture (RealityScan) writes focal lengths as of 35-mm
+film, centre and distortion in parts of the longer side and of the focal length, and poses as x, y,
+height, heading, pitch, roll in degrees, where a camera without any of them looks straight down with
+its upper edge to the north (Epic's "camera math" of its XMP files).
 """
 
 from __future__ import annotations
 
+import csv
 import unicodedata
 import warnings
 from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...media.folders import folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
-from .assembly import DataSet, Shot
-from .capture_format import CaptureFormat
-from .graphs import is_graph, read_graph
-from .metashape import read_metashape
-from .placed import Placed
-from .tables import is_camera_table, read_bundler, read_camera_table, read_visualsfm
+from ..distortion import Lens
+from .assembly import CaptureFormat, DataSet, Shot
+from .placed import Placed, brown, centred, fisheye, is_graph, read_graph, warn_left_out
 
-__all__ = ["Bundler", "CameraTable", "Meshroom", "Metashape", "OpenMvg", "VisualSfm"]
+Float64 = NDArray[np.float64]
+
+
+def read_metashape(file: Path) -> list[Placed]:
+    """The aligned photos of the file's chunks.
+
+    Of a chunk whose photos fell into several components the largest is taken, as nothing says how
+    they lie to each other.
+    """
+    text = file.read_bytes()
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise ValueError("it declares XML entities, which are not allowed")
+    found: list[Placed] = []
+    total = loose = away = 0
+    for chunk in ElementTree.fromstring(text).iter("chunk"):
+        photos = _metashape_photos(chunk)
+        parts = _components(chunk, photos)
+        taken = sorted(parts.values(), key=len)[-1] if parts else []
+        kept = sum(map(len, parts.values()))
+        if len(parts) > 1:
+            warnings.warn(f"{file} has {len(parts)} components that are not aligned to each other; "
+                          f"the largest is taken, {len(taken)} of {kept} photos", stacklevel=2)
+        hanging = sum(one.loose and one.enabled for one in photos)
+        total, loose = total + len(photos), loose + hanging
+        away += len(photos) - kept - hanging
+        found += taken
+    warn_left_out(loose, total, file, "are in a rig whose geometry is not noted (align again, or "
+                  "export without the rig)")
+    warn_left_out(away, total, file, "are not aligned or switched off")
+    return found
+
+
+@dataclass(frozen=True)
+class _Photo:
+    """A photo as its chunk has it.
+
+    Attributes
+    ----------
+    record
+        Its element.
+    component
+        Id of the component that it is aligned in.
+    pose
+        float64 [4, 4], camera to component; None where it is not aligned.
+    loose
+        Whether it hangs on an aligned master in a way that the file does not say.
+    """
+
+    record: ElementTree.Element
+    component: str | None
+    pose: Float64 | None
+    loose: bool = False
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it is in use."""
+        return self.record.get("enabled") not in ("0", "false")
+
+
+def _components(chunk: ElementTree.Element, photos: list[_Photo]) -> dict[str | None, list[Placed]]:
+    """The aligned photos that are in use, by their component, in the world."""
+    lenses = {sensor.get("id"): _lens(sensor) for sensor in chunk.iter("sensor")}
+    whole = _similarity(chunk.find("transform"), np.eye(4))
+    worlds = {part.get("id"): _similarity(part.find("transform"), whole)
+              for part in chunk.findall("components/component")}
+    parts: dict[str | None, list[Placed]] = {}
+    for photo in photos:
+        if photo.pose is None or not photo.enabled:
+            continue
+        label = str(photo.record.get("label"))
+        lens = lenses.get(photo.record.get("sensor_id"))
+        if lens is None:
+            raise ValueError(f"the sensor of {label} is not calibrated")
+        pose = worlds.get(photo.component, whole) @ photo.pose
+        pose[:3, :3] /= np.cbrt(np.linalg.det(pose[:3, :3]))
+        parts.setdefault(photo.component, []).append(
+            Placed(label, pose, lens.resized, (lens.width, lens.height)))
+    return parts
+
+
+def _metashape_photos(chunk: ElementTree.Element) -> list[_Photo]:
+    """The photos of a chunk, those in groups or within their master's element included."""
+    sensors = {sensor.get("id"): sensor for sensor in chunk.iter("sensor")}
+    cameras = {camera.get("id"): camera for camera in chunk.iter("camera")}
+    photos = []
+    for camera in chunk.iter("camera"):
+        pose, part = _matrix(camera), camera.get("component_id")
+        master = cameras.get(camera.get("master_id", ""))
+        base = None if master is None else _matrix(master)
+        if pose is None and master is not None and base is not None:
+            sensor = sensors.get(camera.get("sensor_id"))
+            offset = None if sensor is None else _offset(sensor, master.get("sensor_id"))
+            photos.append(_Photo(camera, master.get("component_id"),
+                                 None if offset is None else base @ offset, offset is None))
+        else:
+            photos.append(_Photo(camera, part, pose))
+    return photos
+
+
+def _matrix(camera: ElementTree.Element) -> Float64 | None:
+    """Camera-to-chunk [4, 4] as a photo has it; None where it has none."""
+    transform = camera.find("transform")
+    if transform is None:
+        return None
+    return np.array(str(transform.text).split(), np.float64).reshape(4, 4)
+
+
+def _offset(sensor: ElementTree.Element, master: str | None) -> Float64 | None:
+    """How a rig's sensor lies in its master [4, 4]; None where that is not noted."""
+    rotation, location = sensor.find("rotation"), sensor.find("location")
+    if sensor.get("master_id") != master or rotation is None:
+        return None
+    offset = np.eye(4)
+    offset[:3, :3] = np.array(str(rotation.text).split(), np.float64).reshape(3, 3)
+    if location is not None:  # cameras with one centre, as multispectral ones, have none
+        offset[:3, 3] = np.array(str(location.text).split(), np.float64)
+    return offset
+
+
+def _similarity(transform: ElementTree.Element | None, otherwise: Float64) -> Float64:
+    """The similarity from a chunk or component to the world; ``otherwise`` where it has none."""
+    if transform is None:
+        return otherwise
+    world = np.eye(4)
+    rotation, shift, scale = (transform.find(name) for name in ("rotation", "translation", "scale"))
+    if rotation is not None:
+        world[:3, :3] = np.array(str(rotation.text).split(), np.float64).reshape(3, 3)
+    if scale is not None:
+        world[:3, :3] *= float(str(scale.text))
+    if shift is not None:
+        world[:3, 3] = np.array(str(shift.text).split(), np.float64)
+    return world
+
+
+def _lens(sensor: ElementTree.Element) -> Lens | None:
+    """The adjusted calibration of a sensor; None where it has none."""
+    calibrations = sensor.findall("calibration")
+    adjusted = [one for one in calibrations if one.get("class") == "adjusted"] or calibrations
+    if not adjusted:
+        return None
+    calibration = adjusted[0]
+    kind = str(calibration.get("type") or sensor.get("type") or "frame")
+    if kind not in ("frame", "fisheye"):
+        raise ValueError(f"pictures of the type {kind} are not supported")
+
+    def value(name: str) -> float:
+        found = calibration.find(name)
+        return 0.0 if found is None else float(str(found.text))
+
+    size = calibration.find("resolution")
+    size = sensor.find("resolution") if size is None else size
+    if size is None:
+        raise ValueError("a sensor has no resolution")
+    width, height = int(size.get("width", 0)), int(size.get("height", 0))
+    if value("fx"):
+        raise ValueError("its cameras are those of PhotoScan before 1.2 (fx); export them by a "
+                         "later version")
+    focal = value("f")
+    if not focal > 0:
+        raise ValueError("a sensor has no focal length")
+    for name, what in (("b2", "skew (b2)"), ("p3", "its tangential term p3"),
+                       ("p4", "its tangential term p4")):
+        if value(name):
+            raise ValueError(f"{what} is not supported; optimise the cameras without it")
+    k = value("k1"), value("k2"), value("k3"), value("k4")
+    # Metashape numbers the tangential terms the other way round.
+    lens = Lens(width, height, (focal + value("b1"), focal),
+                (width / 2 + value("cx"), height / 2 + value("cy")),
+                p=(value("p2"), value("p1")))
+    return (fisheye if kind == "fisheye" else brown)(lens, k)
+
+
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+_COLUMNS = {"x", "y", "alt", "heading", "pitch", "roll", "f"}
+
+
+def is_camera_table(file: Path) -> bool:
+    """Whether a CSV file has the columns of RealityCapture's cameras."""
+    try:
+        with open(file, encoding="utf-8-sig") as stream:
+            first = stream.readline(4096)
+    except (OSError, ValueError):
+        return False
+    names = {name.strip().lower() for name in first.split(",")}
+    return names >= _COLUMNS and bool(names & {"#name", "name"})
+
+
+def read_camera_table(file: Path) -> list[Placed]:
+    """RealityCapture's and RealityScan's "internal/external camera parameters"."""
+    from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
+
+    if not is_camera_table(file):
+        raise ValueError("it lacks the columns name, x, y, alt, heading, pitch, roll, f; export "
+                         "the registration as internal/external camera parameters")
+    with open(file, encoding="utf-8-sig", newline="") as stream:
+        rows = [{str(key).strip().lower().lstrip("#"): value for key, value in row.items()}
+                for row in csv.DictReader(stream)]
+    found = []
+    for row in rows:
+        name = str(row["name"] or "").strip()
+        if not name:
+            continue
+        place, angles = ([float(row[key] or "") for key in keys]
+                         for keys in (("x", "y", "alt"), ("heading", "pitch", "roll")))
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("ZXY", [-angles[0], angles[1], angles[2]],
+                                           degrees=True).as_matrix()
+        pose[:3, 3] = place
+        terms = [float(row.get(key) or 0.0) for key in
+                 ("f", "px", "py", "k1", "k2", "k3", "k4", "t1", "t2")]
+        if not terms[0] > 0:
+            raise ValueError(f"the focal length of {name} is {terms[0]:g}")
+        found.append(Placed(name, pose @ _FLIP, _of_film(terms)))
+    return found
+
+
+def _of_film(terms: list[float]) -> Callable[[int, int], Lens]:
+    """A lens from f in millimetres of 35-mm film, px, py, k1 to k4, t1, t2."""
+    focal, px, py, k1, k2, k3, k4, t1, t2 = terms
+
+    def of_picture(width: int, height: int) -> Lens:
+        side = max(width, height)
+        pixels = focal * side / 36.0
+        return brown(Lens(width, height, (pixels, pixels),
+                          (width / 2 + px * side, height / 2 + py * side), p=(t1, t2)),
+                     (k1, k2, k3, k4))
+
+    return of_picture
+
+
+def read_bundler(file: Path) -> list[Placed]:
+    """Bundler's ``bundle.out``, with the photos' names in ``list.txt``."""
+    lists = [place / name for place in (file.parent, file.parent.parent)
+             for name in ("list.txt", f"{file.stem}.list.txt", f"{file.name}.list.txt")]
+    names = next(([_listed(line) for line in place.read_text("utf-8-sig").splitlines()
+                   if line.strip()] for place in lists if place.is_file()), None)
+    if names is None:
+        raise ValueError("list.txt with the photos' names is missing beside it")
+    lines = [line for line in file.read_text("utf-8-sig").splitlines()
+             if line.strip() and not line.startswith("#")]
+    count = int(lines[0].split()[0])
+    if count > len(names):
+        raise ValueError(f"it has {count} cameras, list.txt {len(names)} photos")
+    shots = []
+    for number in range(count):
+        part = [np.array(line.split(), np.float64) for line in lines[1 + 5 * number:][:5]]
+        focal, k1, k2 = part[0]
+        if focal == 0:
+            continue  # not aligned
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = np.stack(part[1:4]), part[4]
+        # Its cameras look along -z, y is up.
+        shots.append(Placed(names[number], np.asarray(np.linalg.inv(_FLIP @ matrix), np.float64),
+                          centred(names[number], float(focal), (float(k1), float(k2)))))
+    warn_left_out(count - len(shots), count, file)
+    return shots
+
+
+def _listed(line: str) -> str:
+    """The photo that a line of ``list.txt`` names, before a zero and its noted focal length."""
+    parts = line.strip().rsplit(None, 2)
+    return parts[0] if len(parts) == 3 and parts[1] == "0" else line.strip()
+
+
+def read_visualsfm(file: Path) -> list[Placed]:
+    """VisualSfM's ``.nvm``, its first model."""
+    from scipy.spatial.transform import Rotation
+
+    lines = [line.strip() for line in file.read_text("utf-8-sig").splitlines()]
+    if not lines or not lines[0].startswith("NVM_V3"):
+        raise ValueError("it does not begin with NVM_V3")
+    if "FixedK" in lines[0]:
+        raise ValueError("its calibration was fixed (FixedK), which is not supported; run "
+                         "VisualSfM without")
+    rest = [line for line in lines[1:] if line and not line.startswith("#")]
+    count = int(rest[0])
+    shots = []
+    for line in rest[1:1 + count]:
+        name, numbers = (line.split("\t", 1) if "\t" in line else line.split(" ", 1))
+        focal, w, x, y, z, *place, radial = np.array(numbers.split()[:9], np.float64)
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix().T
+        pose[:3, 3] = place
+        shots.append(Placed(name.strip('"'), pose,
+                          centred(name, float(focal), _undoing(float(radial)))))
+    if len(shots) < count:
+        raise ValueError(f"it ends after {len(shots)} of {count} cameras")
+    more = _in_other_models(rest[1 + count:])
+    warn_left_out(more, count + more, file, f"are not aligned to the first model's {count}")
+    return shots
+
+
+def _in_other_models(lines: list[str]) -> int:
+    """Cameras of the models behind the first of a ``.nvm``, whose points begin the lines."""
+    cameras = at = 0
+    while at < len(lines) and lines[at].isdecimal():
+        at += 1 + int(lines[at])  # a model's points
+        if at < len(lines) and lines[at].isdecimal():
+            cameras += int(lines[at])
+            if not int(lines[at]):
+                break  # an empty model is the last
+            at += 1 + int(lines[at])
+    return cameras
+
+
+def _undoing(radial: float) -> tuple[float, ...]:
+    """Radial terms k1, k2, k3 that bend as VisualSfM's one term straightens.
+
+    Straight = bent (1 + r |bent|^2), in units of the focal length; the terms are fitted within the
+    field of a usual lens.
+    """
+    if radial == 0:
+        return ()
+    bent = np.linspace(0.01, 0.7, 200)
+    straight = bent * (1 + radial * bent ** 2)
+    if (np.diff(straight) <= 0).any():
+        raise ValueError(f"its distortion {radial:g} is too strong: the picture folds over itself")
+    square = straight ** 2
+    terms = np.linalg.lstsq(np.stack([square, square ** 2, square ** 3], axis=1),
+                            bent / straight - 1, rcond=None)[0]
+    return tuple(float(term) for term in terms)
+
 
 class _Program(CaptureFormat):
     """A photogrammetry program's file with cameras, which lies beside the photos."""

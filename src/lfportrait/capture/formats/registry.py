@@ -8,16 +8,11 @@ from pathlib import Path
 
 from ...errors import UserError
 from ...plugins import blamed, gathered
-from .assembly import DataSet, Views
-from .capture_format import CaptureFormat
+from .assembly import CaptureFormat, DataSet, Views
 from .colmap import Colmap
-from .datasets import Llff, Nsvf
-from .own import Own
-from .phones import Polycam, Record3d
+from .datasets import Llff, Nsvf, Polycam, Record3d
 from .programs import Bundler, CameraTable, Meshroom, Metashape, OpenMvg, VisualSfm
-from .transforms import Transforms
-
-__all__ = ["capture_formats", "find_views", "is_calibrated", "load_views", "save_views"]
+from .transforms import Own, Transforms
 
 FORMATS = "lfportrait.formats"
 """Group of entry points with classes above `CaptureFormat`."""

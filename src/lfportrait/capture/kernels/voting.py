@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...lanes.decorators import kernel, lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import kernel, lean_kernel
+from ...simd.threads import shared
 
 __all__ = ["cover_views", "vote_lattice"]
 

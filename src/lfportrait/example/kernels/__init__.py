@@ -1,3 +1,3 @@
 """Hot loops of the transfer by example, in Numba: guides, look-ups, copied pieces, votes."""
 
-from ... import lanes as lanes  # sets Numba's threading layer before any kernel is compiled
+from ... import simd as simd  # sets Numba's threading layer before any kernel is compiled

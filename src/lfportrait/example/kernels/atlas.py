@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...lanes.decorators import kernel, lean, lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import kernel, lean, lean_kernel
+from ...simd.threads import shared
 
 __all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate",
            "look_up_colors", "sample_nodes", "smooth_normals", "spread", "sum_normals",

@@ -18,10 +18,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.interleaved import gather_signed, pairs, singles, store_bytes
-from ...lanes.threads import share_out
-from ...lanes.vectors import LANES
+from ...simd.decorators import lean_kernel
+from ...simd.interleaved import gather_signed, pairs, singles, store_bytes
+from ...simd.threads import share_out
+from ...simd.vectors import LANES
 from .lookup import ask, flattened, label_difference
 from .seeds import seed_correction
 

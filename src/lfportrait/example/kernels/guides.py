@@ -13,8 +13,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import kernel, lean_kernel, woven
-from ...lanes.threads import shared
+from ...simd.decorators import kernel, lean_kernel, woven
+from ...simd.threads import shared
 
 __all__ = ["blur_difference", "count_values", "fold_points", "map_values", "mls_points",
            "resample_fold", "resample_grid", "shrink", "stretch"]

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import kernel, lean_kernel, woven
-from ...lanes.interleaved import gather_signed, pairs, singles, store_pairs
-from ...lanes.threads import shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import kernel, lean_kernel, woven
+from ...simd.interleaved import gather_signed, pairs, singles, store_pairs
+from ...simd.threads import shared
+from ...simd.vectors import LANES
 
 __all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean_kernel, woven
-from ...lanes.interleaved import gather_pairs, gather_signed, pairs, prefetch, singles
-from ...lanes.threads import shared
-from ...lanes.vectors import LANES, round_even
+from ...simd.decorators import lean_kernel, woven
+from ...simd.interleaved import gather_pairs, gather_signed, pairs, prefetch, singles
+from ...simd.threads import shared
+from ...simd.vectors import LANES, round_even
 
 __all__ = ["ask", "flattened", "label_difference", "look_up"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
 from .patches import FIXED, MARGIN
 
 __all__ = ["finer_places", "level_places"]

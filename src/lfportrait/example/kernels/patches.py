@@ -24,10 +24,9 @@ from typing import Any
 import numba
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean_kernel
-from ...lanes.threads import shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, kernel, lean_kernel
+from ...simd.threads import shared
+from ...simd.vectors import LANES
 
 __all__ = ["ACTIVE", "BAND", "CELL", "CHANNELS", "FIXED", "FOREIGN", "MARGIN", "OUTSIDE",
            "count_uses", "patch_errors", "search_pass", "vote_patches"]

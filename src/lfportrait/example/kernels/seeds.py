@@ -10,10 +10,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean, lean_kernel
-from ...lanes.interleaved import load_pairs
-from ...lanes.threads import share_out, shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import lean, lean_kernel
+from ...simd.interleaved import load_pairs
+from ...simd.threads import share_out, shared
+from ...simd.vectors import LANES
 
 __all__ = ["finite_range", "seed_correction", "seed_points", "seed_regular", "seed_splat"]
 

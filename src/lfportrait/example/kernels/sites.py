@@ -9,8 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
 
 __all__ = ["nearest_sites"]
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import kernel, lean, lean_kernel
-from ...lanes.threads import share_out, shared
+from ...simd.decorators import kernel, lean, lean_kernel
+from ...simd.threads import share_out, shared
 
 __all__ = ["EMPTY", "INDEX_BITS", "extract_indices", "scatter_pixels", "sweep_linear",
            "sweep_squared"]

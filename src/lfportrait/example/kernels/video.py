@@ -9,8 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import kernel, lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import kernel, lean_kernel
+from ...simd.threads import shared
 
 __all__ = ["carry", "carry_shifts", "repair", "squared_changes", "to_bytes", "trust", "unfold"]
 

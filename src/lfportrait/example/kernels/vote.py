@@ -12,10 +12,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean_kernel, woven
-from ...lanes.interleaved import gather_neighbours, gather_signed, load_pairs, pairs, store_triples
-from ...lanes.threads import share_out, shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import lean_kernel, woven
+from ...simd.interleaved import gather_neighbours, gather_signed, load_pairs, pairs, store_triples
+from ...simd.threads import share_out, shared
+from ...simd.vectors import LANES
 
 __all__ = ["blend", "elect", "pack", "vote"]
 

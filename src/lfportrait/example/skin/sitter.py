@@ -23,7 +23,7 @@ from ...capture import Camera
 from ...field import VoxelField
 from ...field.surface_graph import SurfaceGraph
 from ...labels import SURFACE_LABELS
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..exemplar import face_size
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ...cache import key_of
 from ...capture import Camera
 from ...files import UNREADABLE_ARRAYS, atomic_write, map_arrays, write_mappable
-from ...lanes.threads import side_by_side
 from ...packed import check, pack, unpack
+from ...simd.threads import side_by_side
 from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
 from .sitter import Skin

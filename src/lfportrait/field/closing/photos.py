@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Capture
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
 from ..grid import VoxelField
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, normals_of
 from ..geometry.plate import smoothed
 from ..grid import VoxelField

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Camera, Capture, color_likelihood, refine_matte
-from ...lanes.threads import side_by_side
 from ...progress import Progress
+from ...simd.threads import side_by_side
 from ..grid import camera_row
 from ..kernels.plates import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth

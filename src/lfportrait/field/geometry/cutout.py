@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Capture
-from ...lanes.threads import side_by_side
 from ...progress import Progress
+from ...simd.threads import side_by_side
 from .fused_depth import REACH, Solid, find_solid
 from .outlines import along_edges
 from .sweep import sweep_depth

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Capture
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..grid import VoxelField
 from .sweep import DepthMap
 

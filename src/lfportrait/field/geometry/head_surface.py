@@ -30,7 +30,7 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
 from .plate import fitted_plate, smoothed

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Camera
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
 from ..kernels.depth_votes import pixel_of
 
 __all__ = ["hull_box", "ruled_out", "visual_hull"]

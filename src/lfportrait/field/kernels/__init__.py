@@ -1,3 +1,3 @@
 """Hot loops of the field, in Numba: casting rays through voxels, forward and backward."""
 
-from ... import lanes as lanes  # sets Numba's threading layer before any kernel is compiled
+from ... import simd as simd  # sets Numba's threading layer before any kernel is compiled

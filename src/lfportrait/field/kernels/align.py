@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.decorators import kernel
+from ...simd.decorators import kernel
 
 __all__ = ["pose_equations"]
 

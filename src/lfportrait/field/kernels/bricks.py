@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
 
 __all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width"]
 

@@ -11,17 +11,17 @@ What packets of rays found comes as records (`packet`), and each is taken up by
 itself, one after the other, as in Kaczmarz's method, of which SART is the simultaneous form: there
 is no gradient as large as the lattice. A row keeps what is remembered of it in its last two values:
 the weight of its rays, and the running mean of the density's squared slope. Rows are 16 or 32
-values wide and go through the lanes of `lfportrait.lanes.vectors`, 16 at a time.
+values wide and go through the lanes of `lfportrait.simd.vectors`, 16 at a time.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.decorators import lean, lean_kernel
-from ...lanes.interleaved import prefetch
-from ...lanes.threads import share_out
-from ...lanes.vectors import LANES
+from ...simd.decorators import lean, lean_kernel
+from ...simd.interleaved import prefetch
+from ...simd.threads import share_out
+from ...simd.vectors import LANES
 
 __all__ = ["descend", "smooth", "smooth_rows", "take_up_all", "total_variation", "vary_rows"]
 

@@ -23,9 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from ...lanes.cache_keys import identified, identity
-from ...lanes.decorators import lean, lean_kernel
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, identity, lean, lean_kernel
+from ...simd.vectors import LANES
 
 __all__ = ["BASIS_STRIDE", "enter_box", "make_basis", "make_channel_shade", "make_locate",
            "make_march", "make_rgb_shade", "sh_basis"]

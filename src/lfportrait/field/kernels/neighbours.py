@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
 
 __all__ = ["fill_neighbours", "mark_points"]
 

@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import lean
-from ...lanes.interleaved import gather_signed, load_ints, prefetch
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, lean
+from ...simd.interleaved import gather_signed, load_ints, prefetch
+from ...simd.vectors import LANES
 
 __all__ = ["Records", "make_color_points", "make_pad", "mix_color", "mix_density", "open_brick",
            "scatter", "slopes_of_errors", "use_cell", "write_records"]

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel
-from ...lanes.one_lane import SCALAR
-from ...lanes.threads import share_out, with_kernel
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, kernel
+from ...simd.threads import share_out, with_kernel
+from ...simd.vectors import LANES, SCALAR
 from .march import enter_box, make_basis, make_march, make_rgb_shade
 
 __all__ = ["render_kernel", "render_kernel_one_lane"]

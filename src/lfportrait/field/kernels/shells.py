@@ -16,9 +16,8 @@ import math
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean, lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import identified, kernel, lean, lean_kernel
+from ...simd.threads import shared
 from ..harmonics import C0
 
 __all__ = ["shells_backward", "shells_forward", "shells_mark", "shells_step"]

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...lanes.decorators import lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
 from .depth_votes import pixel_of
 
 __all__ = ["fuse_distance", "outline_distance"]

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ...lanes.barrier import meet, together
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean
-from ...lanes.threads import with_kernel
+from ...simd.barrier import meet, together
+from ...simd.decorators import identified, kernel, lean
+from ...simd.threads import with_kernel
 from .descent import smooth_rows, take_up_all, vary_rows
 from .train import make_cast, make_scratch
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...lanes.decorators import kernel, lean_kernel
-from ...lanes.shuffles import store_half
-from ...lanes.threads import shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import kernel, lean_kernel
+from ...simd.interleaved import store_half
+from ...simd.threads import shared
+from ...simd.vectors import LANES
 
 __all__ = ["Places", "Stretches", "build_stretches", "fill_stretches", "place_stretches"]
 

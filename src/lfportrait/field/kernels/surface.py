@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean_kernel
-from ...lanes.threads import shared
+from ...simd.decorators import identified, kernel, lean_kernel
+from ...simd.threads import shared
 from .march import sh_basis
 
 __all__ = ["depth_from_outside", "seen_colors", "sh_bases"]

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean
-from ...lanes.threads import share_out, shared
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, kernel, lean
+from ...simd.threads import share_out, shared
+from ...simd.vectors import LANES
 from .march import make_locate
 
 __all__ = ["PROBES", "REACH", "add_texture", "cell_charts", "halve", "make_detail",

@@ -26,10 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean
-from ...lanes.interleaved import gather_signed
-from ...lanes.vectors import LANES
+from ...simd.decorators import identified, kernel, lean
+from ...simd.interleaved import gather_signed
+from ...simd.vectors import LANES
 from .march import enter_box, make_basis, make_locate
 from .packet import (
     make_color_points,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.decorators import kernel
-from ...lanes.threads import shared
+from ...simd.decorators import kernel
+from ...simd.threads import shared
 from .march import enter_box
 
 __all__ = ["CAPACITY", "pixel_weights"]

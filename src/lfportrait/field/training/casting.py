@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...lanes.barrier import together
+from ...simd.barrier import together
 from ..config import ReconstructConfig
 from ..kernels.bricks import bright_table
 from ..kernels.packet import Records, make_pad

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Camera, Capture
-from ...lanes.threads import side_by_side
+from ...simd.threads import side_by_side
 from ..grid import camera_row
 
 __all__ = ["Batches", "TrainingPixels"]

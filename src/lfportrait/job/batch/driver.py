@@ -20,8 +20,8 @@ from ...device import checked_choice
 from ...errors import UserError
 from ...example import Exemplar
 from ...files import atomic_write, write_json
-from ...lanes.compiling import compiling_progress
 from ...measure import usable_cores
+from ...simd.host import compiling_progress
 from ...stages import check_writable
 from ..graph import Plan, Task, finished
 from ..networks import get_networks, networks_of

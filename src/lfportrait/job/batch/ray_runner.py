@@ -32,7 +32,7 @@ _PATIENCE = 10.0
 @functools.cache
 def _compile_once() -> None:
     """The kernels of this machine, compiled by the first process that needs them."""
-    from ...lanes.compiling import cache_folder
+    from ...simd.host import cache_folder
 
     cache_folder().mkdir(parents=True, exist_ok=True)
     with locked_file(cache_folder() / "warm.lock"), Warmup(KERNELS) as warmup:

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from ...field.gpu import Atlas, DeviceTexture, picture_texture, shader
 from ...gpu.device import BINDING, Device, bands
 
-__all__ = ["PanelJob", "code_panel"]
-
 _TILE = 16
 """Pixels along a side of a workgroup's tile."""
 _TILE_ROWS = 4

@@ -1,3 +1,3 @@
 """Hot loops of the coding, in Numba: sub-pixels of a panel, and slices of a field for its rows."""
 
-from ... import lanes as lanes  # sets Numba's threading layer before any kernel is compiled
+from ... import simd as simd  # sets Numba's threading layer before any kernel is compiled

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import kernel, lean, lean_kernel
-from ...lanes.threads import shared
-from ...lanes.vectors import LANES
-from .encode import eye_of
-
-__all__ = ["fill_ground", "shade_ground", "view_ground"]
+from ...simd.decorators import identified, kernel, lean, lean_kernel
+from ...simd.threads import shared
+from ...simd.vectors import LANES
+from .panel import eye_of
 
 _floats, _gather, _ints, _load, _store = (LANES.floats, LANES.gather, LANES.ints, LANES.load,
                                           LANES.store)

@@ -1,8 +1,12 @@
-"""A slice of the field: what the plane of one panel row cuts out of it, laid out for casting.
+"""A slice of the field: laid out for casting, its directions, and packets of rays sent through it.
 
 For every lattice plane z = k the slice has 13 rows of float16 values along x: density, then four
-coefficients of the color's angle for each channel (see `plane`). Values are interpolated between
+coefficients of the color's angle for each channel (`plane_matrix`). Values are interpolated between
 the two rows of voxels that the plane passes between. Only stretches with voxels are written.
+
+All rays of a panel's row lie in one plane (see `slices`). With phi, the angle in the plane from the
+panel's normal, spherical harmonics of degree 2 are a combination of 1, cos phi, sin phi, sin 2 phi
+and cos 2 phi; over a view cone, cos 2 phi is next to a straight line in cos phi.
 """
 
 from __future__ import annotations
@@ -12,13 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from ...lanes.cache_keys import identified
-from ...lanes.decorators import lean
-from ...lanes.interleaved import prefetch
-from ...lanes.shuffles import store_half
-from ...lanes.vectors import LANES
-
-__all__ = ["AHEAD", "LINES", "make_build", "pitch_of"]
+from ...field.marching import sh_basis
+from ...simd.decorators import identified, lean, lean_kernel
+from ...simd.interleaved import largest, make_look_up, prefetch, smallest, store_half
+from ...simd.vectors import LANES
 
 LINES = 13
 """Rows of a plane: density and 3 x 4 coefficients."""
@@ -144,3 +145,215 @@ def make_build(count: int) -> Callable[..., Any]:
                     if terms > 3:
                         store_half(slab, line + np.uintp(3 * pitch), mixed)
     return build
+
+
+@identified("plane matrix")
+@lean_kernel
+def plane_matrix(across, along, count, least, matrix, scratch):
+    """Spherical harmonics in the plane of two unit vectors, as coefficients of its angle.
+
+    A direction is ``cos(phi) along + sin(phi) across``, with cosines of ``least`` to 1.
+    ``matrix`` float32 [count * 16] is filled: for each coefficient its weights in the four terms of
+    a channel, in lanes ``4 * channel + term``, the same for all three channels. ``scratch`` float32
+    [5 * 16].
+    """
+    # The straight line nearest to cos(2 phi) = 2 cos(phi)^2 - 1 over the cosines that occur.
+    tilt = np.float32(2.0) * (np.float32(1.0) + least)
+    level = -tilt + np.float32(1.0) - np.float32(0.25) * (np.float32(1.0) - least) ** 2
+    root = np.float32(np.sqrt(0.5))
+    for probe in range(5):
+        c = np.float32(1.0 if probe == 0 else (-1.0 if probe == 1 else 0.0))
+        s = np.float32(1.0 if probe == 2 else (-1.0 if probe == 3 else 0.0))
+        if probe == 4:
+            c, s = root, root
+        sh_basis(c * along[0] + s * across[0], c * along[1] + s * across[1],
+                 c * along[2] + s * across[2], scratch, 16 * probe, count)
+    matrix[:] = np.float32(0.0)
+    half = np.float32(0.5)
+    for part in range(count):
+        ahead, back = scratch[part], scratch[16 + part]
+        right, left, oblique = scratch[32 + part], scratch[48 + part], scratch[64 + part]
+        cosine, sine = half * (ahead - back), half * (right - left)
+        constant = np.float32(0.25) * (ahead + back + right + left)
+        double = np.float32(0.25) * (ahead + back - right - left)
+        mixed = oblique - constant - root * (cosine + sine)
+        for channel in range(3):
+            place = 16 * part + 4 * channel
+            matrix[place] = constant + level * double
+            matrix[place + 1] = cosine + tilt * double
+            matrix[place + 2], matrix[place + 3] = sine, mixed
+
+
+@identified("least cosine")
+@lean
+def least_cosine(nx, nz, side, depth, eyes, aspect, distance):
+    """The least cosine in their plane of the rays that meet the lattice.
+
+    ``side`` and ``depth`` give x and z in the display frame of the lattice's point (i, k) as
+    (per i, per k, at zero); ``eyes`` float64 [V] are the eyes' x, ``aspect`` half the panel's width
+    and ``distance`` its distance from the eyes.
+    """
+    left, right = aspect, -aspect
+    for i in (0, nx - 1):
+        for k in (0, nz - 1):
+            away = (depth[0] * i + depth[1] * k + depth[2]) / distance
+            across = side[0] * i + side[1] * k + side[2]
+            for eye in (eyes[0], eyes[-1]):
+                px = min(max((across - eye * away) / (1.0 - away), -aspect), aspect)
+                left, right = min(left, px), max(right, px)
+    most = max(eyes[0], eyes[-1]) - left
+    most = max(most, right - min(eyes[0], eyes[-1]))
+    return np.float32(distance / np.sqrt(distance * distance + most * most))
+
+
+GROUP = 8
+"""Planes that are skipped together where nothing of a packet's way lies in them."""
+
+
+@identified("slice bounded")
+@lean
+def bounded(x, nx):
+    """The column at or before a place, from -1 to nx."""
+    return np.int64(np.floor(min(max(x, np.float32(-1.0)), np.float32(nx))))
+
+
+@identified("slice stripes")
+@lean
+def stripes(left, right, shift):
+    """The marks of columns from ``left`` to ``right`` (see `make_build`)."""
+    most = np.uint64(max(right, 0) >> shift)
+    return ((np.uint64(2) << most) - np.uint64(1)) & ~(
+        (np.uint64(1) << np.uint64(max(left, 0) >> shift)) - np.uint64(1))
+
+
+def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..., Any]:
+    """The function that sends one packet of rays through a slice.
+
+    Parameters
+    ----------
+    count
+        Coefficients a channel of the field's colors.
+    permutes
+        See `make_look_up`.
+    colors
+        Channels that it follows: 1, the one whose first row is ``line``, or 3.
+
+    Returns
+    -------
+    cast
+        ``cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine,
+        sine, line, threshold, stop)``; rays lie at column ``start + slope k`` of plane k. It
+        returns three colors (of one channel, the first), the transmittance, and the plane (a
+        fraction) on which half the light is gone.
+    """
+    floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
+    minimum, maximum = LANES.minimum, LANES.maximum
+    look_up = make_look_up(permutes)
+    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
+
+    @identified("slice point", permutes)
+    @lean
+    def point(slab, place, offset, part):
+        """A row's values at the rays' places."""
+        before, after = look_up(slab, np.uintp(place), offset)
+        return before + part * (after - before)
+
+    @identified("slice shade", count, permutes)
+    @lean
+    def shade(slab, place, pitch, offset, part, cosine, sine, mixed):
+        """A channel's color, from the rows that begin at a place."""
+        color = point(slab, place, offset, part)
+        if count > 1:
+            color = color + cosine * point(slab, place + pitch, offset, part)
+            color = color + sine * point(slab, place + 2 * pitch, offset, part)
+        if count > 4:
+            color = color + mixed * point(slab, place + 3 * pitch, offset, part)
+        return maximum(color + half, zero)
+
+    @identified("slice cast", count, permutes, colors)
+    @lean
+    def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
+             line, threshold, stop):
+        pitch = pitch_of(nx)
+        first, second, third = floats(zero), floats(zero), floats(zero)
+        through, end_plane = floats(one), floats(zero)
+        alive = through > zero
+        mixed = np.float32(2.0) * sine * cosine
+        low = high = low_slope = high_slope = zero
+        begin = 0
+        for group in range(len(group_marks)):
+            front = planes - 1 - group * GROUP * stride
+            back = max(front - (GROUP - 1) * stride, 0)
+            # Bounds of the packet's way, found once for eight groups: between two planes the
+            # outermost rays lie within the straight lines between their places there.
+            if group % 8 == 0:
+                begin, end = front, max(front - 8 * GROUP * stride, 0)
+                at_begin = start + slope * np.float32(begin)
+                at_end = start + slope * np.float32(end)
+                low, low_end = smallest(at_begin), smallest(at_end)
+                high, high_end = largest(at_begin), largest(at_end)
+                run = np.float32(1.0) / np.float32(max(begin - end, 1))
+                low_slope, high_slope = (low_end - low) * run, (high_end - high) * run
+            ahead, behind = np.float32(begin - front), np.float32(begin - back)
+            base = bounded(min(low + low_slope * ahead, low + low_slope * behind), nx)
+            most = max(high + high_slope * ahead, high + high_slope * behind)
+            todo = alive
+            whole = min(most, np.float32(nx)) < np.float32(base + 62)
+            if group_marks[group] & stripes(base, bounded(most, nx), shift) == 0:
+                continue
+            while bits(todo) != 0:
+                active = todo
+                if not whole:
+                    # Those rays that stay within 63 columns from the leftmost one's on go together.
+                    at_front = start + slope * np.float32(front)
+                    at_back = start + slope * np.float32(back)
+                    near, far = minimum(at_front, at_back), maximum(at_front, at_back)
+                    far = minimum(far, np.float32(nx))
+                    base = bounded(smallest(where(todo, near, np.float32(nx))), nx)
+                    active = todo & (far < np.float32(base + 62))
+                    most = largest(where(active, far, -one))
+                todo = todo & ~active
+                way = stripes(base, bounded(most, nx), shift)
+                for k in range(front, back - 1, -stride):
+                    if marks[k] & way == 0:
+                        continue
+                    x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
+                    x = minimum(maximum(x - np.float32(base), zero), np.float32(62.0))
+                    offset = ints(x)
+                    part = x - floats(offset)
+                    place = k * LINES * pitch + AHEAD + base
+                    sigma = point(slab, place, offset, part)
+                    shown = active & (sigma > threshold)
+                    if bits(shown) == 0:
+                        continue
+                    fade = where(shown, exp(-(sigma * delta)), one)
+                    place += line * pitch
+                    weight = through * (one - fade)
+                    first = first + weight * shade(slab, place, pitch, offset, part, cosine, sine,
+                                                   mixed)
+                    if colors == 3:
+                        second = second + weight * shade(slab, place + 4 * pitch, pitch, offset,
+                                                         part, cosine, sine, mixed)
+                        third = third + weight * shade(slab, place + 8 * pitch, pitch, offset,
+                                                       part, cosine, sine, mixed)
+                    after = through * fade
+                    crossed = shown & (through >= half) & (after < half)
+                    if bits(crossed) != 0:
+                        # A plane stands for what lies half a step before and behind it.
+                        part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
+                        end_plane = where(crossed, np.float32(k) - part * np.float32(stride),
+                                          end_plane)
+                    through = after
+                    active = active & (through > stop)
+                    if bits(active) == 0:
+                        break
+            alive = through > stop
+            if bits(alive) == 0:
+                break
+        # Behind the stop lies more of the same surface: its color is taken to go on.
+        ended = through <= stop
+        whole_of = where(ended, one / (one - through), one)
+        return (first * whole_of, second * whole_of, third * whole_of,
+                where(ended, zero, through), end_plane)
+
+    return cast

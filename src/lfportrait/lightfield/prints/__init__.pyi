@@ -1,12 +1,7 @@
-from .config import PrintConfig
-from .depth import PrintDepth, fitted
+from .depth import PrintDepth, SheetView, fitted, through_lenses
 from .files import check_file
-from .lenses import write_lenses
-from .pages import write_print
-from .sheet import PrintSheet
-from .sizes import paper_size
-from .trial import write_pitch_test
-from .view import SheetView, through_lenses
+from .pages import write_lenses, write_pitch_test, write_print
+from .sheet import PrintConfig, PrintSheet, paper_size
 
 __all__ = ["PrintConfig", "PrintDepth", "PrintSheet", "SheetView", "check_file", "fitted",
            "paper_size", "through_lenses", "write_lenses", "write_pitch_test", "write_print"]

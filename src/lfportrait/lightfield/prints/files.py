@@ -23,9 +23,7 @@ from ...errors import UserError
 from ...files import atomic_write
 from ...measure import free_disk_bytes
 from ...png import PngWriter
-from .sizes import INCH
-
-__all__ = ["PngRows", "RowFile", "TiffRows", "check_file", "row_file", "srgb_profile"]
+from .sheet import INCH
 
 _TIFF, _PNG = (".tif", ".tiff"), (".png",)
 _HEAD = 1 << 16

@@ -1,29 +1,162 @@
-"""Writing a print: coded, marked and written band by band, so that memory stays small."""
+"""Pages: prints with their marks, test pages, and lenses, written band by band in little memory.
+
+The marks lie in a print's border, and are cut off with the bleed when the sheet is laminated.
+From the page's edge inwards: a little white; a strip of stripes as wide as half a lens; where to
+cut, and a line of text. The stripes lie under the middle of each lens: to an eye straight in front
+a strip is black all along where the sheet lies right, and checkered where it is turned. All of them
+are black at once when the sheet is moved to where the picture is in its middle.
+
+A test page shows which pitch and which phase fit a sheet of lenses, on this printer. Each row has
+stripes under the middle of each lens, for another pitch. Seen through the sheet, a row whose pitch
+is wrong turns from black to white and back along its length; the right one is black all along, to
+an eye straight in front. The lower rows have one pitch and are moved from row to row by a tenth of
+a lens: they tell where the sheet lies.
+
+The height map of a lens sheet is for printers that print the lenses in varnish, too. Lenses that
+are to be sharp on the ink below them have the radius R = t (n - 1) / n at their top, for a sheet t
+thick of refractive index n. ``arc`` is that circle; ``sine`` has its curvature at the top and is
+smooth between the lenses, which varnish keeps better.
+"""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import UserError
 from ...field import VoxelField
 from ...progress import Progress
-from ..coding import encode_rows
-from ..composition import composed
+from ..coding import composed, encode_rows, row_views
 from ..display import Display
 from ..ground import ground_of
-from ..mask import row_views
 from ..placement import EncodeConfig
 from .depth import fitted
 from .files import check_file, row_file
-from .marks import Marks
-from .sheet import PrintSheet
+from .sheet import INCH, Box, PrintConfig, PrintSheet, paper_size
 
-__all__ = ["bands", "coded_bands", "write_print"]
+_WHITE, _STRIP, _CUT = 0.1, 0.5, 0.1
+"""Shares of the margin: white, the strip, and white again before the marks where to cut."""
+_LINE = 0.15
+"""Width of a line in millimetres."""
+
+
+def stripes(display: Display, rows: NDArray[np.int64], columns: NDArray[np.int64],
+            ) -> NDArray[np.bool_]:
+    """Where half of each lens is black, its middle: [rows, columns]."""
+    phase = display.phase(rows[:, None], columns[None], 0) / display.pitch
+    return np.asarray(np.abs(phase - 0.5) < 0.25)
+
+
+def lettering(text: str, height: int, width: int, size: int, align: str = "center",
+              ) -> NDArray[np.uint8]:
+    """A line of text, black on white, uint8 [height, width]; letters shrink where it is narrow."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.load_default(max(6, size))
+    # Lengths do not quite grow with the size: leave a little room.
+    long = font.getlength(text) * 1.03
+    if long > width:
+        font = ImageFont.load_default(max(6, int(size * width / long)))
+    picture = Image.new("L", (width, height), 255)
+    place, anchor = ((width / 2, "mm") if align == "center" else (0, "lm"))
+    ImageDraw.Draw(picture).text((place, height / 2), text, 0, font, anchor=anchor)
+    return np.asarray(picture)
+
+
+@dataclass
+class Marks:
+    """Paints a page's border, band by band.
+
+    Attributes
+    ----------
+    sheet
+        The page.
+    text
+        A line below the picture.
+    """
+
+    sheet: PrintSheet
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        sheet = self.sheet
+        self._boxes = self._strips()
+        edge = sheet.picture.left
+        height = max(1, edge - round((_WHITE + _STRIP) * edge))
+        self._words = lettering(self.text, height, max(1, sheet.trim.width // 2),
+                                round(0.5 * height))
+        self._alike = (stripes(sheet.display, np.zeros(1, np.int64),
+                               np.arange(sheet.display.width))[0]
+                       if sheet.display.alike else None)
+
+    def _strips(self) -> list[Box]:
+        """Where the stripes lie: above, below, left and right of the picture."""
+        display, picture = self.sheet.display, self.sheet.picture
+        outer = round(_WHITE * picture.left)
+        inner = round((_WHITE + _STRIP) * picture.left)
+        return [Box(picture.left, outer, picture.right, inner),
+                Box(picture.left, display.height - inner, picture.right, display.height - outer),
+                Box(outer, picture.top, inner, picture.bottom),
+                Box(display.width - inner, picture.top, display.width - outer, picture.bottom)]
+
+    def paint(self, band: NDArray[np.uint8], first: int) -> None:
+        """Paint the border of some rows, uint8 [n, W, 3], from page row ``first`` on."""
+        sheet, last = self.sheet, first + len(band)
+        picture = sheet.picture
+        band[:, :picture.left] = 255
+        band[:, picture.right:] = 255
+        band[:max(0, min(picture.top, last) - first)] = 255
+        band[max(0, picture.bottom - first):] = 255
+        if not sheet.config.marks or picture.left == 0:
+            return
+        for box in self._boxes:
+            rows = np.arange(max(box.top, first), min(box.bottom, last))
+            if len(rows):
+                columns = np.arange(box.left, box.right)
+                black = (self._alike[None, columns] if self._alike is not None
+                         else stripes(sheet.display, rows, columns))
+                band[rows[0] - first:rows[-1] + 1 - first, box.left:box.right] = np.where(
+                    black, 0, 255)[..., None]
+        self._cuts(band, first)
+        self._write(band, first)
+
+    def _cuts(self, band: NDArray[np.uint8], first: int) -> None:
+        """Short lines at the corners of the finished print, outside of the bleed."""
+        display, picture, trim = self.sheet.display, self.sheet.picture, self.sheet.trim
+        start = round((_WHITE + _STRIP + _CUT) * picture.left)
+        thick = max(1, self.sheet.pixels(_LINE))
+        half, last = thick // 2, first + len(band)
+
+        def fill(left: int, top: int, right: int, bottom: int) -> None:
+            top, bottom = max(top, first) - first, min(bottom, last) - first
+            if bottom > top:
+                band[top:bottom, left:right] = 0
+
+        for x in (trim.left, trim.right):
+            for low, high in ((start, picture.top - half),
+                              (picture.bottom + half, display.height - start)):
+                fill(x - half, low, x - half + thick, high)
+        for y in (trim.top, trim.bottom):
+            for low, high in ((start, picture.left - half),
+                              (picture.right + half, display.width - start)):
+                fill(low, y - half, high, y - half + thick)
+
+    def _write(self, band: NDArray[np.uint8], first: int) -> None:
+        """The line of text, below the picture."""
+        height, width = self._words.shape
+        top, left = self.sheet.picture.bottom, (self.sheet.display.width - width) // 2
+        low, high = max(top, first), min(top + height, first + len(band))
+        if high > low:
+            band[low - first:high - first, left:left + width] = self._words[
+                low - top:high - top, :, None]
+
 
 _BAND = 16 << 20
 """Bytes of a band's pixels."""
@@ -100,3 +233,236 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
             "distance_mm": sheet.distance, "angle": display.cone,
             "thickness_mm": sheet.thickness, "bytes": path.stat().st_size,
             "seconds": {"coding": round(coded, 4), "page": round(time.perf_counter() - start, 4)}}
+
+
+Profile = Literal["arc", "sine"]
+
+
+def lens_heights(sheet: PrintSheet, profile: Profile, rows: NDArray[np.int64],
+                 ) -> NDArray[np.float64]:
+    """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W].
+
+    Raises
+    ------
+    UserError
+        If lenses of this pitch can't be sharp on a sheet so thin.
+    """
+    display, config = sheet.display, sheet.config
+    lens = display.pitch / 3.0 / config.dpi * 25.4
+    radius = sheet.thickness * (config.index - 1) / config.index
+    if profile == "arc" and 2 * radius < lens:
+        least = 0.5 * lens * config.index / (config.index - 1)
+        raise UserError(f"round lenses of {config.lpi:g} lpi need a sheet of at least "
+                        f"{least:.2f} mm to be sharp on the ink, not {sheet.thickness:.2f}: give "
+                        "--thickness, or --lens-profile sine")
+    away = lens * (_phase(display, rows) / display.pitch - 0.5)
+    if profile == "arc":
+        return np.asarray(sheet.thickness - radius + np.sqrt(radius ** 2 - away ** 2))
+    swing = (lens / (2 * math.pi)) ** 2 / radius
+    return np.asarray(sheet.thickness - swing * (1 - np.cos(2 * math.pi * away / lens)))
+
+
+def _phase(display: Display, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    return display.phase(rows[:, None], np.arange(display.width)[None], 0)
+
+
+def write_lenses(sheet: PrintSheet, path: Path, profile: Profile = "arc") -> dict[str, Any]:
+    """Write the height map of the sheet that fits a print.
+
+    Parameters
+    ----------
+    sheet
+        Page and lens sheet.
+    path
+        ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535 the top of
+        a lens.
+    profile
+        The lenses' cross-section.
+
+    Returns
+    -------
+    figures
+        ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of a lens in it.
+    """
+    display, config = sheet.display, sheet.config
+    first = lens_heights(sheet, profile, np.zeros(1, np.int64))
+    if float(first.min()) <= 0:
+        raise UserError(f"such lenses would be higher than the sheet of {sheet.thickness:.2f} mm: "
+                        "check --thickness and --angle")
+    note = f"65535 is {sheet.thickness:.3f} mm; {config.lpi:g} lpi, {profile}"
+    with row_file(path, display.width, display.height, config.dpi, grey=True, note=note) as out:
+        for start, count in bands(display):
+            heights = (first if display.alike
+                       else lens_heights(sheet, profile, np.arange(start, start + count)))
+            values = np.broadcast_to(np.rint(heights / sheet.thickness * 65535).astype(np.uint16),
+                                     (count, display.width))
+            out.write(values[:, ::-1] if config.mirror else values)
+    return {"height_mm": sheet.thickness, "lens_mm": float(np.ptp(first)), "profile": profile}
+
+
+_PITCHES, _PHASES = 21, 10
+_DRIFT = 0.6
+"""Lenses by which neighbouring rows drift apart from end to end; half a lens is black."""
+_LEAST = 100.0
+"""Millimetres of a test page's sides at least."""
+_TEXT = 5.5
+"""Height of a line of text in millimetres, on pages high enough."""
+_EDGE = 5.0
+"""White at the page's edges, mm: printers leave it out."""
+_LABEL = 19.0
+"""Width of the labels, mm."""
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Something that takes some rows of the page: a line of text, or stripes with a label."""
+
+    top: int
+    height: int
+    text: str
+    sheet: PrintSheet | None = None
+
+
+@dataclass(frozen=True)
+class TrialPage:
+    """A test page.
+
+    Attributes
+    ----------
+    sheet
+        Page and lens sheet in its middle, without borders.
+    pitches, phases
+        What the rows stand for, lenses per inch and lenses.
+    lines
+        From the top down.
+    """
+
+    sheet: PrintSheet
+    pitches: tuple[float, ...]
+    phases: tuple[float, ...]
+    lines: tuple[_Line, ...]
+
+    @staticmethod
+    def of(config: PrintConfig, spread: float = 0.0) -> TrialPage:
+        """The page of a configuration; rows differ by up to ``spread`` per cent in pitch.
+
+        0: so that a row whose pitch is that of the next one is white at both ends.
+
+        Raises
+        ------
+        UserError
+            If the page is smaller than 100 mm.
+        """
+        if not (spread == 0 or 0.05 <= spread <= 10):
+            raise UserError("--pitch-range must be 0, or lie between 0.05 and 10 per cent, not "
+                            f"{spread:g}")
+        sheet = PrintSheet.of(config, bare=True)
+        wide, high = paper_size(config.size)
+        if min(wide, high) < _LEAST:
+            raise UserError(f"a test page must be at least {_LEAST:g} x {_LEAST:g} mm large, not "
+                            f"{wide:.0f} x {high:.0f}: choose a larger --size")
+        if not spread:
+            lenses = (wide - _LABEL - 2 * _EDGE) / INCH * config.lpi
+            spread = 100 * _DRIFT / lenses * (_PITCHES // 2)
+        pitches = tuple(config.lpi * (1 + spread / 100 * step)
+                        for step in np.linspace(-1, 1, _PITCHES))
+        phases = tuple(round(float(step), 2) for step in np.arange(-5, 5) / _PHASES)
+        return TrialPage(sheet, pitches, phases,
+                         tuple(_layout(config, sheet, pitches, phases, high)))
+
+    def rows(self, first: int, count: int) -> NDArray[np.uint8]:
+        """Some rows of the page, uint8 [count, W]: black and white."""
+        page = np.full((count, self.sheet.display.width), 255, np.uint8)
+        for line in self.lines:
+            low, high = max(line.top, first), min(line.top + line.height, first + count)
+            if high > low:
+                page[low - first:high - first] = self._line(line, low, high)
+        return page
+
+    def row_of(self, number: int) -> tuple[int, int]:
+        """First page row of the ``number``-th stripes, pitches first, and how many it has."""
+        line = [line for line in self.lines if line.sheet is not None][number]
+        return line.top, line.height
+
+    def _line(self, line: _Line, low: int, high: int) -> NDArray[np.uint8]:
+        """Rows ``low`` to ``high`` of the page within a line."""
+        width, edge = self.sheet.display.width, self.sheet.pixels(_EDGE)
+        out = np.full((high - low, width), 255, np.uint8)
+        start = edge
+        if line.sheet is not None:
+            start = edge + self.sheet.pixels(_LABEL)
+            rows = np.arange(low, high) if not line.sheet.display.alike else np.zeros(1, np.int64)
+            out[:, start:width - edge] = np.where(
+                stripes(line.sheet.display, rows, np.arange(start, width - edge)), 0, 255)
+            start -= self.sheet.pixels(1.0)
+        words = lettering(line.text, line.height, (start if line.sheet else width - edge) - edge,
+                          round(0.72 * line.height), "left")
+        place = slice(edge, edge + words.shape[1])
+        out[:, place] = words[low - line.top:high - line.top]
+        return out
+
+
+def _layout(config: PrintConfig, sheet: PrintSheet, pitches: tuple[float, ...],
+            phases: tuple[float, ...], high: float) -> Iterator[_Line]:
+    """What stands where on the page, from the top down."""
+    above = (
+        f"Pitch and phase of a lens sheet of {config.lpi:g} lpi, {config.dpi:g} dpi",
+        "1. Print this page at 100 %, as it is. Lay the sheet on it, lenses upright.",
+        f"2. One eye, straight in front of the middle, {sheet.distance:.0f} mm away.",
+        "3. Turn the sheet until no row has slanted bars.",
+        "4. The row that has one color all along has the right pitch: its number is --lpi.")
+    below = (
+        f"5. Print again with the pitch found. These rows have {config.lpi:g} lpi.",
+        "The one that is black, and turns white alike as you move left or right, is --phase.")
+    text = min(_TEXT, 0.3 * high / (len(above) + len(below)))
+    band = (high - 2 * _EDGE - text * (len(above) + len(below)) - 3.0) / (_PITCHES + _PHASES)
+    place = _EDGE
+
+    def line(height: float, words: str, own: PrintConfig | None = None) -> _Line:
+        nonlocal place
+        top = sheet.pixels(place)
+        place += height
+        # Stripes have a little white between them.
+        white = 0.15 * height if own else 0.0
+        return _Line(top, sheet.pixels(place - white) - top, words,
+                     PrintSheet.of(own, bare=True) if own else None)
+
+    for words in above:
+        yield line(text, words)
+    for pitch in pitches:
+        yield line(band, f"{pitch:.3f}", replace(config, lpi=pitch, phase=0.0))
+    place += 3.0
+    for words in below:
+        yield line(text, words)
+    for phase in phases:
+        yield line(band, f"{phase:+.1f}", replace(config, phase=phase))
+
+
+def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> dict[str, Any]:
+    """Write a test page for pitch and phase.
+
+    Parameters
+    ----------
+    config
+        Page and lens sheet; its pitch is in the middle of those tried.
+    path
+        ``.tiff`` or ``.png``.
+    spread
+        Per cent by which the rows' pitches differ from it at most; 0: as the page's width needs.
+
+    Returns
+    -------
+    figures
+        ``pitches`` and ``phases`` of the rows from the top down.
+    """
+    page = TrialPage.of(config, spread)
+    display = page.sheet.display
+    check_file(path, display.width, display.height)
+    with row_file(path, display.width, display.height, config.dpi,
+                  note=f"pitch test, {config.lpi:g} lpi") as out:
+        for first, count in bands(display):
+            rows = page.rows(first, count)
+            rows = rows[:, ::-1] if config.mirror else rows
+            out.write(np.repeat(rows[..., None], 3, axis=2))
+    return {"width": display.width, "height": display.height, "pitches": page.pitches,
+            "phases": page.phases}

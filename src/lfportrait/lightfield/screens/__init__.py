@@ -2,8 +2,15 @@
 
 from .bridge import URL, Bridge, DepthPicture, Device, Entry
 from .live import OffscreenWindow
-from .live_show import fields_to_show, live_adapter, show_field, show_live
-from .live_window import LiveWindow, check_packages, screen_sizes
+from .live_window import (
+    LiveWindow,
+    check_packages,
+    fields_to_show,
+    live_adapter,
+    screen_sizes,
+    show_field,
+    show_live,
+)
 from .show import PygameDriver, show
 
 __all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry", "LiveWindow", "OffscreenWindow",

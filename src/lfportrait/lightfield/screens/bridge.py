@@ -23,8 +23,6 @@ from ...errors import UserError
 from ..display import Display
 from ..quilts import QuiltLayout
 
-__all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry"]
-
 URL = "http://localhost:33334"
 """Where Bridge listens."""
 

@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ..coded import check_size
 from ..display import Display
-
-__all__ = ["Driver", "PygameDriver", "choose_screen", "show"]
+from ..interlacing import check_size
 
 
 class Driver(Protocol):

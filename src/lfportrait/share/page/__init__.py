@@ -1,9 +1,9 @@
 """The whole portrait in one HTML file that anybody can open, and any panel can show.
 
-`write_page` writes it: `colors` says which colors can be shown, `packing` makes a few megabytes of
-the field, `budget` keeps to the size that is asked for, `poster` is the picture that shows at once,
-`assembly` joins all with the page's script in `web/`; `serving` shows it in a browser. See
-docs/portrait-page.md for what the page does. `recolored` gives a page that is open other colors.
+`write_page` writes it: `packing` makes a few megabytes of the field, as fine as the size that is
+asked for allows, `assembly` joins all with the page's script in `web/` and a picture that shows at
+once. `serve_page` shows it in a browser. See docs/portrait-page.md for what the page does.
+`recolored` gives a page that is open other colors.
 """
 
 import lazy_loader

@@ -1,34 +1,327 @@
-"""The page's file: poster, caption, script and data in one HTML text."""
+"""The page's file: poster, caption, script and data in one HTML text; shown, and colored again.
+
+The poster is what a page shows at first: the front view, framed like the live one. The page draws
+the picture as a plane behind the head (`web/ground.glsl`); the color is that of the page where
+nothing is drawn.
+
+A page keeps the rows of the lattice, and the texels of the surface, that its own colors need. What
+is painted of the same field, in another mix, has a color at each of them. So only colors are sent:
+no mask, no densities, no charts.
+
+`serve_page` shows a page in the browser: on the loopback address, to this machine alone.
+"""
 
 from __future__ import annotations
 
 import base64
 import html
+import io
 import json
 import re
 import time
 import warnings
-from dataclasses import fields, replace
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
+from ...browsing import open_browser
+from ...capture import Camera
 from ...errors import UserError
-from ...field import C0, VoxelField
+from ...field import C0, Backdrop, VoxelField
 from ...files import atomic_write
-from ...lightfield import Display, EncodeConfig, customary_views
+from ...lightfield import (
+    Display,
+    EncodeConfig,
+    backdrop_of,
+    customary_views,
+    render_views,
+    world_ground,
+)
 from ...version import __version__
-from .budget import fit
-from .colors import ColorSet, color_sets
+from ..paths import DISTANCE, head_extent
 from .config import PageConfig
-from .ground import PageGround, ground_style
-from .packing import Lattice
-from .poster import poster, start_view
-from .texels import PageTexture
+from .packing import ColorSet, Lattice, PageTexture, code_values, color_sets, fit
 
-__all__ = ["page_script", "write_page"]
+_HEIGHT = 1000
+_MARGIN = 1.04
+
+
+def start_view(voxels: VoxelField) -> dict[str, Any]:
+    """Where the page's camera stands at first.
+
+    Returns
+    -------
+    start
+        ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half width and
+        half height of what must fit into the window.
+    """
+    reach, low, high = head_extent(voxels)
+    return {"target": [0.0, (low + high) / 2, 0.0], "distance": DISTANCE,
+            "reach": _MARGIN * reach, "half": _MARGIN * (high - low) / 2}
+
+
+def poster(voxels: VoxelField, start: dict[str, Any]) -> bytes:
+    """The front view on a clear ground, as WebP."""
+    near = np.sqrt(start["distance"] ** 2 - start["reach"] ** 2)
+    focal = 0.5 * _HEIGHT * near / start["half"]
+    width = max(2, round(_HEIGHT * start["reach"] / start["half"]))
+    size = max(_HEIGHT, width)
+    camera = Camera.arc(np.zeros(1), distance=start["distance"], width=size, height=size,
+                        focal=focal, target=tuple(start["target"]))
+    seen = next(render_views(voxels, camera, background=0.0))
+    alpha = np.clip(seen.alpha, 0.0, 1.0)[..., None]
+    color = np.clip(seen.color / np.maximum(alpha, 1e-6), 0.0, 1.0)
+    picture = (np.concatenate([color, alpha], axis=2) * 255.0 + 0.5).astype(np.uint8)
+    top, left = (size - _HEIGHT) // 2, (size - width) // 2
+    buffer = io.BytesIO()
+    Image.fromarray(picture[top:top + _HEIGHT, left:left + width]).save(
+        buffer, "WEBP", quality=82, method=2)
+    return buffer.getvalue()
+
+
+_LONGEST = 720
+"""Pixels of the picture's longer side: a ground is soft, and lies behind."""
+_QUALITY = 78
+
+_DARK, _LIGHT = 0.16, 0.88
+"""Luma of a page's ground, at most and at least: its text must stay legible."""
+
+
+@dataclass(frozen=True)
+class PageGround:
+    """A page's ground.
+
+    Attributes
+    ----------
+    header
+        For the page's script: ``picture``, a WebP as an address; ``left``, ``top``, ``width`` and
+        ``height`` in world units; ``depth``, how far it lies behind the head's middle; and for
+        panels ``back``, where the head's back is in the world, ``behind``, how far behind that the
+        ground lies in half panel heights, and ``blur`` (`EncodeConfig`).
+    drop
+        What it was made from.
+    """
+
+    header: dict[str, Any]
+    drop: Backdrop
+
+    @property
+    def size(self) -> int:
+        """Bytes in the page."""
+        return len(self.header["picture"])
+
+    @staticmethod
+    def of(voxels: VoxelField, config: EncodeConfig) -> PageGround | None:
+        """What panels show behind a field; None where that is a grey level."""
+        drop = backdrop_of(voxels, config)
+        if drop is None:
+            return None
+        longest = max(drop.picture.shape[:2])
+        plane = world_ground(voxels, config, max(longest / _LONGEST, 1.0) / drop.pixels)
+        assert plane is not None
+        picture = np.clip(plane.planes.transpose(1, 2, 0) + 0.5, 0, 255).astype(np.uint8)
+        buffer = io.BytesIO()
+        Image.fromarray(picture).save(buffer, "WEBP", quality=_QUALITY, method=2)
+        across, down = plane.texel
+        return PageGround({
+            "picture": "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode(),
+            "left": round(plane.left - across / 2, 5), "top": round(plane.top + down / 2, 5),
+            "width": round(across * picture.shape[1], 5),
+            "height": round(down * picture.shape[0], 5), "depth": round(plane.depth, 5),
+            "back": round(config.ground_depth / EncodeConfig.size - plane.depth, 5),
+            "behind": config.ground_depth, "blur": config.ground_blur}, drop)
+
+
+def ground_style(backdrop: Backdrop | None) -> tuple[str, bool]:
+    """Style sheet of a page's ground, and whether the page begins with a light one.
+
+    A painted ground that is dark takes the place of the page's dark one, a light one that of its
+    light one: the other can be chosen as before. Without a painted ground the style is empty.
+    """
+    if backdrop is None:
+        return "", False
+    color = backdrop.color
+    luma = float(color @ [0.299, 0.587, 0.114])
+    light = luma > 0.5
+    if light:
+        ground = 1 - (1 - color) * min(1.0, (1 - _LIGHT) / max(1 - luma, 1e-3))
+        glow = 1 - (1 - ground) * 0.4
+    else:
+        ground = color * min(1.0, _DARK / max(luma, 1e-3))
+        glow = np.clip(1.6 * ground + 0.02, 0, 1)
+    chosen = '[data-ground="light"]' if light else ':not([data-ground="light"])'
+    return f"\n:root{chosen} {{ --ground: {_hex(ground)}; --glow: {_hex(glow)}; }}\n", light
+
+
+def _hex(color: np.ndarray) -> str:
+    """A color in [0, 1] for a style sheet."""
+    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in color)
+
+
+_HEADER = re.compile(rb'<script type="application/json" id="portrait">(.*?)</script>', re.DOTALL)
+_STREAM = re.compile(rb'<script type="application/octet-stream" data-stream="(mask|texels)">'
+                     rb"([A-Za-z0-9+/=]*)</script>")
+
+
+@dataclass(frozen=True)
+class OpenPage:
+    """What of a page other colors must fit to.
+
+    Attributes
+    ----------
+    filled
+        bool [Z, Y, X], the lattice points that it keeps.
+    kept
+        bool [H, W], the texels that it keeps, or None where it has no texture.
+    pixels
+        Texels per world unit; 0 without a texture.
+    """
+
+    filled: NDArray[np.bool_]
+    kept: NDArray[np.bool_] | None = field(default=None, repr=False)
+    pixels: float = 0.0
+
+    @staticmethod
+    def of(page: bytes) -> OpenPage:
+        """Read a page that `write_page` wrote."""
+        found = _HEADER.search(page)
+        streams = dict(_STREAM.findall(page))
+        if found is None or b"mask" not in streams:
+            raise UserError("this file is no page of a portrait; write it again")
+        header = json.loads(found[1])
+        texture = header.get("texture")
+        if not texture:
+            return OpenPage(_bits(streams[b"mask"], header["shape"]))
+        height, _, width = texture["shape"]
+        return OpenPage(_bits(streams[b"mask"], header["shape"]),
+                        _bits(streams[b"texels"], (height, width)), float(texture["pixels"]))
+
+
+def _bits(text: bytes, shape: Any) -> NDArray[np.bool_]:
+    bits = np.unpackbits(np.frombuffer(zlib.decompress(base64.b64decode(text)), np.uint8))
+    return bits[:int(np.prod(shape))].astype(np.bool_).reshape(shape)
+
+
+def recolored(page: OpenPage, voxels: VoxelField) -> dict[str, Any] | None:
+    """A field's colors as a further color set of a page.
+
+    Parameters
+    ----------
+    page
+        Of the same field, in whatever colors.
+    voxels
+        The field in the colors that are wanted; those seen from the front, of degree 0.
+
+    Returns
+    -------
+    set
+        ``bands`` as in the page's header; ``streams``: the band's residuals by its number;
+        ``texels``: those of the texture, or None. Streams are deflated, in base64. None where the
+        page does not hold the field row by row, as its size did not allow it.
+    """
+    if page.filled.shape != voxels.links.shape:
+        return None
+    rows = voxels.links[page.filled]
+    if (rows < 0).any():
+        return None
+    shown = np.clip(voxels.sh[rows][:, (1, 0, 2), 0] * np.float32(C0) + np.float32(0.5), 0.0, 1.0)
+    levels = (shown * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
+    stream, _ = code_values(page.filled, levels, np.zeros(len(levels), np.uint8))
+    return {"bands": [{"low": 0.0, "high": 1.0}], "streams": {"0": _base64(stream)},
+            "texels": _texels(page, voxels)}
+
+
+def _texels(page: OpenPage, voxels: VoxelField) -> str | None:
+    """The texture's stream, in the page's atlas and at its resolution."""
+    if page.kept is None or voxels.texture is None:
+        return None
+    voxel = float((2.0 * voxels.radius / voxels.links.shape[::-1]).mean())
+    colors = ColorSet("", "mix", voxels.sh, voxels.texture.texels)
+    texture = PageTexture.of(voxels.texture, [colors], voxels.lattice_points(), 1.8 * voxel)
+    for _ in range(round(np.log2(texture.pixels / page.pixels))):
+        texture = texture.halved()
+    [texels] = texture.texels
+    if texels is None or texels.shape[:2] != page.kept.shape:
+        return None
+    values = (texels[page.kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
+    stream, _ = code_values(page.kept[:, None], values, np.zeros(len(values), np.uint8))
+    return _base64(stream)
+
+
+def _base64(stream: bytes) -> str:
+    return base64.b64encode(stream).decode()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers every request with one file, without logging."""
+
+    def __init__(self, page: Path, *arguments: object) -> None:
+        self.page = page
+        super().__init__(*arguments)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        """Send the page, or that there is nothing else."""
+        # A page of another site that has its name point here must not read the portrait.
+        name = self.headers.get("Host", "").rsplit(":", 1)[0].lower()
+        if name not in ("127.0.0.1", "localhost"):
+            self.send_error(403)
+            return
+        if self.path.split("?")[0] not in ("/", "/portrait.html"):
+            self.send_error(404)
+            return
+        data = self.page.read_bytes()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(data)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, *_: object) -> None:
+        """Keep still."""
+
+
+def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
+               ready: Callable[[str, Callable[[], None]], None] | None = None) -> None:
+    """Serve a page until interrupted.
+
+    Parameters
+    ----------
+    page
+        The file.
+    port
+        On the loopback address; 0 takes a free one.
+    browse
+        Open the browser there.
+    ready
+        Called with the address, and with what ends the serving, once it can be reached.
+
+    Raises
+    ------
+    UserError
+        If the port is taken or is none.
+    """
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, Path(page)))
+    except (OSError, OverflowError) as error:
+        raise UserError(f"can't serve on port {port}: {error}; choose another --port") from error
+    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    with server:
+        if ready is not None:
+            ready(address, server.shutdown)
+        if browse:
+            open_browser(address)
+        server.serve_forever()
+
 
 _SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "ends",
             "viewer", "input", "interface", "panelmode", "main")

@@ -1,4 +1,6 @@
-"""A field as streams of bytes for a page: which lattice points are kept, densities, colors.
+"""A field as streams of bytes for a page: its colors, lattice and texture, as fine as fits.
+
+A page can show one set of colors, or several that share their densities.
 
 The streams, each deflated on its own:
 
@@ -12,10 +14,23 @@ set S, band B
     Three planes of a byte a row: green, red, blue of color set S. Band 0 is the color, the others
     are the coefficients of the spherical harmonics above degree 0.
 charts
-    Where the field has a texture (`texels`): one byte a row, the chart that shows its place.
+    Where the field has a texture: one byte a row, the chart that shows its place.
 
-Densities and colors are stored as residuals of their neighbours' prediction (`kernels.residuals`).
+Densities and colors are stored as residuals of their neighbours' prediction (`kernels`).
 Lattice points that are not kept have density 0 and the color 0.5, as in the renderer.
+
+The texture's charts are cut out and laid closer together: a device holds the whole atlas, also what
+lies between them. Of the texels those are kept that any color set has something in, in blocks of
+8x8. They are coded as the lattice's values are, with a row of the atlas for a plane of the lattice.
+The streams, each deflated on its own:
+
+texels
+    One bit a texel, x fastest, the highest bit of a byte first: which are kept.
+texels S
+    Three planes of a byte a kept texel: green, red, blue of color set S, 128 for no difference,
+    a step for a 254th.
+
+The coarser levels of the pyramid are made by the page.
 """
 
 from __future__ import annotations
@@ -27,13 +42,78 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ...errors import UserError
-from ...field import C0
-from .colors import ColorSet
-from .kernels.residuals import code_rows
+from ...field import C0, SurfaceTexture, VoxelField
+from ...stylize import StyledField
+from .kernels import code_rows
 
-__all__ = ["Lattice", "Packed", "code_values", "pack"]
+
+@dataclass(frozen=True)
+class ColorSet:
+    """Colors of a field's rows.
+
+    Attributes
+    ----------
+    name
+        For people.
+    kind
+        ``"photo"``, ``"style"``, ``"mix"`` (of photo and styles) or ``"field"`` (of a field that
+        has no other).
+    sh
+        float32 [N, 3, B], coefficients as a `VoxelField` has them.
+    texels
+        int8 [H, W, 3], texture of the surface that belongs to them, or None.
+    """
+
+    name: str
+    kind: str
+    sh: NDArray[np.float32] = field(repr=False)
+    texels: NDArray[np.int8] | None = field(default=None, repr=False)
+
+
+def _plain(colors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Colors [N, 3] as coefficients of degree 0, float32 [N, 3, 1]."""
+    return ((colors - np.float32(0.5)) * np.float32(1 / C0))[:, :, None]
+
+
+def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
+    """The colors of a field: photo, then what it shows, then its other styles.
+
+    Parameters
+    ----------
+    voxels
+        A `StyledField` has several sets, every other field one.
+    degree
+        Degree of the spherical harmonics that are kept, 0 to 2.
+
+    Raises
+    ------
+    UserError
+        If the field does not have that degree.
+    """
+    if not 0 <= degree <= 2:
+        raise UserError(f"--sh takes the degree 0, 1 or 2, not {degree}")
+    if (degree + 1) ** 2 > voxels.basis:
+        raise UserError(f"the field's colors have degree {round(voxels.basis ** 0.5) - 1}, not "
+                        f"{degree}: leave out --sh, or export the photographed field")
+    own = None if voxels.texture is None else voxels.texture.texels
+    if not isinstance(voxels, StyledField):
+        return [ColorSet("", "field", voxels.sh[:, :, :(degree + 1) ** 2], own)]
+    shown: dict[str, Any] = voxels.mixture
+    first = shown.get("style", voxels.styles[0])
+    order = [first, *(name for name in voxels.styles if name != first)]
+    texels = dict(zip(voxels.styles, voxels.painted_texels, strict=True)
+                  ) if voxels.painted_texels is not None else {}
+    styles = [ColorSet(name, "style", _plain(voxels.painted[voxels.styles.index(name)]),
+                       texels.get(name)) for name in order]
+    photo = ColorSet("photo", "photo", _plain(voxels.photo))
+    pure = (shown.get("strength", 1.0) == 1.0 and not shown.get("identity")
+            and not shown.get("regions") and not shown.get("keep_colors")
+            and not shown.get("keep"))
+    return [photo, *([] if pure else [ColorSet("mixed", "mix", voxels.sh, own)]), *styles]
+
 
 _FAINTEST = 1e-2
 """Density up to which the renderer skips a sample: points near which there is no more are left
@@ -230,3 +310,320 @@ def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,
         return -most, most
     # Black to white at the least, so that a painting's colors are the same in all sets.
     return min(low, -0.5 / C0), max(high, 0.5 / C0)
+
+
+_BLOCK = 8
+"""Texels across a block that is kept as a whole: so the mask is small."""
+_ALIGN = 16
+"""Charts are moved by multiples of this, so that the first levels of the pyramid stay as they
+were."""
+_MARGIN = 12
+"""Texels kept around a chart's rows, beside a cell: the blur of coarser levels reads them."""
+_LONGEST = 4096
+"""Side of a texture that every device with WebGL2 of the last years takes."""
+_WEIGHTS = (1, 3, 3, 1)
+
+
+@dataclass(frozen=True)
+class PageTexture:
+    """Differences to the lattice's colors over the surface, of several color sets.
+
+    Attributes
+    ----------
+    texels
+        int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
+    projections
+        float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
+    pixels
+        Texels per world unit.
+    """
+
+    texels: list[NDArray[np.int8] | None] = field(repr=False)
+    projections: NDArray[np.float64]
+    pixels: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the atlas."""
+        height, width = next(each for each in self.texels if each is not None).shape[:2]
+        return height, width
+
+    @staticmethod
+    def of(texture: SurfaceTexture, sets: list[ColorSet], points: NDArray[np.float64],
+           cell: float) -> PageTexture:
+        """The texture of the color sets, of which one has some, with its charts close together.
+
+        Parameters
+        ----------
+        texture
+            Of the field: places, and texels of what it shows.
+        sets
+            Color sets with their texels.
+        points
+            float64 [N, 3], world positions of the field's rows.
+        cell
+            Length of a lattice cell's diagonal in world units.
+        """
+        margin = _MARGIN + round(cell * texture.pixels)
+        boxes = _chart_boxes(texture, points, margin)
+        places, shape = _shelves(boxes[:, 2:] - boxes[:, :2])
+        projections = texture.projections.copy()
+        # A place in the atlas moves by a vector: x' w = x w + dx w.
+        projections[:, :2] += (places - boxes[:, :2])[:, :, None] * projections[:, 2:3]
+        moved: list[NDArray[np.int8] | None] = []
+        for each in sets:
+            if each.texels is None:
+                moved.append(None)
+                continue
+            out = np.zeros((*shape, 3), np.int8)
+            for (x0, y0, x1, y1), (x, y) in zip(boxes.tolist(), places.tolist(), strict=True):
+                part = each.texels[y0:y1, x0:x1]
+                out[y:y + part.shape[0], x:x + part.shape[1]] = part
+            moved.append(out)
+        return PageTexture(moved, projections, texture.pixels)
+
+    def halved(self) -> PageTexture:
+        """The same at half the resolution."""
+        projections = self.projections.copy()
+        projections[:, :2] *= 0.5
+        return replace(self, texels=[None if each is None else _halve(each)
+                                     for each in self.texels],
+                       projections=projections, pixels=self.pixels / 2)
+
+
+@dataclass(frozen=True)
+class PackedTexels:
+    """A texture as a page holds it: header for its script, streams, and what the page shows."""
+
+    header: dict[str, Any]
+    streams: dict[str, bytes] = field(repr=False)
+    shown: PageTexture = field(repr=False)
+
+
+def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
+    """Pack a texture; no texel is off by more than ``tolerance`` 254ths."""
+    height, width = texture.shape
+    some = np.zeros((height, width), np.bool_)
+    for each in texture.texels:
+        if each is not None:
+            some |= (np.abs(each.astype(np.int16)) > tolerance).any(axis=2)
+    kept = _blocks(some)
+    rows = int(kept.sum())
+    slack = np.full(rows, tolerance, np.uint8)
+    streams = {"texels": zlib.compress(np.packbits(kept).tobytes(), 6)}
+    shown: list[NDArray[np.int8] | None] = []
+    for number, each in enumerate(texture.texels):
+        if each is None:
+            shown.append(None)
+            continue
+        values = (each[kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
+        streams[f"texels{number}"], back = code_values(kept[:, None], values, slack)
+        out = np.zeros((height, width, 3), np.int8)
+        out[kept] = (back[:, (1, 0, 2)].astype(np.int16) - 128).astype(np.int8)
+        shown.append(out)
+    header = {"shape": [height, 1, width], "rows": rows, "pixels": texture.pixels,
+              "projections": [[round(value, 6) for value in each.ravel().tolist()]
+                              for each in texture.projections],
+              "sets": [each is not None for each in texture.texels]}
+    return PackedTexels(header, streams, replace(texture, texels=shown))
+
+
+def with_texels(packed: Packed, texels: PackedTexels | None) -> Packed:
+    """A packed field with its packed texture."""
+    if texels is None:
+        return packed
+    return replace(packed, header={**packed.header, "texture": texels.header},
+                   streams={**packed.streams, **texels.streams})
+
+
+def _blocks(some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whole blocks of texels in which there is something."""
+    height, width = some.shape
+    down, across = -(-height // _BLOCK), -(-width // _BLOCK)
+    padded = np.zeros((down * _BLOCK, across * _BLOCK), np.bool_)
+    padded[:height, :width] = some
+    any_there = padded.reshape(down, _BLOCK, across, _BLOCK).any(axis=(1, 3))
+    return any_there.repeat(_BLOCK, 0).repeat(_BLOCK, 1)[:height, :width]
+
+
+def _chart_boxes(texture: SurfaceTexture, points: NDArray[np.float64], margin: int,
+                 ) -> NDArray[np.int64]:
+    """Where the rows of each chart lie in the atlas, int64 [C, 4]: left, top, right, bottom.
+
+    Of a chart that shows no row nothing is kept.
+    """
+    height, width = texture.texels.shape[:2]
+    boxes = np.zeros((len(texture.projections), 4), np.int64)
+    for number, matrix in enumerate(texture.projections):
+        near = points[texture.charts == number]
+        if not len(near):
+            continue
+        homogeneous = near @ matrix[:, :3].T + matrix[:, 3]
+        place = homogeneous[:, :2] / homogeneous[:, 2:]
+        low = np.floor(place.min(axis=0)).astype(np.int64) - margin
+        high = np.ceil(place.max(axis=0)).astype(np.int64) + margin
+        boxes[number, :2] = np.clip(low, 0, [width, height]) // _ALIGN * _ALIGN
+        boxes[number, 2:] = np.clip(high, 0, [width, height])
+    return boxes
+
+
+def _shelves(sizes: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[int, int]]:
+    """Places for boxes [C, 2] (width, height) side by side, the tallest first, and the area's size.
+
+    Of all widths of the area the one that wastes least, with sides that devices take.
+    """
+    whole = -(-sizes // _ALIGN) * _ALIGN
+    order = np.argsort(-whole[:, 1], kind="stable")
+    found: tuple[tuple[bool, int], NDArray[np.int64], tuple[int, int]] | None = None
+    for width in range(int(whole[:, 0].max()), int(whole[:, 0].sum()) + _ALIGN, _ALIGN):
+        places = np.zeros_like(whole)
+        x, y, tall = 0, 0, 0
+        for box in order:
+            if x + whole[box, 0] > width:
+                x, y, tall = 0, y + tall, 0
+            places[box] = x, y
+            x += int(whole[box, 0])
+            tall = max(tall, int(whole[box, 1]))
+        height = y + tall
+        cost = (max(width, height) > _LONGEST, width * height)
+        if found is None or cost < found[0]:
+            found = cost, places, (height, width)
+    assert found is not None
+    return found[1], found[2]
+
+
+def _halve(texels: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Every second texel, blurred as the levels of a `SurfaceTexture` are."""
+    out = texels.astype(np.int32)
+    for axis in range(2):
+        size = out.shape[axis] // 2
+        padded = np.pad(out, [(1, 1) if other == axis else (0, 0) for other in range(3)])
+        out = np.zeros([size if other == axis else n for other, n in enumerate(out.shape)],
+                       np.int32)
+        for step, weight in enumerate(_WEIGHTS):
+            out += weight * np.take(padded, np.arange(size) * 2 + step, axis)
+    return ((out + 32) >> 6).astype(np.int8)
+
+
+_PLAIN = ((1, 0, 0), (2, 0, 0), (3, 0, 0), (4, 0, 0), (6, 0, 0))
+"""What is tried, in this order: largest errors of the lattice's values in 255ths, and two numbers
+for a texture. One is enough: on the built-in head it leaves 65 dB between a view and the same view
+of the field as it was."""
+_TEXTURED = ((1, 1, 0), (2, 2, 0), (3, 3, 0), (4, 4, 0), (4, 6, 0), (6, 8, 0), (3, 1, 1),
+             (4, 2, 1), (6, 4, 1))
+"""The same for a field with a texture: largest errors of the lattice's values, of the texture's in
+254ths, and how many times that is halved. It is halved late: rounded to 8/254 it is still 35 dB
+from what it was on two heads, at half the resolution it is 30 to 32 dB."""
+_COARSE = (4, 4)
+"""Tolerances of lattice and texture where the lattice is made coarser."""
+_SHRINKS = (0.8, 0.64, 0.5, 0.4, 0.32, 0.25)
+"""Sides of the lattice over those of the field's, tried next."""
+_HALVED = (1, 1, 2, 2, 3, 3)
+"""How many times the texture is halved with each of them."""
+
+
+class _Packings:
+    """A field and its texture, packed as often as is asked for."""
+
+    def __init__(self, lattice: Lattice, texture: PageTexture | None) -> None:
+        self.lattice = lattice
+        self.textures = [] if texture is None else [texture]
+        self.lattices: dict[tuple[int, float], Packed] = {}
+        self.texels: dict[tuple[int, int], PackedTexels] = {}
+
+    def at(self, tolerance: int, rough: int, halvings: int, shrink: float = 1.0) -> Packed:
+        """Both as one: the texture so many times halved, the lattice's sides so much shorter."""
+        where = (tolerance, shrink)
+        if where not in self.lattices:
+            lattice = self.lattice if shrink == 1.0 else coarser(self.lattice, shrink)
+            self.lattices[where] = pack(lattice, tolerance)
+        if not self.textures:
+            return self.lattices[where]
+        return with_texels(self.lattices[where], self._texels(rough, halvings))
+
+    def _texels(self, tolerance: int, halvings: int) -> PackedTexels:
+        while len(self.textures) <= halvings:
+            last = self.textures[-1]
+            # A texture of a few texels stays as it is.
+            self.textures.append(last.halved() if min(last.shape) >= 64 else last)
+        key = (tolerance, halvings)
+        if key not in self.texels:
+            self.texels[key] = pack_texels(self.textures[halvings], tolerance)
+        return self.texels[key]
+
+
+def fit(lattice: Lattice, most: float, texture: PageTexture | None = None) -> Packed:
+    """Pack a field, with its texture, into at most ``most`` bytes, as they stand in a page.
+
+    Raises
+    ------
+    UserError
+        If even the coarsest packing is larger.
+    """
+    packings = _Packings(lattice, texture)
+    plan = _PLAIN if texture is None else _TEXTURED
+    packed = packings.at(*plan[0])
+    for step in plan[1:]:
+        # The last saves half, with a texture two thirds: what is far too large needs another
+        # lattice.
+        if packed.size <= most or packed.size > (2 if texture is None else 3) * most:
+            break
+        packed = packings.at(*step)
+    for shrink, halvings in zip(_SHRINKS, _HALVED, strict=True):
+        if packed.size <= most:
+            return packed
+        if packed.size * shrink ** 2 > 1.6 * most and shrink != _SHRINKS[-1]:
+            continue
+        packed = packings.at(*_COARSE, halvings, shrink)
+    if packed.size <= most:
+        return packed
+    raise UserError(f"the portrait does not fit into that size: at its coarsest it takes "
+                    f"{packed.size / 1e6:.1f} MB; choose a larger --max-size or fewer styles")
+
+
+def coarser(lattice: Lattice, shrink: float) -> Lattice:
+    """The field on a lattice whose sides have ``shrink`` times as many points.
+
+    Densities are averaged over the larger voxels, and colors are, weighed by density: what is
+    empty has no color to give.
+    """
+    shape = tuple(max(2, round(n * shrink)) for n in lattice.filled.shape)
+    ratio = [n / m for n, m in zip(lattice.filled.shape, shape, strict=True)]
+    blur = [0.25 * (r - 1.0) for r in ratio]
+
+    def resampled(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        # Lattice point i of m lies at (i + 1/2) / m of the cube.
+        smooth = ndimage.gaussian_filter(values, blur, mode="constant", truncate=3.0)
+        place = [(np.arange(m) + 0.5) * r - 0.5 for m, r in zip(shape, ratio, strict=True)]
+        out = smooth
+        for axis, at in enumerate(place):
+            low = np.clip(np.floor(at).astype(int), 0, out.shape[axis] - 2)
+            part = np.clip(at - low, 0.0, 1.0).astype(np.float32)
+            part = part.reshape([-1 if other == axis else 1 for other in range(3)])
+            out = np.take(out, low, axis) * (1 - part) + np.take(out, low + 1, axis) * part
+        return np.asarray(out, np.float32)
+
+    # A trace of weight everywhere gives rows without density the color of their surroundings.
+    weight = np.maximum(lattice.density, 0.0) + np.float32(1e-3)
+    density = resampled(lattice.dense(lattice.density))
+    mass = resampled(lattice.dense(weight))
+    filled = (mass > 1e-4) & (ndimage.maximum_filter(density, 3) > 1e-2)
+    sets = []
+    for colors in lattice.sets:
+        sh = np.empty((int(filled.sum()), *colors.sh.shape[1:]), np.float32)
+        for channel in range(3):
+            for band in range(sh.shape[2]):
+                amount = resampled(lattice.dense(weight * colors.sh[:, channel, band]))
+                sh[:, channel, band] = amount[filled] / mass[filled]
+        sets.append(ColorSet(colors.name, colors.kind, sh))
+    charts = None
+    if lattice.charts is not None:
+        # The nearest row's: numbers of charts have no mean.
+        known = np.full(lattice.filled.shape, 255, np.uint8)
+        known[lattice.filled] = lattice.charts
+        near = ndimage.distance_transform_edt(known == 255, return_distances=False,
+                                              return_indices=True)
+        place = np.ix_(*[np.clip(((np.arange(m) + 0.5) * r - 0.5).round().astype(int), 0, n - 1)
+                         for m, r, n in zip(shape, ratio, lattice.filled.shape, strict=True)])
+        charts = known[tuple(axis[place] for axis in near)][filled]
+    return replace(lattice, filled=filled, density=density[filled], sets=sets, charts=charts)

@@ -1,4 +1,10 @@
-"""Gaussian splats: what they are, and what they look like."""
+"""Gaussian splats: what they are, what they look like, and the frame in which a file holds them.
+
+Programs that show PLY and SOG files take them for what Kerbl et al. 2023 write, whose captures have
++y down, and turn them upright. SuperSplat turns by 180 degrees about z and looks from +z. Turned
+the same way beforehand, a head stands upright there and faces the camera. glTF says +y up and
+metres, SPZ's description +y up.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Camera
+from ...errors import UserError
 from ...field import C0, camera_row
-from .kernels.raster import (
-    COLUMNS,
-    TILE,
-    composite,
-    differentiate,
-    fill_tiles,
-    project,
-    pull,
-)
-
-__all__ = ["Slopes", "SplatView", "Splats", "axes_of", "quaternions_of", "render_splats",
-           "splat_view"]
+from ..exporter import METRES, Up
+from .kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
 
 Float = NDArray[np.float32]
 
@@ -231,3 +228,56 @@ def render_splats(splats: Splats, cameras: Camera, view: int = 0,
     """
     image = splat_view(splats, cameras, view).image
     return np.asarray(image[..., :3] + (1 - image[..., 3:]) * np.float32(background), np.float32)
+
+
+DOWN = {".ply", ".sog"}
+"""Endings of files that programs take to have +y down."""
+_ACROSS = np.array([-1, -1, 1], np.float32)
+_HARMONICS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
+"""Signs of the harmonics that half a turn about z changes: those odd in x and y together."""
+
+
+def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
+    """Splats as a file is to hold them.
+
+    Parameters
+    ----------
+    splats
+        In the portrait frame (+y up, +z out of the face).
+    suffix
+        Of the file's name, such as ``.ply``.
+    up
+        ``"y-up"``; ``"y-down"``: half a turn about z; ``"auto"``: what is usual for such files.
+
+    Raises
+    ------
+    UserError
+        If a glTF is to have y down.
+    """
+    if is_down(suffix, up):
+        return half_turned(splats)
+    if suffix != ".glb":
+        return splats
+    return replace(splats, positions=splats.positions * np.float32(METRES),
+                   scales=splats.scales * np.float32(METRES))
+
+
+def is_down(suffix: str, up: Up = "auto") -> bool:
+    """Whether such a file is to have +y down.
+
+    Raises
+    ------
+    UserError
+        If a glTF is to have it.
+    """
+    if suffix == ".glb" and up == "y-down":
+        raise UserError("a .glb file has y up by its specification; leave --splats.up at auto")
+    return suffix in DOWN if up == "auto" else up == "y-down"
+
+
+def half_turned(splats: Splats) -> Splats:
+    """Splats after half a turn about z, which turns itself back: nothing but signs change."""
+    w, x, y, z = splats.turns.T
+    return replace(splats, positions=splats.positions * _ACROSS,
+                   turns=np.stack([-z, -y, x, w], axis=1),
+                   sh=splats.sh * _HARMONICS[:splats.sh.shape[2]])

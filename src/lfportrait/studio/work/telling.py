@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from ...files import write_image
 from ...job import STAGES, Tools
-from ...lanes.compiling import watched_compilations
 from ...progress import Progress
+from ...simd.host import watched_compilations
 
 __all__ = ["Teller", "Told"]
 

@@ -37,15 +37,26 @@ from lfportrait.device import device_name, torch_device
 from lfportrait.example import Exemplar
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.losses import content_loss, nearest_neighbour_loss, stacked, total_variation
-from lfportrait.stylize.networks import FeatureNetwork
+from lfportrait.stylize.losses import (
+    FeatureNetwork,
+    content_loss,
+    nearest_neighbour_loss,
+    stacked,
+    total_variation,
+)
 
 from .config import ArfConfig
-from .descent import ColorDescent
-from .features import best_network, half_sized, head_places, style_features
-from .photo_views import PhotoView, dump_views, photo_views, tensor
-
-__all__ = ["ColorMap", "paint_by_features", "painted_pixels", "person_pixels"]
+from .photo_views import (
+    ColorDescent,
+    PhotoView,
+    best_network,
+    dump_views,
+    half_sized,
+    head_places,
+    photo_views,
+    style_features,
+    tensor,
+)
 
 Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]

@@ -7,8 +7,6 @@ from typing import ClassVar, Literal
 
 from lfportrait.errors import UserError
 
-__all__ = ["ArfConfig", "DescentConfig", "RefNprConfig", "StylizedNerfConfig", "ViewsConfig"]
-
 Network = Literal["auto", "vgg16", "vgg19-se", "embedded"]
 
 

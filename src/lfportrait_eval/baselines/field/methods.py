@@ -14,8 +14,6 @@ from lfportrait.stylize import FieldMethod, FieldTask
 
 from .config import ArfConfig, RefNprConfig, StylizedNerfConfig
 
-__all__ = ["ARF", "REF_NPR", "STYLIZED_NERF"]
-
 Painted = tuple[NDArray[np.float32], dict[str, Any]]
 
 

@@ -1,4 +1,4 @@
-"""Training views of a method: photos of the capture, cropped to the head.
+"""What the methods share: their training views, features of them, and the descent of colors.
 
 The paper's method and the skin look at renders on arcs; the methods here were published with the
 photos that a field was trained on. A photo is laid on the background by the field's own opacity:
@@ -19,16 +19,16 @@ from PIL import Image
 from scipy.ndimage import maximum_filter, minimum_filter
 from torch.nn import functional
 
+from lfportrait import models
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
-from lfportrait.field import VoxelField
+from lfportrait.field import C0, VoxelField
 from lfportrait.files import write_image
 from lfportrait.stylize import FieldTask
-from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.views import StyleView, facing
+from lfportrait.stylize.fit import ColorModel, StyleView, facing
+from lfportrait.stylize.losses import FeatureNetwork, load_network, stacked
 
-__all__ = ["TOLERANCE", "Correspondence", "PhotoView", "dump_views", "photo_views", "seen_from",
-           "tensor", "view_of"]
+from .kernels import rmsprop_step
 
 Float32 = NDArray[np.float32]
 
@@ -236,3 +236,147 @@ def _cosine(points: NDArray[np.float64], view: PhotoView, other: PhotoView,
     first, second = (one.camera.position[0] - points for one in (view, other))
     length = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     return ((first * second).sum(1) / np.maximum(length, 1e-12)).astype(np.float32)
+
+
+def best_network(name: str, place: str = "cpu") -> tuple[str, FeatureNetwork]:
+    """A feature network on torch's device ``place``, and its name.
+
+    ``"auto"`` is VGG-16, or the embedded one without it.
+    """
+    if name == "auto":
+        name = "vgg16" if models.available("vgg16") else "embedded"
+    return name, load_network(name, place=place)
+
+
+def half_sized(image: torch.Tensor) -> torch.Tensor:
+    """A picture [1, 3, h, w] at half its size, bilinear: the mean of two by two pixels."""
+    return functional.avg_pool2d(image, 2)
+
+
+def style_features(network: FeatureNetwork, task: FieldTask, side: int, place: str = "cpu",
+                   ) -> torch.Tensor:
+    """Features of the painting, its longer side of ``side`` pixels, [M, C].
+
+    ``place`` is torch's name of the network's device.
+    """
+    picture = tensor(task.exemplar.image.astype(np.float32) / np.float32(255))
+    small = functional.interpolate(picture, scale_factor=side / max(picture.shape[-2:]),
+                                   mode="bilinear", antialias=True)
+    with torch.no_grad():
+        return stacked(network(small.to(place))).flatten(1).T
+
+
+def head_places(view: PhotoView, features: torch.Tensor) -> torch.Tensor:
+    """Places of a feature map [C, h, w] that show the head, bool [h, w]."""
+    share = functional.interpolate(torch.from_numpy(view.alpha)[None, None],
+                                   size=features.shape[-2:], mode="area")
+    return (share[0, 0] > 0.3).to(features.device)
+
+
+def nearest_places(features: torch.Tensor, bank: torch.Tensor, *, chunk: int = 2048,
+                   ) -> tuple[torch.Tensor, torch.Tensor]:
+    """The nearest of a bank's features by cosine, for each feature.
+
+    Parameters
+    ----------
+    features
+        [N, C].
+    bank
+        [M, C].
+    chunk
+        Rows of ``features`` compared at once.
+
+    Returns
+    -------
+    nearest, distance
+        int64 [N], row of the bank; float [N], 1 - cosine.
+    """
+    unit = functional.normalize(features, dim=1, eps=1e-6)
+    bank_unit = functional.normalize(bank, dim=1, eps=1e-6)
+    found = [(part @ bank_unit.T).max(dim=1) for part in unit.split(chunk)]
+    return (torch.cat([part.indices for part in found]),
+            1.0 - torch.cat([part.values for part in found]))
+
+
+class ColorDescent:
+    """Steps of a field's colors down the slopes of pictures.
+
+    Parameters
+    ----------
+    model
+        The colors; changed in place.
+    field
+        Its lattice.
+    rate
+        Step of RMSProp in units of the coefficients of degree 0.
+    smoothness
+        Weight of the total variation of the colors.
+    share
+        Share of the rows that a step smooths.
+    random
+        Chooses them.
+    """
+
+    def __init__(self, model: ColorModel, field: VoxelField, rate: float, smoothness: float,
+                 share: float, random: np.random.Generator) -> None:
+        self.model, self.rate = model, np.float32(rate * C0)
+        self.smoothness, self.share, self.random = smoothness, share, random
+        self._following = following_rows(field.links, len(field.density))
+        self._scale = np.array(field.links.shape[::-1]) / 256.0
+        self._gradient = np.zeros((3, len(model.colors)), np.float32)
+        self._square = np.zeros_like(model.colors)
+
+    def step(self, slopes: list[tuple[StyleView, Float32]]) -> None:
+        """One step down the slopes [h, w, 3] of the losses of some views' pictures."""
+        for view, slope in slopes:
+            self.model.pulled_back(view, np.ascontiguousarray(slope), self._gradient)
+        if self.smoothness > 0:
+            rows = np.unique(self.random.integers(
+                0, len(self.model.colors), max(1, int(self.share * len(self.model.colors)))))
+            total_variation_slope(self.model.colors, self._following, self._scale, rows,
+                                  self.smoothness, self._gradient)
+        rmsprop_step(self.model.colors, self._gradient, self._square, self.rate)
+
+
+def following_rows(links: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+    """Row of the next lattice point along x, y and z, int32 [N, 3]; a row itself where none is."""
+    following = np.repeat(np.arange(count, dtype=np.int32)[:, None], 3, axis=1)
+    for axis in range(3):
+        here = np.take(links, range(links.shape[axis] - 1), axis=axis)
+        there = np.take(links, range(1, links.shape[axis]), axis=axis)
+        both = (here >= 0) & (there >= 0)
+        following[here[both], 2 - axis] = there[both]
+    return following
+
+
+def total_variation_slope(colors: Float32, following: NDArray[np.int32],
+                          scale: NDArray[np.float64], rows: NDArray[np.int64], weight: float,
+                          gradient: Float32) -> None:
+    """Add the slope of the total variation of some rows to a gradient, as svox2 does.
+
+    The value is the mean over the rows of sqrt(dx^2 + dy^2 + dz^2) of each channel, in
+    coefficients; its slope counts lattice points as 256 along an axis.
+
+    Parameters
+    ----------
+    colors
+        float32 [N, 3].
+    following
+        int32 [N, 3] (`following_rows`).
+    scale
+        Lattice points along x, y and z over 256.
+    rows
+        Rows to smooth.
+    weight
+        Weight of the value.
+    gradient
+        float32 [3, N]; added to.
+    """
+    ahead = following[rows]
+    change = (colors[ahead] - colors[rows][:, None]) / C0  # [M, axis, channel]
+    norm = np.sqrt(1e-9 + (change ** 2).sum(1, keepdims=True))
+    slope = (weight / len(rows) / C0) * change * scale[None, :, None] / norm
+    for channel in range(3):
+        for axis in range(3):
+            np.add.at(gradient[channel], ahead[:, axis], slope[:, axis, channel])
+        np.add.at(gradient[channel], rows, -slope[:, :, channel].sum(1))

@@ -43,15 +43,28 @@ from lfportrait.errors import UserError
 from lfportrait.example import Transfer
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
-from lfportrait.stylize.losses import content_loss, stacked, total_variation
-from lfportrait.stylize.networks import FeatureNetwork, load_network
+from lfportrait.stylize.losses import (
+    FeatureNetwork,
+    content_loss,
+    load_network,
+    stacked,
+    total_variation,
+)
 
 from .config import RefNprConfig
-from .descent import ColorDescent
-from .features import best_network, head_places, nearest_places
-from .photo_views import TOLERANCE, PhotoView, dump_views, photo_views, seen_from, tensor, view_of
-
-__all__ = ["paint_by_reference", "painted_view", "registered", "steady_places"]
+from .photo_views import (
+    TOLERANCE,
+    ColorDescent,
+    PhotoView,
+    best_network,
+    dump_views,
+    head_places,
+    nearest_places,
+    photo_views,
+    seen_from,
+    tensor,
+    view_of,
+)
 
 Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]

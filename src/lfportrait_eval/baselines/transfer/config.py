@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from lfportrait.files import write_image
 
-__all__ = ["FaceBlitConfig", "FaceStyleConfig", "NetworkConfig", "Painted"]
-
 
 @dataclass(frozen=True)
 class FaceBlitConfig:

@@ -22,9 +22,7 @@ from lfportrait.example.guides.position import pixel_centres, position_guide
 from lfportrait.example.styleblit import elect, pack_colors, shift_planes, vote
 
 from .config import FaceBlitConfig, Painted
-from .kernels.flood import NOWHERE, flood, search_windows, sweep_windows
-
-__all__ = ["STEPS", "FaceBlit", "published_table"]
+from .kernels import NOWHERE, flood, search_windows, sweep_windows
 
 Float32 = NDArray[np.float32]
 Int32 = NDArray[np.int32]

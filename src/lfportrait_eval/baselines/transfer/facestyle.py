@@ -39,8 +39,6 @@ from lfportrait.labels import PICTURE_LABELS
 
 from .config import FaceStyleConfig, Painted
 
-__all__ = ["FaceStyle"]
-
 Float32 = NDArray[np.float32]
 
 STEP = np.log(1.1)

@@ -9,8 +9,6 @@ from .faceblit import FaceBlit
 from .facestyle import FaceStyle
 from .network import StyleNetwork
 
-__all__ = ["FACEBLIT", "FACESTYLE", "NETWORK"]
-
 
 def _faceblit(exemplar: Exemplar, config: FaceBlitConfig, own: list[Sitting] | None) -> FaceBlit:
     return FaceBlit(exemplar, config)

@@ -30,8 +30,6 @@ from lfportrait.plugins import Sitting, provided_sittings
 from .config import NetworkConfig, Painted
 from .facestyle import FaceStyle
 
-__all__ = ["StyleNetwork", "folder_sittings", "varied"]
-
 FORMAT = "lfportrait style network 1"
 
 

@@ -8,7 +8,6 @@ convolution that sees the photo. A small discriminator of patches keeps the stro
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, cast
 
@@ -17,8 +16,6 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
-
-__all__ = ["Painter", "run", "train"]
 
 STRIDE = 8
 """Sides of a picture are padded to multiples of this."""
@@ -104,8 +101,7 @@ def _edges(image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int, *,
           steps: int, seconds: float, rate: float, adversarial: float, seed: int,
-          report: Callable[[int, float], None] | None = None, place: str = "cpu",
-          ) -> tuple[Painter, int, float]:
+          place: str = "cpu") -> tuple[Painter, int, float]:
     """Train a painter on photos and their paintings.
 
     Parameters
@@ -122,8 +118,6 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
         Weight of the discriminator against 4 for the mean absolute difference.
     seed
         Of the weights and of the order; with ``steps`` the same seed gives the same network.
-    report
-        Called with the step and the loss.
     place
         Torch's name of the device that trains; the weights begin the same on all.
 
@@ -171,8 +165,6 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
             ((real - 1).square().mean() + fake.square().mean()).backward()
             optimisers[1].step()
         step += 1
-        if report is not None:
-            report(step, losses[-1])
     return painter.eval(), step, float(np.mean(losses[-20:]))
 
 

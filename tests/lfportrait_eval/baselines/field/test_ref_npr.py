@@ -9,12 +9,11 @@ import torch
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.stylize import FieldTask, StylizeConfig, load_network, stylize_with_figures
-from lfportrait.stylize.networks import _vgg19_se_deep
-from lfportrait_eval.baselines.field.adain import ENCODER
+from lfportrait.stylize.losses import _vgg19_se_deep
 from lfportrait_eval.baselines.field.config import RefNprConfig
-from lfportrait_eval.baselines.field.features import nearest_places
-from lfportrait_eval.baselines.field.photo_views import view_of
+from lfportrait_eval.baselines.field.photo_views import nearest_places, view_of
 from lfportrait_eval.baselines.field.ref_npr import painted_view, registered, steady_places
+from lfportrait_eval.baselines.field.stylized_nerf import ENCODER
 
 SMALL = StylizeConfig(method="ref-npr", parameters=(RefNprConfig(
     size=96, views=4, steps=12, fit_iterations=3, network="embedded"),))

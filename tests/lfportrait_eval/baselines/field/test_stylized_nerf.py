@@ -10,20 +10,18 @@ from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.stylize import FieldTask, StylizeConfig, stylize_with_figures
 from lfportrait.stylize.fit import ColorModel
-from lfportrait_eval.baselines.field.adain import (
-    DECODER,
-    ENCODER,
-    AdainNetwork,
-    load_adain,
-    normalised_to,
-    statistics_of,
-)
 from lfportrait_eval.baselines.field.config import StylizedNerfConfig
 from lfportrait_eval.baselines.field.photo_views import photo_views, seen_from, tensor
 from lfportrait_eval.baselines.field.stylized_nerf import (
+    DECODER,
+    ENCODER,
+    AdainNetwork,
     LatentColors,
     PaintingTeacher,
+    load_adain,
+    normalised_to,
     paint_by_mutual_teaching,
+    statistics_of,
 )
 from tests.other_memory import PLACE
 

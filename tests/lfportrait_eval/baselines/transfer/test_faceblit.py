@@ -14,12 +14,7 @@ from lfportrait_eval.baselines.transfer.faceblit import (
     stretched,
     warped_gradient,
 )
-from lfportrait_eval.baselines.transfer.kernels.flood import (
-    NOWHERE,
-    flood,
-    search_windows,
-    sweep_windows,
-)
+from lfportrait_eval.baselines.transfer.kernels import NOWHERE, flood, search_windows, sweep_windows
 from tests.portraits import drawn_face
 
 

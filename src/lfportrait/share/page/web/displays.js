@@ -52,7 +52,7 @@ function tomlValue(key, text) {
   }
 }
 
-/** Looking Glass's visual.json -> entries (lightfield/lookingglass.py). */
+/** Looking Glass's visual.json -> entries (lightfield/display_files.py). */
 function readCalibration(text) {
   let data;
   try {
