@@ -9,7 +9,7 @@ from hypothesis import strategies as some
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
-from lfportrait.field.closing.sides import _hair
+from lfportrait.field.closing.hairline import usual_hair
 from lfportrait.field.coverage import Coverage
 from lfportrait.field.geometry.bust import bust_chart, bust_distance
 from lfportrait.field.geometry.head_surface import (
@@ -108,7 +108,7 @@ def test_an_arc_is_told_from_a_way_around(angles, narrow):
 def test_hair_goes_on_behind_and_above_but_not_over_the_face():
     chart = bust_chart(0.016)
     distance = bust_distance(chart)
-    hair = _hair(chart, distance)
+    hair = usual_hair(chart, distance)
 
     def at(height, degrees):
         row = int(np.argmin(np.abs(chart.axis[:chart.level, 1] - height)))
