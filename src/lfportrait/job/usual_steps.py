@@ -34,7 +34,7 @@ _COSTS = {
         "fitting the head": ("fits", 0.7, 0.0),
         "cutting out the person": ("photos to cut", 0.01, 0.0),
         "checking whether the head moved": ("photos to place and cut", 0.02, 0.072),
-        "cutting out the person: the room behind": ("photos to cut", 0.002, 0.06),
+        "cutting out the person: the room behind": ("photos to cut", 0.0, 0.15),
         "cutting out the person: edges": ("megapixels to cut", 0.003, 0.08),
         "cutting out the person: votes of the views": ("photos to cut", 0.004, 0.09),
         "cutting out the object: depth": ("photos to cut", 0.025, 0.2)},

@@ -6,7 +6,8 @@ network says of it, gives the surface of the room, continued where nothing is kn
 plain wall nothing is known, and nothing needs to be but that it is far. A photo's clean plate shows
 that surface with the colors of the anchors in which the person does not hide it. Against it the
 person stands out as before a known background: a pixel that differs from its plate by more than the
-plate's noise, in a color that the person has nearby, is the person's.
+plate's noise, in a color that the person has nearby, is the person's. Where the plate is plain, or
+not known, a color alone does not outweigh a network that is sure.
 """
 
 from __future__ import annotations
