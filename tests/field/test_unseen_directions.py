@@ -52,8 +52,11 @@ def test_what_photos_of_an_arc_show_is_seen_from_the_side_too():
     steady = with_steady_colors(field, arc(14), NOWHERE)
     for degrees in (0, 12):
         assert np.abs(colors(steady, degrees) - colors(field, degrees)).max() < 0.02
-    assert np.abs(colors(steady, 60) - color).max() < 0.05
-    assert np.abs(0.5 + C0 * steady.sh[:, :, 0] - color).max() < 0.05
+    # A higher price takes more of what photos don't tell.
+    off = [[np.abs(seen - color).max() for seen in (colors(one, 60), 0.5 + C0 * one.sh[:, :, 0])]
+           for one in (steady, with_steady_colors(field, arc(14), NOWHERE, price=0.03))]
+    assert max(off[0]) < 0.1 and max(off[1]) < 0.05
+    assert np.abs(0.5 + C0 * field.sh[:, :, 0] - color).max() > 0.25
 
 
 def test_what_photos_from_all_sides_show_stays():

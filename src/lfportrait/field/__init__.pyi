@@ -7,10 +7,11 @@ from .quality import held_out_quality
 from .reconstruction import reconstruct, reconstruct_with_figures
 from .storage import check_field_path, read_arrays, save_checkpoint, save_field
 from .surface import Mesh, PointCloud, field_mesh, field_points
+from .surface_graph import SurfaceGraph
 from .texture import SurfaceTexture
 
 __all__ = ["C0", "Backdrop", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
-           "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "check_field_path",
-           "field_mesh", "field_points", "head_points", "held_out_quality", "lattice_points",
-           "read_arrays", "reconstruct", "reconstruct_with_figures", "save_checkpoint",
-           "save_field"]
+           "SampleWeights", "SurfaceGraph", "SurfaceTexture", "VoxelField", "camera_row",
+           "check_field_path", "field_mesh", "field_points", "head_points", "held_out_quality",
+           "lattice_points", "read_arrays", "reconstruct", "reconstruct_with_figures",
+           "save_checkpoint", "save_field"]

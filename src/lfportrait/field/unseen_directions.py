@@ -65,7 +65,7 @@ def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.fl
     positions = np.asarray(cameras.position[chosen], np.float64)
     cells = np.argwhere(field.links >= 0)
     rows = field.links[tuple(cells.T)]
-    blocks = cells // BLOCK
+    blocks: NDArray[Any] = np.floor_divide(cells, BLOCK)
     number = np.ravel_multi_index(tuple(blocks.T), tuple(blocks.max(axis=0) + 1))
     order = np.argsort(number, kind="stable")
     since = np.flatnonzero(np.diff(number[order], prepend=-1))

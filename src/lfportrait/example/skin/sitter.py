@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Camera
-from ...field import VoxelField
-from ...field.surface_graph import SurfaceGraph
+from ...field import SurfaceGraph, VoxelField
 from ...labels import SURFACE_LABELS
 from ...simd.threads import side_by_side
 from ..exemplar import face_size
