@@ -98,7 +98,7 @@ PURPOSES: dict[str, str] = {
     "adain": "stylize --method stylized-nerf",
     "face-landmarks-68": "landmarks in paintings, where the first network fails",
     "face-detector": "faces in paintings, where the first network fails",
-    "head": "the statistical head that one photo is fitted with (else a generic one)",
+    "head": "the statistical head: one photo, and the sides of narrow arcs",
 }
 """What each network is for."""
 

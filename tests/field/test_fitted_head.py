@@ -1,17 +1,21 @@
 """What a narrow arc does not show follows a fitted head; its ears are solids of their own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.field.closing import FittedHead, sides
+from lfportrait.field.closing import FittedHead, back, close_back, sides
 from lfportrait.field.closing.ears import Ears, _moved, ears_of
 from lfportrait.field.closing.fitted_head import head_distance, mesh_samples
 from lfportrait.field.closing.photos import Photos
+from lfportrait.field.closing.shell import Shell, _changed, with_shell
 from lfportrait.field.geometry.bust import bust_chart, bust_distance
 from lfportrait.field.geometry.head_surface import HeadSurface
 from tests.fields import head_field
+from tests.portraits import HEAD_LANDMARKS
 
 SIDE = 160
 
@@ -212,3 +216,70 @@ def test_ears_behind_hair_are_left_out(filmed):
     head = head_with_ears(0.3)
     behind = FittedHead(head.points - [0, 0, 0.9] * head.ears[:, None], head.triangles, head.ears)
     assert ears_of(behind, bust_chart(0.05), photos, capture) is None
+
+
+def closed(monkeypatch, field, capture, **change):
+    """A field whose open back was closed with a shell that was changed."""
+    def changed(field, shell, photos, cut):
+        return with_shell(field, replace(shell, guessed=True, **change), photos, cut)
+
+    monkeypatch.setattr(back, "with_shell", changed)
+    return close_back(field, HEAD_LANDMARKS, capture)[0]
+
+
+@pytest.fixture(scope="module")
+def front():
+    """A head that is open behind."""
+    field = head_field(64)
+    points = field.lattice_points()
+    around = np.degrees(np.abs(np.arctan2(points[:, 0], points[:, 2])))
+    field = replace(field, density=np.where(around < 120, field.density, 0).astype(np.float32))
+    return field, photographs(field)
+
+
+def test_an_ear_is_part_of_what_is_closed(monkeypatch, front):
+    field, capture = front
+    ear = solid(*ball((0.1, 0.12, 0.1), (0.6, 0.0, -0.35)))
+    plain, eared = (closed(monkeypatch, field, capture, ears=one) for one in (None, ear))
+    behind = Camera.arc(np.array([180.0]), distance=5.0, width=SIDE, height=SIDE,
+                        focal=5.0 * SIDE / 2.4)
+    before, after = (one.depth(behind, 0)[0] > 0.5 for one in (plain, eared))
+    middle = np.array([0.6, 0.0, -0.35])
+    pixels = behind.project(middle + 0.7 * (ear.points - middle))[0][0]
+    column, row = np.floor(pixels).astype(int).T
+    assert after[row, column].mean() > 0.95 and before[row, column].mean() < 0.7
+    # Elsewhere the outline is the same.
+    away = np.ones(after.shape, bool)
+    away[row.min() - 6:row.max() + 7, column.min() - 6:column.max() + 7] = False
+    assert (before != after)[away].mean() < 0.002
+
+
+class Sure:
+    """Photos that see all there is, and well."""
+
+    enough = 3
+
+    def seen(self, points, outwards=None, least=0.0):
+        return np.full(len(points), 9, np.int32)
+
+    def faced(self, points, least):
+        return np.full(len(points), 9, np.int32)
+
+
+def test_what_stands_out_goes_where_it_yields():
+    field, chart = head_field(64), bust_chart(0.05)
+    shape = len(chart.axis), len(chart.angle)
+    # The new surface lies inside of the head.
+    shell = Shell(chart, np.full(shape, 0.4), np.ones(shape), np.full((*shape, 3), 0.5),
+                  np.ones(shape, bool), 1 / 32, guessed=True)
+    deep, places = shell.depth(field.lattice_points())
+    near = (deep > -np.inf) & (deep < 5)
+    kept, _ = _changed(field, shell, Sure())
+    assert (kept == field.density).all()
+    left = chart.angle[np.rint(places[1]).astype(int) % shape[1]] > 0
+    allowed = np.where(np.broadcast_to(chart.angle > 0, shape), -2.0, -np.inf)
+    changed, _ = _changed(field, replace(shell, yields=allowed), Sure())
+    out = near & (deep < -2) & (field.density > 8)
+    assert (out & left).sum() > 500 and (changed[out & left] <= 0).all()
+    rest = ~(near & (deep < -2) & left)
+    assert (changed[rest] == field.density[rest]).all()

@@ -8,8 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from lfportrait.capture import Camera, Capture
+from lfportrait.face.capture_head import fit_in_space
+from lfportrait.face.head_prior import generic_prior
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.field.closing.hairline import usual_hair
+from lfportrait.field.closing import FittedHead, close_sides
 from lfportrait.field.coverage import Coverage
 from lfportrait.field.geometry.bust import bust_chart, bust_distance
 from lfportrait.field.geometry.head_surface import (
@@ -176,6 +179,35 @@ def test_photos_cover_the_face_and_not_the_back(arc, whole):
     few = replace(arc, held_out=np.arange(len(arc)) != len(arc) // 2)
     assert np.median(Coverage(field, few).directions(around, 0)[middle]) == 1
     assert Coverage(field, few).share(4.0) == 0 < coverage.share(4.0) < 0.9
+
+
+def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole):
+    field, _ = whole
+    given = []
+
+    def fit_head(*parts):
+        given.append(parts)
+        prior = generic_prior()
+        return FittedHead(fit_in_space(prior, *parts), prior.triangles,
+                          np.zeros(len(prior.mean), bool))
+
+    closed, told = close_sides(field, surface, arc, None, fit_head)
+    assert told is not None and len(given) == 1
+    marks, points, normals, trust = given[0]
+    # In the portrait frame, eyes are at its origin's height and the face looks to +z.
+    assert np.abs(marks[36:48, 1]).max() < 0.08 and marks[30, 2] > marks[36, 2]
+    face = (np.abs(points[:, 0]) < 0.3) & (np.abs(points[:, 1] + 0.2) < 0.3)
+    assert face.sum() > 100 and (points[face, 2] > 0.1).all() and (normals[face, 2] > 0).all()
+    assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-6
+    assert trust.min() > 0 and trust.max() == 1
+    front = cameras([0.0])
+    before, after = (one.render(front, 0).color for one in (field, closed))
+    middle = np.s_[SIDE // 3:SIDE // 2, 2 * SIDE // 5:3 * SIDE // 5]
+    assert np.abs(before - after)[middle].mean() < 0.01
+    # Without a head they follow the surface that was found.
+    plain, _ = close_sides(field, surface, arc, None, lambda *parts: None)
+    same, _ = close_sides(field, surface, arc)
+    assert np.array_equal(plain.density, same.density) and np.array_equal(plain.sh, same.sh)
 
 
 def test_a_face_holds_beyond_the_arc(whole):

@@ -127,7 +127,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
     found, torn = [], []
     for side in (left, ~left):
         triangles = _around(head, side)
-        own = (head.ears & side)[head.triangles[triangles]].any(axis=1)
+        own = np.asarray((head.ears & side)[head.triangles[triangles]].any(axis=1))
         points, normals, triangle = mesh_samples(vertices, head.triangles[triangles], STEP * unit)
         mine = own[triangle]
         seen = _surface_near(photos, points[mine], _NEAR * unit)

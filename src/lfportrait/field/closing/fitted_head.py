@@ -99,7 +99,8 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
         Distances [V, U] to go over into where the head has no surface, below its neck.
     """
     places, normals, triangle = mesh_samples(head.points, head.triangles)
-    skull = ~head.ears[head.triangles].any(axis=1)[triangle]
+    ear = np.asarray(head.ears[head.triangles].any(axis=1))
+    skull = ~ear[triangle]
     row, column, away = _cells(chart, places)
     rays = np.asarray(_local_rays(chart)[np.clip(row, 0, len(chart.axis) - 1), column])
     chosen = skull & (row >= 0) & (row < len(chart.axis)) & ((rays * normals).sum(axis=1) > FACING)

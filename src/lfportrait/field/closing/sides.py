@@ -3,7 +3,8 @@
 Where photos look along the surface or do not see it at all, what was trained there is what little
 the outlines left over: fringes, haze, holes. There the surface that the field started from
 (`lfportrait.field.geometry.head_surface`) takes its place, bent to the trained one where that
-begins, in the colors around it.
+begins, in the colors around it. Where a statistical head is installed, a head fitted to the capture
+(`fitted_head`) takes the place instead, with its ears (`ears`).
 """
 
 from __future__ import annotations
