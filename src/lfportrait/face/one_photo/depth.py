@@ -32,11 +32,11 @@ SMOOTH = 0.02
 """Depth is smoothed over so much, portrait units."""
 FACE = 0.55
 """What of the model lies so far behind its nearest point is face, portrait units."""
-OFF, FLAT = 0.06, 0.5
+OFF, FLAT = 0.06, 0.8
 """A depth that is further off in the face (median, portrait units) is none, nor is one that is
 further off than this part of the face's own relief (its median deviation)."""
 FAR = 4.0
-"""Median deviations from the line from which on a place counts for nothing."""
+"""Median deviations from a line up to which a place agrees with it."""
 LEAST = 300
 """Cells of the face, at least, that it must know."""
 AHEAD, BEHIND = 0.6, 1.5
@@ -90,10 +90,16 @@ def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -
     known, true = inverse[face], 1.0 / near[face]
     if np.ptp(known) <= 0 or np.ptp(true) <= 0:
         return None
-    # The map is what is wrong in places, so it is what is explained.
+    # The map is what is wrong in places, so it is what is explained. But the head is only about
+    # right, too: of what agrees, the slopes of both ways are averaged, each of which is too flat.
     slope, zero = _line(true, known)
-    if slope <= 0:
+    away = np.abs(known - slope * true - zero)
+    agree = away <= FAR * np.median(away)
+    back = _line(known[agree], true[agree])[0] if np.ptp(known[agree]) > 0 else 0.0
+    if slope <= 0 or back <= 0:
         return None
+    slope = float(np.sqrt(slope / back))
+    zero = float(np.median(known - slope * true))
     with np.errstate(divide="ignore", invalid="ignore"):
         found = slope / (inverse - zero)
     off = float(np.median(np.abs(found[face] - near[face])))
@@ -137,23 +143,15 @@ def _inverse(depth: DepthMap, camera: Camera, parts: Parts) -> Float64:
 
 
 def _line(at: Float64, values: Float64) -> tuple[float, float]:
-    """The line through most of some points: slope and height.
-
-    From least absolute deviations to Tukey's biweight, by reweighting.
-    """
+    """The line through points by their least absolute deviations: slope and height."""
     middle, unit = float(np.median(at)), float(np.std(at))
     design = np.column_stack([(at - middle) / unit, np.ones(len(at))])
     weights, found = np.ones(len(at)), np.zeros(2)
     least = 1e-4 * float(np.std(values))
-    for turn in range(30):
+    for _ in range(20):  # reweighted least squares
         scaled = design * weights[:, None]
         found = np.linalg.lstsq(scaled.T @ design, scaled.T @ values, rcond=None)[0]
-        away = np.abs(values - design @ found)
-        if turn < 15:
-            weights = 1.0 / np.maximum(away, least)
-        else:
-            far = FAR * max(float(np.median(away)), least)
-            weights = np.clip(1.0 - (away / far) ** 2, 0, None) ** 2
+        weights = 1.0 / np.maximum(np.abs(values - design @ found), least)
     return float(found[0]) / unit, float(found[1] - found[0] * middle / unit)
 
 
