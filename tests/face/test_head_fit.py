@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
-from lfportrait.face.head_fit import Picture, check_faces, fit_head
-from lfportrait.face.head_prior import generic_prior, read_ict
+from lfportrait.face.head_fit import Picture, check_faces, fit_head, unfit
+from lfportrait.face.head_prior import EYES, FACE, SOCKETS, generic_prior, read_ict
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 FOCAL, SIZE = 900.0, 600
@@ -61,6 +61,34 @@ def test_what_can_not_fit_is_refused():
     mixed[17:] = landmarks[17:][np.random.default_rng(1).permutation(51)]
     with pytest.raises(UserError, match="fits no face"):
         fit_head(prior, [Picture((SIZE, SIZE), mixed, FOCAL)], ["odd.jpg"])
+
+
+def test_a_photo_of_another_face_is_found_among_several():
+    prior = generic_prior()
+    pictures = [Picture((SIZE, SIZE), _seen(yaw)[0], FOCAL) for yaw in (0.0, 15.0)]
+    odd = pictures[1].landmarks.copy()
+    odd[17:] = odd[17:][np.random.default_rng(1).permutation(51)]
+    pictures.append(replace(pictures[1], landmarks=odd))
+    fit = fit_head(prior, pictures)
+    assert unfit(fit, pictures) == [2]
+
+
+def test_the_mean_has_a_level_of_its_own():
+    prior = generic_prior()
+    rest = prior.rest
+    assert abs(rest[prior.landmarks[8], 1]) < 1e-9
+    assert abs(rest[prior.landmarks[[0, 16]], 2].sum()) < 1e-6
+    assert 0.09 < rest[prior.landmarks[36], 1] < 0.15
+
+
+def test_sockets_and_the_backs_of_eyes_are_left_out_of_the_outer_surface():
+    prior = generic_prior()
+    part = np.full(len(prior.mean), FACE, np.uint8)
+    part[:240], part[-400:] = SOCKETS, EYES
+    head = replace(prior, part=part)
+    left = head.outer
+    assert not (part[left] == SOCKETS).any() and len(left) < len(prior.triangles)
+    assert len(prior.outer) == len(prior.triangles)
 
 
 def test_faces_are_checked():

@@ -21,8 +21,8 @@ from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
 from .limits import MOST_TURNED
 
-__all__ = ["HeadFit", "Picture", "View", "across_jaw", "check_faces", "fit_head", "jaw_vertices",
-           "outline_errors", "outline_vertices", "unfit"]
+__all__ = ["HeadFit", "Picture", "View", "across_jaw", "check_faces", "deviations_of", "fit_head",
+           "jaw_vertices", "outline_errors", "outline_vertices", "unfit"]
 
 Float64 = NDArray[np.float64]
 
@@ -178,6 +178,11 @@ class HeadFit:
                 "angles": [view.angles for view in self.views]}
 
 
+def deviations_of(identity: Float64) -> float:
+    """Root mean square of coefficients of identity, [K]."""
+    return float(np.sqrt((identity ** 2).sum() / max(len(identity), 1)))
+
+
 def check_faces(faces: list[Float64], name: str) -> Float64:
     """The one face of a photo that can be used.
 
@@ -274,7 +279,7 @@ class _Solver:
             away = (shown - picture.landmarks)[17:]
             pixels.append(float(np.sqrt((away ** 2).sum(axis=1).mean())))
         return HeadFit(self.prior, self.identity, self.views, pixels,
-                       float(np.sqrt((self.identity ** 2).mean())))
+                       deviations_of(self.identity))
 
     def solve(self, rounds: int, *, outlines: bool) -> None:
         """Some steps; the jaw and the outlines are looked for again before each."""

@@ -52,3 +52,13 @@ def test_a_photo_without_a_face_is_refused(tmp_path):
         pytest.skip("the network for mattes is not here")
     with pytest.raises(UserError, match="no face was found in wall"):
         portrait_capture(read_photos(tmp_path / "wall.png"))
+
+
+def test_of_several_photos_those_without_a_face_are_left_out(photo, tmp_path):
+    if models.missing(["person-segmentation"]):
+        pytest.skip("the network for mattes is not here")
+    Image.open(photo).save(tmp_path / "a.png")
+    Image.fromarray(np.full((200, 200, 4), 128, np.uint8)).save(tmp_path / "wall.png")
+    with pytest.warns(UserWarning, match="wall.png is left out: no face"):
+        capture, _ = portrait_capture(read_photos(tmp_path))
+    assert capture.names == ["a.png"]

@@ -23,7 +23,7 @@ from ...field import ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..detect import detect_faces, face_yaw
-from ..head_fit import HeadFit, Picture, View, check_faces, fit_head, unfit
+from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_head, unfit
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..limits import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
@@ -44,8 +44,8 @@ _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
 
 
-def portrait_capture(photos: list[Photo], progress: Progress | None = None,
-                     ) -> tuple[Capture, dict[str, Any]]:
+def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
+                     prior: HeadPrior | None = None) -> tuple[Capture, dict[str, Any]]:
     """Fit a head to photos of one person.
 
     Parameters
@@ -55,6 +55,8 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None,
         mattes. The most frontal one decides how the head looks.
     progress
         Progress line.
+    prior
+        Instead of the installed head.
 
     Returns
     -------
@@ -75,8 +77,8 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None,
 
     note("looking for the face")
     seen = _usable(photos)
-    prior = head_prior()
-    if not models.available("head") and progress is not None:
+    given, prior = prior is not None, prior or head_prior()
+    if not given and not models.available("head") and progress is not None:
         progress.say("no statistical head is installed: the generic one is used, which resembles "
                      "less; see `lfportrait models list`")
     note("fitting the head")
@@ -278,7 +280,7 @@ def _kept_fit(capture: Capture) -> HeadFit:
                   np.array(one["center"]), np.array(one["expression"])) for one in kept["views"]]
     identity = np.array(kept["identity"])
     return HeadFit(prior, identity, views, [0.0] * len(views),
-                   float(np.sqrt((identity ** 2).mean())))
+                   deviations_of(identity))
 
 
 def _pictured(capture: Capture, view: int) -> Picture:
