@@ -58,7 +58,7 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Captu
     cut_out
         Whether the photos have mattes.
     """
-    cameras = Camera.arc(np.linspace(-150, 150, views), distance=4.0, width=size, height=size,
+    cameras = Camera.arc(np.linspace(-115, 115, views), distance=4.0, width=size, height=size,
                          focal=1.7 * size)
     images, alphas = [], []
     for view in range(views):

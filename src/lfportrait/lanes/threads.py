@@ -33,7 +33,7 @@ from typing import Any, TypeVar
 
 import numba
 
-__all__ = ["share_out", "shared", "side_by_side", "with_kernel"]
+__all__ = ["helping_threads", "share_out", "shared", "side_by_side", "with_kernel"]
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
@@ -43,7 +43,7 @@ _PIECES = 4
 
 
 @functools.cache
-def _helpers() -> ThreadPoolExecutor:
+def helping_threads() -> ThreadPoolExecutor:
     """The threads besides the caller's."""
     settings: Any = numba.config
     return ThreadPoolExecutor(max(settings.NUMBA_NUM_THREADS - 1, 1), "kernels")
@@ -51,7 +51,7 @@ def _helpers() -> ThreadPoolExecutor:
 
 if hasattr(os, "register_at_fork"):
     # A forked process has none of its parent's threads.
-    os.register_at_fork(after_in_child=_helpers.cache_clear)
+    os.register_at_fork(after_in_child=helping_threads.cache_clear)
 
 
 def share_out(kernel: Callable[..., object], count: int, *arguments: Any) -> None:
@@ -71,7 +71,7 @@ def share_out(kernel: Callable[..., object], count: int, *arguments: Any) -> Non
                 return
             kernel(first, last, *arguments)
 
-    helpers = [_helpers().submit(work) for _ in range(threads - 1)]
+    helpers = [helping_threads().submit(work) for _ in range(threads - 1)]
     try:
         work()
     finally:

@@ -23,7 +23,7 @@ from ...lanes.interleaved import prefetch
 from ...lanes.threads import share_out
 from ...lanes.vectors import LANES
 
-__all__ = ["descend", "smooth", "total_variation"]
+__all__ = ["descend", "smooth", "smooth_rows", "take_up_all", "total_variation", "vary_rows"]
 
 _floats, _sqrt = LANES.floats, LANES.sqrt
 _load, _store = LANES.load, LANES.store
@@ -103,12 +103,12 @@ def descend(density, rows, width, records, bases, rate, decay, lowest, gains, me
         rays counts in full whatever the bound.
     """
     keys, values, counts, _ = records
-    share_out(_take_up_all, len(counts), keys, values, counts, density, rows, width,
+    share_out(take_up_all, len(counts), keys, values, counts, density, rows, width,
               bases.reshape(-1), rate, decay, lowest, gains, memory)
 
 
 @lean_kernel
-def _take_up_all(since, until, keys, values, counts, density, rows, width, bases, rate, decay,
+def take_up_all(since, until, keys, values, counts, density, rows, width, bases, rate, decay,
                  lowest, gains, memory):
     """Take up all records for some owners."""
     for owner in range(since, until):
@@ -129,12 +129,12 @@ def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains
     first, last
         Range of rows.
     """
-    share_out(_smooth_rows, last - first, density, rows, width, slopes, first, last, rate, decay,
+    share_out(smooth_rows, last - first, density, rows, width, slopes, first, last, rate, decay,
               lowest, gains)
 
 
 @lean_kernel
-def _smooth_rows(since, until, density, rows, width, slopes, first, last, rate, decay, lowest,
+def smooth_rows(since, until, density, rows, width, slopes, first, last, rate, decay, lowest,
                  gains):
     """`smooth` of some rows, counted from the first."""
     colors = len(slopes) > last - first
@@ -175,12 +175,12 @@ def total_variation(neighbours, first, last, values, width, weight, scale, slope
     slopes
         float32 [(last - first) * width], written.
     """
-    share_out(_vary_rows, last - first, neighbours, first, values, width, np.float32(weight),
+    share_out(vary_rows, last - first, neighbours, first, values, width, np.float32(weight),
               np.float32(scale), slopes)
 
 
 @lean_kernel
-def _vary_rows(since, until, neighbours, first, values, width, weight, factor, slopes):
+def vary_rows(since, until, neighbours, first, values, width, weight, factor, slopes):
     """`total_variation` of some rows, counted from the first."""
     share = weight * factor
     for row in range(first + since, first + until):

@@ -1,11 +1,11 @@
-"""Rows of a lattice from the sums of several states."""
+"""Sums of the states of a lattice, and rows from them."""
 
 from __future__ import annotations
 
 from ...lanes.decorators import lean_kernel
 from ...lanes.threads import shared
 
-__all__ = ["put_means"]
+__all__ = ["add_rows", "put_means"]
 
 
 @shared("sums")
@@ -29,3 +29,20 @@ def put_means(since, until, sums, columns, count, rows, first):
     for row in range(since, until):
         for column in range(columns):
             rows[first + row, column] = sums[row, column] / count
+
+
+@shared("sums")
+@lean_kernel
+def add_rows(since, until, sums, rows):
+    """Add the first columns of rows to sums.
+
+    Parameters
+    ----------
+    sums
+        float32 [N, columns], written.
+    rows
+        float32 [N, width], at least as wide.
+    """
+    for row in range(since, until):
+        for column in range(sums.shape[1]):
+            sums[row, column] += rows[row, column]

@@ -29,7 +29,6 @@ import numpy as np
 from ...lanes.cache_keys import identified
 from ...lanes.decorators import kernel, lean
 from ...lanes.interleaved import gather_signed
-from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 from .march import enter_box, make_basis, make_locate
 from .packet import (
@@ -43,7 +42,7 @@ from .packet import (
     write_records,
 )
 
-__all__ = ["train_kernel"]
+__all__ = ["make_cast", "make_scratch"]
 
 _STEP = 160
 """Floats that a packet's sample takes in its notes: fractions x, y, z; weight; transmittance
@@ -51,15 +50,15 @@ behind it; density; distance; red, green, blue; 16 lanes each."""
 
 
 @functools.cache
-def train_kernel(width: int) -> Callable[..., Any]:
-    """The kernel for color rows of 16 or 32 floats.
+def make_cast(width: int) -> Callable[..., Any]:
+    """What one worker of so many does in a cast, for color rows of 16 or 32 floats.
 
     Returns
     -------
-    train
-        ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
-        tiles, background, options, pad, records, bases, grad_background, weight,
-        tile_errors, losses)``;
+    cast
+        ``cast(worker, workers, table, links, density, rows, lattice, count, cameras, sizes,
+        starts, pixels, gains, tiles, background, options, pad, records, bases, grad_background,
+        weight, tile_errors, scratch)``, which gives the worker's squared errors, rays and samples;
         ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
         ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V]
         first pixel of each view in ``pixels`` uint8 [P, 4] (color, composited by the kernel, and
@@ -70,12 +69,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
         `packet`, the latter written; ``bases`` float32 [T, 64], written: the
         harmonics of each packet's middle direction as the vectors that rows are multiplied with.
         ``weight`` float32 [W, N + 1], raised to the largest weight of each row if only that is
-        asked. ``tile_errors`` float32 [T], squared errors of each tile, and ``losses`` float64
-        [W, 3] are written: squared errors, rays, samples.
+        asked. ``tile_errors`` float32 [T], squared errors of each tile, are written. ``scratch``
+        is the worker's own, from `make_scratch`.
     """
     locate = make_locate(LANES)
     fill_basis, color_points = make_basis(width), make_color_points(width)
-    floats, where, floor = LANES.floats, LANES.where, LANES.floor
+    floats, ints, where, floor = LANES.floats, LANES.ints, LANES.where, LANES.floor
     minimum, maximum, exp = LANES.minimum, LANES.maximum, LANES.exp
     bits, lowest, load, store = LANES.bits, LANES.lowest, LANES.load, LANES.store
     one, zero = np.float32(1.0), np.float32(0.0)
@@ -144,6 +143,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         inverse_z = one / where((dz < tiny) & (dz > -tiny), tiny, dz)
         inverse_step = one / step
         alive = start < end
+        last_cell = ints(np.int32(-1))
         count = 0
         limit = len(words)
         while bits(alive) != 0:
@@ -178,9 +178,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     store(notes, here + np.uintp(80), sigma)
                     store(notes, here + np.uintp(96), t)
                     words[count] = word
-                    while word != 0:
-                        lane = np.uintp(lowest(word))
-                        word &= word - np.uint32(1)
+                    # Every other sample lies in the cell of the one before.
+                    entered = bits(shown & (base != last_cell))
+                    last_cell = where(shown, base, last_cell)
+                    while entered != 0:
+                        lane = np.uintp(lowest(entered))
+                        entered &= entered - np.uint32(1)
                         use_cell(places[lane_base + lane], ready, used, counts)
                     spread = spread + weight * t
                     count += 1
@@ -310,13 +313,11 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     row = np.uintp(links[np.uintp(128 * brick + (cell & 127) + offset)])
                     seen[row] = max(seen[row], value)
 
-    @shared("losses")
-    @identified("train", width)
-    @kernel
-    def train(since, until, table, links, density, rows, lattice, count, cameras, sizes, starts,
-              pixels, gains, tiles, background, options, pad, records, bases, grad_background,
-              weight_seen, tile_errors, losses):
-        workers = len(losses)
+    @identified("train cast", width)
+    @lean
+    def cast(worker, workers, table, links, density, rows, lattice, count, cameras, sizes, starts,
+             pixels, gains, tiles, background, options, pad, records, bases, grad_background,
+             weight_seen, tile_errors, scratch):
         step, threshold, stop = (np.float32(options[0]), np.float32(options[1]),
                                  np.float32(options[2]))
         alpha_weight, sparsity = np.float32(options[3]), np.float32(options[4])
@@ -324,51 +325,55 @@ def train_kernel(width: int) -> Callable[..., Any]:
         near = options[7]
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         share = np.float32(1.0 / (16.0 * len(tiles)))
-        samples = int(np.sqrt(float(nx) * nx + float(ny) * ny + float(nz) * nz) / step) + 2
         empty = len(density) - 1
         (all_place, all_opened, all_density, all_colors, all_slopes, all_ready, all_used,
          all_counts) = pad
         all_keys, all_values, all_written, all_recent = records
-        for worker in range(since, until):
-            place, opened, own_density = (all_place[worker], all_opened[worker],
-                                          all_density[worker])
-            colors, slopes, ready = all_colors[worker], all_slopes[worker], all_ready[worker]
-            used, counts, written = all_used[worker], all_counts[worker], all_written[worker]
-            keys, values, recent = all_keys[worker], all_values[worker], all_recent[worker]
-            scratch = np.zeros(16, np.float32)
-            ray = np.zeros((9, 16), np.float32)
-            flat = ray.reshape(9 * 16)
-            out = np.zeros(9 * 16, np.float32)
-            grads, numbers = np.zeros(7 * 16, np.float32), np.zeros(16, np.int32)
-            places, words = np.empty(16 * samples, np.int32), np.empty(samples, np.uint32)
-            notes = np.empty(samples * _STEP, np.float32)
-            squared, rays, visible = 0.0, 0, 0
-            written[:] = 0
-            for number in range(worker, len(tiles), workers):
-                tile, view = tiles[number], tiles[number, 0]
-                basis = bases[number]
-                counts[0], counts[1] = 0, 0
-                setup_packet(tile, cameras[view], sizes[view], lattice, count, step, near, ray,
-                             basis, scratch)
-                found = forward(table, links, density, nx, ny, nz, flat, step, threshold, stop,
-                                places, words, notes, out, numbers, place, opened, own_density,
-                                ready, used, counts)
-                if only_weights:
-                    largest(links, opened, found, places, words, notes, weight_seen[worker])
-                else:
-                    color_points(links, rows, opened, basis, colors, slopes, used, counts)
-                    visible += shade(found, places, words, notes, colors, out)
-                    error = slopes_of_errors(
-                        number, tile, sizes[view], starts[view], pixels, gains[view], background,
-                        alpha_weight, share, out, grads, grad_background)
-                    tile_errors[number] = error
-                    squared += error
-                    rays += 16
-                    backward(found, flat, grads, out, sparsity * share, narrow * share, step,
-                             places, words, notes, slopes)
-                    write_records(number, links, empty, opened, used, slopes, counts, keys, values,
-                                  written, recent)
-                for brick in range(counts[0]):
-                    place[np.uintp(opened[np.uintp(brick)])] = -1
-            losses[worker, 0], losses[worker, 1], losses[worker, 2] = squared, rays, visible
-    return train
+        place, opened, own_density = all_place[worker], all_opened[worker], all_density[worker]
+        colors, slopes, ready = all_colors[worker], all_slopes[worker], all_ready[worker]
+        used, counts, written = all_used[worker], all_counts[worker], all_written[worker]
+        keys, values, recent = all_keys[worker], all_values[worker], all_recent[worker]
+        harmonics, ray, flat, out, grads, numbers, places, words, notes = scratch
+        squared, rays, visible = 0.0, 0, 0
+        for owner in range(workers):
+            written[owner] = 0
+        for number in range(worker, len(tiles), workers):
+            tile, view = tiles[number], tiles[number, 0]
+            basis = bases[number]
+            counts[0], counts[1] = 0, 0
+            setup_packet(tile, cameras[view], sizes[view], lattice, count, step, near, ray,
+                         basis, harmonics)
+            found = forward(table, links, density, nx, ny, nz, flat, step, threshold, stop,
+                            places, words, notes, out, numbers, place, opened, own_density,
+                            ready, used, counts)
+            if only_weights:
+                largest(links, opened, found, places, words, notes, weight_seen[worker])
+            else:
+                color_points(links, rows, opened, basis, colors, slopes, used, counts)
+                visible += shade(found, places, words, notes, colors, out)
+                error = slopes_of_errors(
+                    number, tile, sizes[view], starts[view], pixels, gains[view], background,
+                    alpha_weight, share, out, grads, grad_background)
+                tile_errors[number] = error
+                squared += error
+                rays += 16
+                backward(found, flat, grads, out, sparsity * share, narrow * share, step,
+                         places, words, notes, slopes)
+                write_records(number, links, empty, opened, used, slopes, counts, keys, values,
+                              written, recent)
+            for brick in range(counts[0]):
+                place[np.uintp(opened[np.uintp(brick)])] = -1
+        return squared, rays, visible
+    return cast
+
+
+@kernel
+def make_scratch(lattice, options):
+    """A thread's scratch for `make_cast`: room for the samples of the longest ray."""
+    longest = np.sqrt(lattice[0] * lattice[0] + lattice[1] * lattice[1] + lattice[2] * lattice[2])
+    samples = int(longest / options[0]) + 3
+    ray = np.zeros((9, 16), np.float32)
+    return (np.zeros(16, np.float32), ray, ray.reshape(9 * 16), np.zeros(9 * 16, np.float32),
+            np.zeros(7 * 16, np.float32), np.zeros(16, np.int32),
+            np.empty(16 * samples, np.int32), np.empty(samples, np.uint32),
+            np.empty(samples * _STEP, np.float32))

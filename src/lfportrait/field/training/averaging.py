@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.means import put_means
+from ..kernels.means import add_rows, put_means
 from .lattice import Lattice
 
 __all__ = ["Average"]
@@ -54,7 +54,7 @@ class Average:
     def add(self, lattice: Lattice) -> None:
         """Add a state."""
         self.density += lattice.density
-        self.rows += lattice.rows[:, :self.rows.shape[1]]
+        add_rows(self.rows, lattice.rows)
         self.count += 1
 
     def put(self, lattice: Lattice) -> None:

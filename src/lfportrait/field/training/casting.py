@@ -2,16 +2,61 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ...lanes.barrier import together
+from ..config import ReconstructConfig
 from ..kernels.bricks import bright_table
 from ..kernels.packet import Records, make_pad
-from ..kernels.train import train_kernel
+from ..kernels.steps import steps_kernel, train_kernel
 from .lattice import Lattice
 from .pixels import TrainingPixels
+from .steps import variation_of
 
-__all__ = ["Caster"]
+__all__ = ["Caster", "Descent"]
+
+
+@dataclass(frozen=True)
+class Descent:
+    """What the steps of a level have in common, besides how rays are cast.
+
+    Attributes
+    ----------
+    neighbours
+        int32 [N + 1, 6], as `lfportrait.field.kernels.descent.total_variation` takes them.
+    variation
+        float32 [3]: weights of the density's and the colors' total variation over the rows of a
+        run, and the scale of differences.
+    slopes, color_slopes
+        float32 [R] and [R * width], scratch: R rows are a run.
+    decay, lowest
+        Of the density's running mean of squared slopes; densities are kept at or above this.
+    gains
+        float32 [width], from `color_gains`.
+    """
+
+    neighbours: NDArray[np.int32]
+    variation: NDArray[np.float32]
+    slopes: NDArray[np.float32]
+    color_slopes: NDArray[np.float32]
+    decay: np.float32
+    lowest: np.float32
+    gains: NDArray[np.float32]
+
+    @staticmethod
+    def of(lattice: Lattice, config: ReconstructConfig, level: int, lowest: np.float32,
+           gains: NDArray[np.float32]) -> Descent:
+        """That of a level; ``lowest`` and ``gains`` are given."""
+        weights, scale, run = variation_of(config, level, lattice.count)
+        return Descent(
+            lattice.neighbours(), np.array([*(weight / run for weight in weights), scale],
+                                           np.float32),
+            np.zeros(run, np.float32), np.zeros(run * len(gains) if weights[1] > 0 else 1,
+                                                np.float32),
+            np.float32(config.rms_beta), lowest, gains)
 
 
 class Caster:
@@ -48,6 +93,11 @@ class Caster:
         self.records = Records.empty(workers, 1 << 14)
         self.bases, self.errors = np.zeros((0, 64), np.float32), np.zeros(0, np.float32)
         self.losses = np.zeros((workers, 3))
+        self.place()
+
+    def place(self) -> None:
+        """Cast rays from the cameras that the pixels have now."""
+        self._cameras = self.data.cameras.copy()
 
     def _run(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
              scale: NDArray[np.float32], options: NDArray[np.float64],
@@ -55,14 +105,18 @@ class Caster:
         lattice, data = self.lattice, self.data
         # A slice with gaps is another type of array, for which all would be compiled once more.
         tiles = np.ascontiguousarray(tiles)
-        if len(self.bases) != len(tiles):
-            self.bases = np.zeros((len(tiles), 64), np.float32)
-            self.errors = np.zeros(len(tiles), np.float32)
+        self._fit(len(tiles))
         train_kernel(lattice.rows.shape[1])(
             self.table, self.links, lattice.density, lattice.rows.ravel(), self.geometry,
-            self.basis, data.cameras, data.sizes, data.starts, data.pixels, scale, tiles, ground,
+            self.basis, self._cameras, data.sizes, data.starts, data.pixels, scale, tiles, ground,
             options, self.pad, self.records.arrays, self.bases, slopes, seen, self.errors,
             self.losses)
+
+    def _fit(self, tiles: int) -> None:
+        """Have room for what a cast of so many tiles leaves."""
+        if len(self.bases) != tiles:
+            self.bases = np.zeros((tiles, 64), np.float32)
+            self.errors = np.zeros(tiles, np.float32)
 
     def cast(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
              scale: NDArray[np.float32], options: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -77,7 +131,7 @@ class Caster:
         scale
             float32 [V, 3], what 8-bit colors of each view are multiplied with.
         options
-            See `lfportrait.field.kernels.train.train_kernel`.
+            See `lfportrait.field.kernels.train.make_cast`.
 
         Returns
         -------
@@ -91,6 +145,54 @@ class Caster:
             grown = self.records.grown()
             if grown is None:
                 return slopes
+            self.records = grown
+
+    def take(self, tiles: NDArray[np.int32], greys: NDArray[np.float32], scale: NDArray[np.float32],
+             options: NDArray[np.float64], descent: Descent, rates: NDArray[np.float32],
+             firsts: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Cast rays and take up what they found, step by step.
+
+        Parameters
+        ----------
+        tiles, greys
+            int32 [S, T, 3] (view, row, column) of each step, and the grey behind each, [S, T].
+        scale, options
+            As for `cast`.
+        descent
+            What all steps have in common.
+        rates
+            float32 [S, 2], the density's rate, and the weight of rays that colors are means of.
+        firsts
+            int64 [S], where the run of rows begins that total variation smooths.
+
+        Returns
+        -------
+        errors
+            float32 [S, T], squared errors of the tiles.
+        losses
+            float64 [S, W, 3], as ``losses`` of each step.
+        """
+        lattice, data, width = self.lattice, self.data, self.lattice.rows.shape[1]
+        steps, count = tiles.shape[:2]
+        self._fit(count)
+        errors = np.empty((steps, count), np.float32)
+        losses = np.zeros((steps, *self.losses.shape))
+        grounds = np.repeat(np.repeat(greys[..., None], 3, axis=2), 16, axis=1)
+        slopes = np.empty_like(grounds[0])
+        unused = np.zeros((len(self.losses), 1), np.float32)
+        done = np.zeros(len(self.losses), np.int64)
+        while True:
+            together(
+                steps_kernel(width), len(self.losses), done, False, self.table, self.links,
+                lattice.density, lattice.rows.ravel(), self.geometry, self.basis, self._cameras,
+                data.sizes, data.starts, data.pixels, scale, tiles, grounds, options, self.pad,
+                self.records.arrays, self.bases, slopes, unused, descent.neighbours,
+                descent.variation, rates, firsts, descent.slopes, descent.color_slopes,
+                descent.decay, descent.lowest, descent.gains, errors, losses)
+            grown = self.records.grown()
+            if grown is None:
+                self.errors, self.losses = errors[-1], losses[-1]
+                return errors, losses
             self.records = grown
 
     def skip_clear(self, least: float) -> None:

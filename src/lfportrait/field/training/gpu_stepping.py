@@ -104,7 +104,7 @@ def warn(progress: Progress | None, line: str) -> None:
 
 
 def ray_numbers(options: NDArray[np.float64], count: int = 1) -> NDArray[Any]:
-    """`STEP` [count] with the options of `lfportrait.field.kernels.train.train_kernel` put in."""
+    """`STEP` [count] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
     steps = np.zeros(count, STEP)
     for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "sparsity", "narrow"),
                            options, strict=False):

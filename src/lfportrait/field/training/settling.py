@@ -83,6 +83,8 @@ def settled(trainer: Trained, field: VoxelField) -> VoxelField:
     number = max(1, round(rays / (16 * batches.size)))
     rate = np.float32(config.lr_sigma_final * config.resolutions[level] / 256.0)
     for step in range(number):
+        if batches.chooses(step):
+            steps.flush()
         generator = batches.generator(0, step)
         tiles = batches.step(step)
         steps.take(Plan(
@@ -90,6 +92,7 @@ def settled(trainer: Trained, field: VoxelField) -> VoxelField:
             np.float32(0) if step < _STILL else rate, np.float32(config.lr_sh_final),
             float(generator.random()), (0.0, 0.0),
             Average.due(step / number, (step + 1) / number, _AVERAGED)))
+    steps.flush()
     if steps.average is not None:
         steps.average.put(lattice)
     return VoxelField(lattice.links, lattice.density[:count].copy(),

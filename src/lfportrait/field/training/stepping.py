@@ -13,7 +13,7 @@ from ..background import BackgroundTrainer
 from ..config import ReconstructConfig
 from ..kernels.descent import descend
 from .averaging import Average
-from .casting import Caster
+from .casting import Caster, Descent
 from .lattice import Lattice
 from .pixels import TrainingPixels
 from .steps import color_gains, smooth_run
@@ -53,6 +53,9 @@ class Plan:
     averaged: bool
 
 
+_TOGETHER = 16
+"""Steps of a call at most: enough that a call's own time does not count, and little to wait for."""
+
 Taken = Callable[[Plan, NDArray[np.float32], float], None]
 """Called after a step with its plan, the tiles' squared errors [T], and their sum."""
 
@@ -88,7 +91,7 @@ class Steps(Protocol):
 
 
 class CpuSteps:
-    """Steps on the CPU, each at once.
+    """Steps on the CPU, many in one call unless spheres behind the lattice learn, too.
 
     Parameters
     ----------
@@ -97,7 +100,7 @@ class CpuSteps:
     basis, workers
         Harmonics a channel, and threads.
     options
-        See `lfportrait.field.kernels.train.train_kernel`.
+        See `lfportrait.field.kernels.train.make_cast`.
     lowest
         Densities are kept at or above this.
     scale
@@ -114,36 +117,71 @@ class CpuSteps:
         self.basis, self.width = basis, lattice.rows.shape[1]
         self.options, self.lowest, self.scale, self.taken = options, lowest, scale, taken
         self.caster = Caster(lattice, data, basis, workers)
-        self.neighbours = lattice.neighbours()
         self.behind: BackgroundTrainer | None = None
         self.average: Average | None = None
         self.table: NDArray[np.int32] | None = None
+        self._waiting: list[Plan] = []
+        # The first one is taken at once, so that its error is known.
+        self._together = 1
+        self._common: Descent | None = None
 
     def take(self, plan: Plan) -> None:
-        """Take a step."""
+        """Let a step wait; with enough of them, take them all."""
+        if self.behind is not None:
+            self._take_before(self.behind, plan)
+            return
+        self._waiting.append(plan)
+        if len(self._waiting) >= self._together or plan.averaged:
+            self._together = min(2 * self._together, _TOGETHER)
+            self.flush()
+
+    def flush(self) -> None:
+        """Take the steps that wait."""
+        plans, self._waiting = self._waiting, []
+        if not plans:
+            return
+        errors, losses = self.caster.take(
+            np.stack([plan.tiles for plan in plans]), np.stack([plan.greys for plan in plans]),
+            self.scale(), self.options, self._descent(len(plans[0].tiles)),
+            np.array([(plan.rate, 1.0 / plan.rate_sh) for plan in plans], np.float32),
+            np.array([int(plan.place * self.lattice.count) for plan in plans]))
+        for number, plan in enumerate(plans):
+            self.taken(plan, errors[number], float(losses[number, :, 0].sum()))
+        if plans[-1].averaged:
+            self._average()
+
+    def _descent(self, tiles: int) -> Descent:
+        """What steps of so many tiles have in common."""
+        if self._common is None:
+            self._common = Descent.of(self.lattice, self.config, self.level, self.lowest,
+                                      color_gains(16 * tiles, self.basis, self.width))
+        return self._common
+
+    def _take_before(self, behind: BackgroundTrainer, plan: Plan) -> None:
+        """Take a step before spheres, which learn from its rays."""
         lattice, config, caster, tiles = self.lattice, self.config, self.caster, plan.tiles
-        behind, rays = self.behind, None
-        if behind is not None:
-            rays = self.data.cube_rays(tiles, lattice.center, lattice.radius)
-            ground = behind.background.color(rays, config.background)
-        else:
-            ground = np.repeat(np.repeat(plan.greys[:, None], 3, axis=1), 16, axis=0)
+        rays = self.data.cube_rays(tiles, lattice.center, lattice.radius)
+        ground = behind.background.color(rays, config.background)
         slopes = caster.cast(tiles, ground, self.scale(), self.options)
         self.taken(plan, caster.errors, float(caster.losses[:, 0].sum()))
         gains = color_gains(16 * len(tiles), self.basis, self.width)
         descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,
                 caster.bases, plan.rate, np.float32(config.rms_beta), self.lowest, gains,
                 np.float32(1.0) / plan.rate_sh)
-        smooth_run(lattice, config, self.level, self.neighbours, plan.place, plan.rate,
+        smooth_run(lattice, config, self.level, lattice.neighbours(), plan.place, plan.rate,
                    self.lowest, gains)
-        if behind is not None and rays is not None:
-            behind.step(rays, ground, slopes, *plan.background_rates)
+        behind.step(rays, ground, slopes, *plan.background_rates)
         if plan.averaged:
-            self.average = self.average or Average(lattice, 3 * self.basis)
-            self.average.add(lattice)
+            self._average()
+
+    def _average(self) -> None:
+        """Add the state to the average."""
+        self.average = self.average or Average(self.lattice, 3 * self.basis)
+        self.average.add(self.lattice)
 
     def look_again(self, least: float) -> None:
         """Let rays leap over bricks in which no density is above ``least``, from now on."""
+        self.flush()
         self.caster.skip_clear(least)
         self.table = self.caster.table
 
@@ -151,14 +189,15 @@ class CpuSteps:
         """Cast rays by a table that `look_again` gave."""
         self.table = self.caster.table = table
 
-    def flush(self) -> None:
-        """Nothing waits."""
-
     def place(self) -> None:
-        """Cameras are looked up at each step."""
+        """The pixels' cameras have changed."""
+        self.flush()
+        self.caster.place()
 
     def sync(self, last: bool = False) -> None:
-        """The lattice is here."""
+        """Take the steps that wait; the lattice is here."""
+        self.flush()
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing is held; steps that wait are not taken."""
+        self._waiting.clear()

@@ -9,7 +9,7 @@ from ..config import ReconstructConfig
 from ..kernels.descent import smooth, total_variation
 from .lattice import Lattice
 
-__all__ = ["color_gains", "falling", "smooth_run"]
+__all__ = ["color_gains", "falling", "smooth_run", "variation_of"]
 
 _BANDS = (0.7, 0.15, 0.15)
 """Share of a ray's error that each band of harmonics takes up: mostly the color that all
@@ -36,6 +36,24 @@ def color_gains(rays: int, basis: int, width: int) -> NDArray[np.float32]:
     return gains
 
 
+def variation_of(config: ReconstructConfig, level: int, count: int,
+                 ) -> tuple[tuple[float, float], float, int]:
+    """How a level's total variation is weighted, on a lattice of ``count`` points.
+
+    Returns
+    -------
+    weights
+        Of the density's and of the colors'.
+    scale
+        Differences between neighbours are multiplied by this.
+    run
+        Rows that are smoothed in a step.
+    """
+    finest = level == len(config.resolutions) - 1
+    return ((config.lambda_tv * 0.5 ** level, config.lambda_tv_sh * (0.1 if finest else 1.0)),
+            config.resolutions[level] / 256.0, max(1, int(config.tv_sparsity * count)))
+
+
 def smooth_run(lattice: Lattice, config: ReconstructConfig, level: int,
                neighbours: NDArray[np.int32], place: float, rate: np.float32,
                lowest: np.float32, gains: NDArray[np.float32]) -> None:
@@ -43,15 +61,12 @@ def smooth_run(lattice: Lattice, config: ReconstructConfig, level: int,
 
     ``lowest`` is the least density that stays, ``gains`` those of `color_gains`.
     """
-    finest = level == len(config.resolutions) - 1
+    weights, scale, run = variation_of(config, level, lattice.count)
     first = int(place * lattice.count)
-    run = max(1, int(config.tv_sparsity * lattice.count))
     last = min(lattice.count, first + run)
-    scale = config.resolutions[level] / 256.0
     flat = lattice.rows.ravel()
-    for values, width, weight in (
-            (lattice.density, 1, config.lambda_tv * 0.5 ** level),
-            (flat, len(gains), config.lambda_tv_sh * (0.1 if finest else 1.0))):
+    for values, width, weight in zip((lattice.density, flat), (1, len(gains)), weights,
+                                     strict=True):
         if weight > 0:
             slopes = np.empty((last - first) * width, np.float32)
             total_variation(neighbours, first, last, values, width, weight / run, scale, slopes)
