@@ -204,7 +204,8 @@ def _ends(low: _Low, capture: Capture) -> list[End]:
         along = points @ out
         if beside and along.max() < (low.face @ out).max() + CLEAR * tall:
             continue
-        tips = _tips(points[along > along.max() - STUB * tall] if beside else points, out)
+        ending = points[along > along.max() - STUB * tall] if beside else points
+        tips = _tips(np.asarray(ending, np.float64), out)
         cut, asked = _cut(tips, out, tall, capture, seen)
         if asked.sum() < BINS // 6 or cut.sum() < MOST * asked.sum():
             continue
@@ -258,7 +259,7 @@ def _plane(tips: Float64, out: Float64) -> tuple[Float64, float]:
     for _ in range(12):  # reweighted least squares: the least sum of deviations
         held = np.diag([0.05 * weights.sum(), 0.05 * weights.sum(), 0.0])
         scaled = design * weights[:, None]
-        found = np.linalg.solve(scaled.T @ design + held, scaled.T @ along)
+        found = np.asarray(np.linalg.solve(scaled.T @ design + held, scaled.T @ along), np.float64)
         weights = 1.0 / np.maximum(np.abs(along - design @ found), 1e-3)
     normal = -out
     normal[out == 0] = -found[:2]

@@ -103,7 +103,7 @@ def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
             plane = view.rotation[:2]
             matrix += weight[:, :, None] * (plane.T @ plane)
             right += weight * (move @ plane)
-        move = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+        move = np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0], np.float64)
         for _ in range(SMOOTHED):
             move = mixing @ move
         length = np.linalg.norm(move, axis=1)[:, None]
