@@ -150,7 +150,8 @@ def _line(at: Float64, values: Float64) -> tuple[float, float]:
     least = 1e-4 * float(np.std(values))
     for _ in range(20):  # reweighted least squares
         scaled = design * weights[:, None]
-        found = np.asarray(np.linalg.lstsq(scaled.T @ design, scaled.T @ values, rcond=None)[0], np.float64)
+        solved = np.linalg.lstsq(scaled.T @ design, scaled.T @ values, rcond=None)[0]
+        found = np.asarray(solved, np.float64)
         weights = 1.0 / np.maximum(np.abs(values - design @ found), least)
     return float(found[0]) / unit, float(found[1] - found[0] * middle / unit)
 
