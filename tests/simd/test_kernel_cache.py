@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -102,6 +103,19 @@ def test_a_process_that_is_paused_holds_up_no_other_one(tmp_path, monkeypatch):
         assert not saving.is_alive() and files.load("a") == "code for a"
     finally:
         held.release()
+
+
+def test_what_an_earlier_version_left_is_compiled_again(tmp_path):
+    files = type(_half._cache._cache_file)(str(tmp_path), "half", "stamp")
+    files.save("a", "code for a")
+    with open(files._index_path, "rb") as stream:
+        version = pickle.load(stream)
+    with open(files._index_path, "wb") as stream:
+        pickle.dump(version, stream)
+        stream.write(b"clfportrait.a_module_that_was\nLanes\n.")  # a type by its old name
+    assert files.load("a") is None
+    files.save("a", "code for a")
+    assert files.load("a") == "code for a"
 
 
 def test_every_kernel_has_the_same_key_in_every_process(tmp_path):

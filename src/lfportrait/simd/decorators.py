@@ -92,6 +92,13 @@ class _SharedFiles(IndexDataCacheFile):
                 stack.callback(lock(Path(self._cache_path) / _LOCK, _PATIENCE).release)
             super().save(key, data)
 
+    def _load_index(self) -> Any:
+        """The index; empty where an earlier version wrote it, whose types have other names now."""
+        try:
+            return super()._load_index()
+        except (ImportError, AttributeError):
+            return {}
+
 
 def shared_files(function: Any) -> Any:
     """The same compiled function, to whose files on the disk one process adds at a time."""
