@@ -22,8 +22,6 @@ from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
-from lfportrait.demo.people import PAINTED, SITTER, landmarks
-from lfportrait.demo.studio import photograph
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -33,6 +31,7 @@ from lfportrait.face.one_photo import portrait_capture, portrait_field
 from lfportrait.face.one_photo.parts import clean_colors, signed_distance
 from lfportrait.face.one_photo.relief import inflated
 from lfportrait.field import ReconstructConfig
+from modelled_head import PAINTED, SITTER, landmarks, photograph
 
 Float64 = NDArray[np.float64]
 Drawn = tuple[NDArray[np.floating], NDArray[np.floating]]

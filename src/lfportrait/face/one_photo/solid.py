@@ -48,12 +48,12 @@ TAPER, RECEDING = 0.12, 0.15
 how much at their ends: else each would stand out from the other's nape as a ledge."""
 LOWEST = -1.35
 """Nothing lies lower."""
-HAIRLINE = np.array([(-0.12, 0.035), (-0.085, 0.035), (-0.05, 0.07), (-0.04, 0.105),
-                     (-0.02, 0.122), (0.0, 0.118), (0.012, 0.110), (0.025, 0.150), (0.045, 0.172),
-                     (0.07, 0.190), (0.12, 0.20)])
+HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.105),
+                     (-0.04, 0.12), (-0.02, 0.125), (0.0, 0.118), (0.012, 0.110), (0.025, 0.150),
+                     (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
 """Depths and heights (metres, `HeadPrior.rest`) of the line above which a head has hair: from the
 nape behind and over the ears to the temples and the forehead."""
-EAR = 0.079
+EAR = 0.073
 """Metres from the middle, beyond which ears stand out from a head."""
 
 
@@ -198,7 +198,8 @@ def scalp(rest: Float64) -> Bools:
 
 def _ears(rest: Float64) -> Bools:
     """What is ear, bool [N], of places [N, 3] on the mean head."""
-    return np.asarray((np.abs(rest[:, 0]) > EAR) & (rest[:, 1] < 0.125) & (rest[:, 2] < 0.01))
+    return np.asarray((np.abs(rest[:, 0]) > EAR) & (rest[:, 1] < 0.125)
+                      & (rest[:, 2] < 0.01) & (rest[:, 2] > -0.055))
 
 
 def _plane(points: Float64) -> Float64:
