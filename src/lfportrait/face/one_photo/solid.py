@@ -67,11 +67,27 @@ class Piece:
         float64 [h, w], squares of its half thicknesses; negative outside.
     middle
         float64 [h, w], depth.
+    ahead, behind
+        bool [h, w], where it lies before the middle and behind it; None: wherever its squares are
+        positive. Elsewhere the squares only lead its surface out of sight.
     """
 
     front: Float64
     back: Float64
     middle: Float64
+    ahead: Bools | None = None
+    behind: Bools | None = None
+
+    def covers(self, places: Float64, depth: Float64) -> Bools:
+        """Whether points may belong to it, [N]: by their places in the picture, and a cell more."""
+        if self.ahead is None or self.behind is None:
+            return np.ones(len(depth), bool)
+        size = np.array(self.middle.shape)[:, None] - 1
+        row, column = np.clip(np.rint(places), 0, size).astype(int)
+        ahead, behind = (ndimage.binary_dilation(part, np.ones((3, 3)))
+                         for part in (self.ahead, self.behind))
+        return np.asarray(np.where(depth < self.middle[row, column], ahead[row, column],
+                                   behind[row, column]))
 
     def distance(self, parts: Parts, places: Float64, depth: Float64) -> Float64:
         """About how far points lie outside, [N], portrait units."""
@@ -150,7 +166,7 @@ class Solid:
             out = _joined(out, body, SOFT_NECK)
         if self.hair is not None:
             hair = self.hair.distance(self.parts, places, depth)
-            owner[hair < out] = HAIR
+            owner[(hair < out) & self.hair.covers(places, depth)] = HAIR
             out = _joined(out, hair, SOFT_HAIR)
         return np.maximum(out, self.lowest - points[:, 1]), owner
 
@@ -271,7 +287,8 @@ def _hair(parts: Parts, near: Float64, far: Float64, grown: Bools, sensed: Sense
     deep = np.where(skull, np.maximum(far - middle, 0) + rim * CLEAR, 0.0)
     deep *= np.clip(parts.inside * cell / CLEAR, 0, 1)
     back = inflated(behind, parts.inside, cell, source=4.0, least=np.nan_to_num(deep) ** 2)
-    return Piece(_outside(front, parts, hair, 1.0), _outside(back, parts, behind, 1.0), middle)
+    return Piece(_outside(front, parts, hair, 1.0), _outside(back, parts, behind, 1.0), middle,
+                 hair, behind)
 
 
 def _behind(parts: Parts, hair: Bools, grown: Bools) -> Bools:
