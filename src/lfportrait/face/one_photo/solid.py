@@ -53,6 +53,8 @@ HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.1
                      (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
 """Depths and heights (metres, `HeadPrior.rest`) of the line above which a head has hair: from the
 nape behind and over the ears to the temples and the forehead."""
+EDGE = 4
+"""Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
 EAR = 0.073
 """Metres from the middle, beyond which ears stand out from a head."""
 
@@ -79,12 +81,12 @@ class Piece:
     behind: Bools | None = None
 
     def covers(self, places: Float64, depth: Float64) -> Bools:
-        """Whether points may belong to it, [N]: by their places in the picture, and a cell more."""
+        """Whether points may belong to it, [N]: by their places in the picture, `EDGE` cells more."""
         if self.ahead is None or self.behind is None:
             return np.ones(len(depth), bool)
         size = np.array(self.middle.shape)[:, None] - 1
         row, column = np.clip(np.rint(places), 0, size).astype(int)
-        ahead, behind = (ndimage.binary_dilation(part, np.ones((3, 3)))
+        ahead, behind = (ndimage.binary_dilation(part, np.ones((2 * EDGE + 1,) * 2))
                          for part in (self.ahead, self.behind))
         return np.asarray(np.where(depth < self.middle[row, column], ahead[row, column],
                                    behind[row, column]))
