@@ -29,8 +29,8 @@ __all__ = ["with_steady_colors"]
 Float64 = NDArray[np.float64]
 
 PRICE = 0.003
-"""Of a coefficient's square, over the mean square error of the colors. At three times more, held-out
-photos inside the arc lost 0.1 to 0.3 dB."""
+"""Of a coefficient's square, over the mean square error of the colors. At three times more,
+held-out photos inside the arc lost 0.1 to 0.3 dB."""
 PHOTOS = 40
 """Photos, at most, whose directions are asked."""
 BLOCK = 16

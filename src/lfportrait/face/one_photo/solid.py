@@ -81,7 +81,7 @@ class Piece:
     behind: Bools | None = None
 
     def covers(self, places: Float64, depth: Float64) -> Bools:
-        """Whether points may belong to it, [N]: by their places in the picture, `EDGE` cells more."""
+        """Whether points may belong to it, [N]: by their places, with `EDGE` cells around."""
         if self.ahead is None or self.behind is None:
             return np.ones(len(depth), bool)
         size = np.array(self.middle.shape)[:, None] - 1
