@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.job import MakeConfig, Warmup, make
-from lfportrait.simd.compiling import watched_compilations
+from lfportrait.simd.host import watched_compilations
 from lfportrait.lightfield import Display
 from tests.job.test_pipeline import CONFIG
 

@@ -71,7 +71,8 @@ def test_a_head_takes_on_the_exemplars_colors(head, styled, violet):
     assert field.texture is not None and field.texture.texels.any()
     assert figures["refinement"]["steps"] == 2
     assert set(figures["pose"]) == {"yaw", "pitch", "roll"} and abs(figures["pose"]["yaw"]) < 9
-    assert set(figures["seconds"]) == {"paint", "fit", "texture", "refine", "ground", "total"}
+    assert set(figures["seconds"]) == {"paint", "fit", "texture", "refine", "ground", "vignette",
+                                       "total"}
 
 
 @pytest.fixture(scope="module")
