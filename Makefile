@@ -14,8 +14,8 @@ test: $(STAMP)
 	$(BIN)/python -m pytest
 
 # Tests that run kernels, and the small demo, as on processors with fewer instructions than this.
-KERNEL_TESTS := tests/lanes tests/lightfield $(addprefix tests/field/test_, background.py \
-	cutout.py field.py poses.py raycast.py sweep.py texture.py) tests/example/test_kernels.py \
+KERNEL_TESTS := tests/simd tests/lightfield $(addprefix tests/field/test_, background.py \
+	cutout.py field.py poses.py raycast.py steps.py sweep.py texture.py) tests/example/test_kernels.py \
 	tests/example/test_patches.py tests/example/test_patch_levels.py \
 	tests/example/test_surface_guide.py tests/example/skin/test_atlas.py \
 	tests/capture/test_mattes.py tests/share/page/test_texels.py
