@@ -28,8 +28,6 @@ Float64 = NDArray[np.float64]
 
 SMALLEST = 150.0
 """Pixels of a face's width, ear to ear, that it must have."""
-FACE_WIDTH = 0.145
-"""Metres."""
 DISTANCES = (0.45, 0.6, 0.8, 1.05, 1.4)
 """Metres between camera and face that are tried where no focal length is noted."""
 LIKELY, SPREAD = 0.8, 0.15

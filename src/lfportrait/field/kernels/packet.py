@@ -27,14 +27,16 @@ from ...simd.decorators import identified, lean
 from ...simd.interleaved import gather_signed, load_ints, prefetch
 from ...simd.vectors import LANES
 
-__all__ = ["Records", "make_color_points", "make_pad", "mix_color", "mix_density", "open_brick",
-           "scatter", "slopes_of_errors", "use_cell", "write_records"]
+__all__ = ["OWNED", "Records", "make_color_points", "make_pad", "mix_color", "mix_density",
+           "open_brick", "scatter", "slopes_of_errors", "use_cell", "write_records"]
 
 _floats, _where, _iota, _lane = LANES.floats, LANES.where, LANES.iota, LANES.lane
 _load, _store, _total = LANES.load, LANES.store, LANES.total
 _one, _zero, _half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
 _POINT, _CELL = np.uint8(1), np.uint8(2)
 """Marks of a point that has its color, and of a cell (by its first corner) whose corners have."""
+OWNED = 64
+"""Rows side by side that belong to one worker: row / 64 modulo the number of workers."""
 _HASH = 4096
 _AHEAD = 12
 """Points that rows are asked for ahead."""
@@ -264,7 +266,7 @@ def write_records(tile, links, empty, opened, used, slopes, counts, keys, values
         row = _row_of(point, links, opened)
         if row == empty:
             continue
-        owner = np.uintp(row >> 6) % np.uintp(workers)
+        owner = np.uintp(row) // np.uintp(OWNED) % np.uintp(workers)
         at = point << np.uintp(3)
         place = np.uintp(row & (_HASH - 1))
         known = np.uintp(recent[place])

@@ -18,12 +18,10 @@ from ...simd.barrier import meet, together
 from ...simd.decorators import identified, kernel, lean
 from ...simd.threads import with_kernel
 from .descent import smooth_rows, take_up_all, vary_rows
+from .packet import OWNED
 from .train import make_cast, make_scratch
 
-__all__ = ["OWNED", "steps_kernel", "train_kernel"]
-
-OWNED = 64
-"""Rows in a row that belong to one worker."""
+__all__ = ["steps_kernel", "train_kernel"]
 
 
 @lean
