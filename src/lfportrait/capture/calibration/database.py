@@ -129,12 +129,12 @@ class Scene:
                 base.write_frame(frame)
                 base.write_keypoints(image.image_id, own.places)
             for (i, j), geometry in self._geometries(groups).items():
-                own, found = self.matches[i, j], pycolmap.TwoViewGeometry()
+                matches, found = self.matches[i, j], pycolmap.TwoViewGeometry()
                 found.config = getattr(pycolmap.TwoViewGeometryConfiguration, geometry.kind)
                 found.F, found.E, found.H = (geometry.fundamental, geometry.essential,
                                              geometry.homography)
-                found.inlier_matches = own[geometry.inliers]
-                base.write_matches(i + 1, j + 1, own)
+                found.inlier_matches = matches[geometry.inliers]
+                base.write_matches(i + 1, j + 1, matches)
                 base.write_two_view_geometry(i + 1, j + 1, found)
 
     def _geometries(self, groups: Sequence[int]) -> dict[tuple[int, int], TwoViews]:
@@ -147,7 +147,8 @@ class Scene:
 
         def geometry(item: tuple[tuple[int, int], Matches]) -> TwoViews | None:
             one, other = (lenses[groups[number]] for number in item[0])
-            return two_views(*self._places(*item), FEWEST,
+            first, second = self._places(*item)
+            return two_views(first, second, FEWEST,
                              None if one is None or other is None else (one, other))
 
         pairs = list(self.matches.items())

@@ -25,12 +25,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...simd.threads import side_by_side
 from ...temporary import temporary_folder
 from ..camera import Camera
 from ..capture import Capture
 from ..frame import pose_corrections, without_drift
 from .database import Scene, room_for
-from .features import Features, enough, likely_pairs, match_features, sift_features
+from .features import (
+    Features,
+    enough,
+    likely_pairs,
+    likeness,
+    match_features,
+    sift_features,
+)
 from .mapping import place_photos
 
 __all__ = ["HeadMotion", "follow_head", "place_by_head"]
@@ -122,9 +130,9 @@ def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
 
 
 def _scene(capture: Capture, mattes: list[NDArray[np.float32]], work: Path, seed: int) -> Scene:
-    features = [_seen(capture, view, matte) for view, matte in enumerate(mattes)]
+    features = side_by_side(lambda view: _seen(capture, view, mattes[view]), range(len(mattes)))
     matches = {(i, j): match_features(features[i].descriptors, features[j].descriptors)
-               for i, j in likely_pairs(features)}
+               for i, j in likely_pairs(likeness(features))}
     cameras = capture.cameras
     return Scene([(int(w), int(h)) for w, h in zip(cameras.width, cameras.height)],
                  [float(focal) for focal in cameras.focal[:, 0]], features,

@@ -59,10 +59,9 @@ class TwoViews:
     homography: NDArray[np.float64]
 
 
-def _robust(estimate: Any, one: Float32, other: Float32, *options: Any,
+def _robust(estimate: Any, one: NDArray[Any], other: NDArray[Any], *options: Any,
             ) -> tuple[NDArray[np.float64], Bools]:
-    """A matrix [3, 3] and its inliers [M] by one of OpenCV's estimators; none where it finds none.
-    """
+    """A matrix [3, 3] and its inliers [M] by one of OpenCV's estimators, zero where it fails."""
     try:
         matrix, mask = estimate(one, other, *options)
     except cv2.error:  # places that determine nothing
@@ -133,5 +132,5 @@ def _by_lenses(one: Float32, other: Float32,
     planes = [(places - np.array(size, np.float64) / 2) / focal
               for places, (focal, size) in zip((one, other), lenses)]
     off = 2 * _OFF / (lenses[0][0] + lenses[1][0])
-    return _robust(cv2.findEssentialMat, *planes, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, off,
-                   _TRIALS)
+    return _robust(cv2.findEssentialMat, planes[0], planes[1], np.eye(3), cv2.USAC_MAGSAC,
+                   _CONFIDENCE, off, _TRIALS)
