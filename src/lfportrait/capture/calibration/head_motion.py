@@ -54,9 +54,9 @@ _MOVED, _PIXELS = 2.0, 0.5
 this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels. A head that moves
 by 0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 4, 7, 10 times, 0.5, 1.1, 2.2, 2.9 pixels; cameras
 that follow it are off by 0.2 to 0.35 degrees in all four."""
-_SAMPLE, _CLEARLY = 32, 0.8
+_SAMPLE, _CLEARLY = 20, 0.8
 """Photos that are asked first, spread over the capture, and the part of the bounds below which they
-say that the head held still: then the others, three times as many, need not be asked."""
+say that the head held still: then the others need not be asked."""
 _ENOUGH, _NEARER = 0.8, 0.5
 """Part of the photos that the head alone must place, and what may be left of its matches' distance
 then."""
