@@ -83,3 +83,24 @@ def test_no_lattice_point_between_two_surfaces_is_missed(seed, turned):
     found = set(map(tuple, cells))
     assert len(found) == len(cells)
     assert set(map(tuple, empty[wanted])) <= found <= set(map(tuple, empty))
+
+
+@pytest.mark.parametrize("frame", [None, FRAME])
+def test_lattice_points_are_looked_up_as_a_plain_interpolation_does(frame):
+    one, generator = chart(frame), np.random.default_rng(3)
+    distance, margin = generator.uniform(0.2, 0.9, (2, 24, 30))
+    shape, center, radius = (13, 17, 15), np.array([0.1, -0.05, 0.02]), np.array([1.1, 1.4, 1.2])
+    beyond, margins = one.outside(distance, margin, shape, center, radius)
+    assert beyond.shape == margins.shape == shape and beyond.dtype == np.float32
+    for place in np.ndindex(shape):
+        point = center + radius * (2 * (np.array(place[::-1]) + 0.5) / shape[::-1] - 1)
+        places, distances = one.places(point[None])
+        (row, column), away = places[:, 0], distances[0]
+        row = np.clip(row, 0, 23)
+        low, left = min(int(row), 22), int(column)
+        for values, found, sign in ((distance, beyond, -1.0), (margin, margins, 1.0)):
+            corners = values[low:low + 2][:, [left % 30, (left + 1) % 30]]
+            wanted = ([1 - row + low, row - low] @ corners
+                      @ [1 - column + left, column - left])
+            got = found[place] - (away if sign < 0 else 0.0)
+            assert got == pytest.approx(sign * wanted, abs=2e-6)

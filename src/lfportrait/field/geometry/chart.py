@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..grid import VoxelField
 from ..harmonics import C0
-from ..kernels.chart_rays import march_chart, mark_between
+from ..kernels.chart_rays import march_chart, mark_between, outside_chart
 from ..trimming import Cut
 
 __all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]
@@ -129,6 +129,34 @@ class Chart:
         mark_between(field.links, first, field.bounds[0] + 0.5 * field.spacing, field.spacing,
                      frame[:3].astype(np.float64), self.axis[:top], self.cell, *bounds, marks)
         return np.argwhere(marks)[:, ::-1] + first
+
+
+    def outside(self, distance: Float64, margin: Float64, shape: tuple[int, int, int],
+                center: Float64, radius: Float64,
+                ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """How far lattice points lie outside of a surface along the rays, and a margin there.
+
+        Parameters
+        ----------
+        distance, margin
+            float64 [V, U] each, world units.
+        shape, center, radius
+            Lattice points along z, y, x, and their box, float64 [3] each (x, y, z).
+
+        Returns
+        -------
+        beyond, margins
+            float32 [Z, Y, X] each, interpolated between four rays.
+        """
+        beyond, margins = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        spacing = 2.0 * np.asarray(radius, np.float64) / shape[::-1]
+        frame = np.eye(4) if self.frame is None else self.frame
+        outside_chart(np.asarray(center, np.float64) - radius + 0.5 * spacing, spacing,
+                      frame[:3].astype(np.float64), self.scale, self.axis, self.cell, self.level,
+                      self.elevation[-1] - self.elevation[-2],
+                      np.array([self.angle[0], self.angle[1] - self.angle[0]]),
+                      np.ascontiguousarray(distance), np.ascontiguousarray(margin), beyond, margins)
+        return beyond, margins
 
 
 def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:

@@ -95,12 +95,6 @@ class HeadSurface:
         return float(area[self.facing[head] > _ALONG].sum() / area.sum())
 
 
-def _at(values: Float64, places: Float64) -> Float64:
-    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
-    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
-    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
-
-
 def span_of(cameras: Camera) -> float:
     """Degrees about the vertical axis that the cameras leave least room beside."""
     angle = np.sort(np.degrees(np.arctan2(cameras.position[:, 0], cameras.position[:, 2])))
@@ -313,22 +307,9 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
         those along the chart's rays and through space. The clearance is less where photos look
         along the surface or do not see it: only guesses could fill it there.
     """
-    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
-               for i in range(3))
-    flat = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale
-
-    def layer(k: int) -> tuple[Float32, Float32]:
-        points = np.column_stack([flat, np.full(len(flat), z[k])])
-        places, away = surface.chart.places(points)
-        beyond = away - _at(surface.distance, places)
-        return (beyond.reshape(len(y), len(x)).astype(np.float32),
-                _at(margin, places).reshape(len(y), len(x)).astype(np.float32))
-
-    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-        layers = list(workers.map(layer, range(len(z))))
-    along, clearance = (np.stack([item[part] for item in layers]) for part in (0, 1))
+    along, clearance = surface.chart.outside(surface.distance, margin, shape, center, radius)
     spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
     inside = along < 0
     if inside.all() or not inside.any():
