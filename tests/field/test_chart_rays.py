@@ -94,7 +94,7 @@ def test_lattice_points_are_looked_up_as_a_plain_interpolation_does(frame):
     assert beyond.shape == margins.shape == shape and beyond.dtype == np.float32
     for place in np.ndindex(shape):
         point = center + radius * (2 * (np.array(place[::-1]) + 0.5) / shape[::-1] - 1)
-        places, distances = one.places(point[None])
+        places, distances = plain_places(one, point[None])
         (row, column), away = places[:, 0], distances[0]
         row = np.clip(row, 0, 23)
         low, left = min(int(row), 22), int(column)
@@ -104,3 +104,28 @@ def test_lattice_points_are_looked_up_as_a_plain_interpolation_does(frame):
                       @ [1 - column + left, column - left])
             got = found[place] - (away if sign < 0 else 0.0)
             assert got == pytest.approx(sign * wanted, abs=2e-6)
+
+
+def plain_places(one, points):
+    """`Chart.places`, in NumPy."""
+    if one.frame is not None:
+        points = points @ one.frame[:3, :3].T + one.frame[:3, 3]
+    x, z = (points[:, k] - np.interp(points[:, 1], one.axis[:, 1], one.axis[:, k]) for k in (0, 2))
+    y = np.maximum(points[:, 1] - one.axis[-1, 1], 0.0)
+    flat = np.hypot(x, z)
+    step = one.elevation[-1] - one.elevation[-2]
+    rows = np.where(y > 0, one.level - 1 + np.arctan2(y, flat) / step,
+                    (points[:, 1] - one.axis[0, 1]) / one.cell)
+    column = (np.arctan2(x, z) - one.angle[0]) / (one.angle[1] - one.angle[0])
+    return np.stack([rows, column % len(one.angle)]), np.hypot(flat, y) / one.scale
+
+
+@pytest.mark.parametrize("frame", [None, FRAME])
+def test_places_are_those_of_plain_numpy(frame):
+    one = chart(frame)
+    points = np.random.default_rng(4).uniform(-1.6, 1.6, (500, 3))
+    points[0] = 0.02, 0.0, 0.0
+    for got, wanted in zip(one.places(points), plain_places(one, points), strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-9)
+    places, away = one.places(np.zeros((0, 3)))
+    assert places.shape == (2, 0) and away.shape == (0,)
