@@ -18,8 +18,8 @@ __all__ = ["Photos", "behind_what_is_seen"]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-PHOTOS = 40
-"""Photos, at most, that are asked what they see."""
+PHOTOS = 24
+"""Photos, at most, that are asked what they see: with 40 heads are at most 0.1 dB better."""
 
 
 class Photos:
