@@ -58,6 +58,9 @@ _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps 
 
 _MOST_AGAIN = 800
 """Pairs of photos that are compared once more, in full, where photos are left out."""
+ALL_PAIRS = 200
+"""Of up to so many photos all pairs whose largest features match are compared, of more only
+neighbours in the order of their names: pairs grow with the square of the photos."""
 
 Float = NDArray[np.float64]
 
@@ -82,20 +85,13 @@ class CalibrateConfig:
 
     features: int = 4096
     """Maximum number of SIFT features per photo."""
-    matching: Literal["auto", "exhaustive", "sequential"] = "auto"
-    """Which pairs of photos are matched: all, or neighbours in the order of their names; auto: up
-    to 200 photos, all pairs whose largest features match."""
     camera_model: Literal["auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV",
                           "OPENCV_FISHEYE"] = "auto"
     """Camera model; auto: as many distortion terms as the photos can determine."""
-    shared_camera: bool = True
-    """Photos of the same size and lens (EXIF) share one focal length (no zooming)."""
     max_side: int = 1600
     """Downscale photos to this many pixels on the longer side; 0 = full size."""
     video_frames: int = 80
     """Number of frames to extract from a video."""
-    video_spacing: Literal["parallax", "time"] = "parallax"
-    """Spacing of the frames: equal image motion (parallax) or equal time."""
     blur_threshold: float = 0.4
     """Leave out blurred photos: those with less than this share of their neighbours' fine detail in
     any direction, at most a quarter of all; 0 keeps all."""
@@ -120,14 +116,11 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
     return found
 
 
-def _matches(features: list[Features], config: CalibrateConfig, say: Callable[[str], None],
+def _matches(features: list[Features], say: Callable[[str], None],
              ) -> dict[tuple[int, int], Matches]:
     """Matches of all pairs that are worth comparing."""
-    count = len(features)
-    if config.matching == "sequential" or (config.matching == "auto" and count > 200):
-        pairs = neighbouring_pairs(count)
-    elif config.matching == "exhaustive":
-        pairs = [(i, j) for i in range(count) for j in range(i + 1, count)]
+    if len(features) > ALL_PAIRS:
+        pairs = neighbouring_pairs(len(features))
     else:
         pairs = likely_pairs(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
     found = {}
@@ -154,9 +147,9 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
     pycolmap.set_random_seed(config.seed)
     turns = sensor_turns(photos)
-    groups = lens_groups(photos, turns, config.shared_camera)
+    groups = lens_groups(photos, turns)
     features = _features(photos, turns, config, say)
-    matches = _matches(features, config, say)
+    matches = _matches(features, say)
     stood_still = camera_stood_still(features, matches)
     if stood_still:
         announce("the camera did not move: features that do not move either are ignored")
@@ -254,7 +247,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     path = Path(photos)
     if progress is not None:
         progress.update(0, "reading photos")
-    loaded = read_source(path, config.max_side, config.video_frames, config.video_spacing)
+    loaded = read_source(path, config.max_side, config.video_frames)
     count = len(loaded)
     soft = [loaded[index].name for index in blurred([photo.image for photo in loaded],
                                                     config.blur_threshold)]

@@ -170,8 +170,6 @@ class StylizeConfig:
     lap_reference: Literal["example", "content"] = "example"
     """Reference of the Laplacian loss: the example (keeps brush work) or the photo (as in the
     paper)."""
-    lap_pool: int = 1
-    """Average pooling before the Laplacian, 1 to 16 pixels."""
     strength: float = 1.0
     """0 leaves the real colors, 1 gives the style; `lfportrait restyle` changes it afterwards."""
     keep: tuple[str, ...] = ()
@@ -252,9 +250,7 @@ class StylizeConfig:
     @property
     def painting(self) -> SkinConfig:
         """Parameters of the painting on the skin, hasty ones for a preview."""
-        if not self.preview:
-            return self.skin
-        return replace(self.skin, patches=self.skin.patches.hasty())
+        return replace(self.skin, hasty=True) if self.preview else self.skin
 
     @property
     def iterations(self) -> int:

@@ -29,7 +29,7 @@ from lfportrait.example.guides.regions import Regions, find_regions
 from lfportrait.example.patches import (
     CELL,
     SCALE,
-    PatchConfig,
+    PatchSearch,
     PatchSource,
     PatchTarget,
     occupancy,
@@ -159,7 +159,7 @@ class FaceStyle:
             levels, side = levels + 1, -(-side // 2)
         image, places = synthesise_patches(
             PatchTarget(guides, position, position), source.pyramid,
-            PatchConfig(config.style_weight, config.uniformity, levels, config.votes,
+            PatchSearch(config.style_weight, config.uniformity, levels, config.votes,
                         last_votes=0, passes=config.passes, reach=config.reach,
                         final_3x3=config.final_3x3),
             config.seed)
