@@ -58,20 +58,12 @@ class ExportConfig:
     20 cm high; splats see ``--splats.up``), or those of the source capture as they are."""
     opacity: float = 0.1
     """Points: minimum opacity along one voxel."""
-    point_color: Literal["mean", "seen"] = "mean"
-    """Points: mean color over all directions (degree 0), or the color seen from the front and
-    outside."""
-    surface: Literal["auto", "outer", "density"] = "auto"
-    """Mesh: outer: the surface seen from outside; density: an isosurface of the density, with inner
-    walls; auto: density for a field with a background."""
     level: float | None = None
     """Mesh: opacity at the surface, 0 to 1; by default 0.5, accumulated from outside (0.15 with a
-    texture), or 0.1 per voxel (surface density)."""
+    texture), or 0.1 per voxel for a field with a background."""
     smooth: float | None = None
     """Mesh: sigma in voxels of the Gaussian that smooths the opacity first; by default 1.5, with a
     texture 0.8."""
-    least_piece: float = 0.05
-    """Mesh: remove connected pieces smaller than this share of the largest one."""
     texture: Literal["auto", "yes", "no"] = "auto"
     """Mesh in a GLB or OBJ file: colors as a picture (yes) or at the vertices (no). auto: a picture
     if the field is painted. USDZ files always have a picture, PLY files never."""
