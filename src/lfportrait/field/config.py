@@ -61,8 +61,6 @@ class ReconstructConfig:
     """Grey level behind photos without mattes, and behind test views."""
     background_nlayers: int | None = None
     """Spheres behind the lattice; by default 32 for photos without mattes, else 0, none."""
-    background_reso: int = 256
-    """Rows of the spheres' maps; they have twice as many columns."""
     near_clip: float | None = None
     """Near plane: distance from the camera where rays start, in world units (the head is about 2
     high); by default 0, and a quarter of the nearest camera's distance for a room."""

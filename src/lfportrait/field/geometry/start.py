@@ -20,6 +20,8 @@ from .sweep import fuse, scene_box, small_view, sweep_depth
 
 __all__ = ["Start", "start_person", "start_room"]
 
+BACKGROUND_ROWS = 256
+"""Rows of the spheres' maps at the last level; they have twice as many columns."""
 REACH = 3.0
 """A room's lattice ends at most so far from the origin, in world units."""
 
@@ -104,7 +106,7 @@ def start_room(capture: Capture, views: NDArray[np.int64], data: TrainingPixels,
                 surfaces.color[surfaces.solid, channel])
     background = None
     if config.background_nlayers:
-        coarse = max(16, config.background_reso >> (len(config.resolutions) - 1))
+        coarse = max(16, BACKGROUND_ROWS >> (len(config.resolutions) - 1))
         background = Background.seen(
             [data.cube_rays(data.tiles[part::16], center, radius) for part in range(4)],
             coarse, config.background_nlayers, 1.0)

@@ -24,8 +24,6 @@ class FaceBlitConfig:
     table: Literal["sweep", "exhaustive"] = "sweep"
     """exhaustive: search every window for every cell, as published; sweep: the same table,
     faster."""
-    radius: int = 1
-    """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,6 @@ class FaceStyleConfig(BaselineConfig):
     usual_steps = 4
     passes: int = 2
     """Passes of the search in each alternation, 1 to 6."""
-    coarsest: int = 32
-    """The pyramid ends where the shorter side would fall below this."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the random search."""
 

@@ -33,6 +33,8 @@ POSITION, APPEARANCE = 10, 2
 """Weights of one step (1/256 of the picture) of the position, and of one grey level."""
 WINDOW = 30
 """Search window of the table: exemplar pixels to each side of a cell's place."""
+RADIUS = 1
+"""Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
 MASK_BLUR = 20
 """Side in pixels of the box that softens the mask of the face."""
 STEPS = 256
@@ -225,7 +227,7 @@ class FaceBlit:
         anchor = pixel_centres(red.shape)
         covered = index != NOWHERE
         height, width = red.shape
-        radius = self.config.radius
+        radius = RADIUS
         shift, elected = (shift_planes(height, width, radius) for _ in range(2))
         for plane, place, axis in zip(shift, (index % style_width, index // style_width), (0, 1)):
             plane[radius:radius + height, radius:radius + width] = np.where(

@@ -46,6 +46,8 @@ APPEARANCE, SEGMENT, POSITION = 0.3, 1.5, 12.0
 through; more position keeps features in place. Chosen by eye, as the paper gives none."""
 UNIFORMITY = 3500.0
 """Penalty on exemplar pixels used more often than the average."""
+COARSEST = 32
+"""The pyramid ends where the shorter side would fall below this."""
 STEP = np.log(1.1)
 """The exemplar is resized to sizes that are this far apart (logarithm), so that few are made."""
 CODES = np.array([[200, 60], [255, 150], [150, 215], [255, 255], [150, 150], [255, 0], [0, 200],
@@ -158,7 +160,7 @@ class FaceStyle:
         """The picture and the exemplar's occupancy, coarse to fine."""
         config = self.config
         levels, side = 1, min(guides.shape[:2])
-        while side >= 2 * config.coarsest:
+        while side >= 2 * COARSEST:
             levels, side = levels + 1, -(-side // 2)
         image, places = synthesise_patches(
             PatchTarget(guides, position, position), source.pyramid,
