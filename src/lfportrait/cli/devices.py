@@ -108,7 +108,7 @@ class Cast(Common):
     """With --drive: title of the playlist."""
     seconds: float = SECONDS
     """How long each of several is shown."""
-    screen: int | None = None
+    screen: int = -1
     """Bridge's number of the display (see --list); by default the first Looking Glass."""
     list: bool = False
     """Only list the screens that Bridge reports."""
@@ -284,7 +284,7 @@ class Show(Common):
     photo: Path | None = None
     """With --live: the field that the shown one was stylised from, to mix both; by default
     field.npz beside it."""
-    screen: int | None = None
+    screen: int = -1
     """Number of the screen (see --list); by default the one that has the display's pixels."""
     seconds: float = 0.0
     """Time for each picture, or for --live; 0 = until a key is pressed."""
