@@ -117,7 +117,8 @@ TABLES = {
         ("README.md",)),
     "jobs": Table(
         "Whole jobs",
-        "`lfportrait bench job` with four captures, a 4K panel and the style \"ken\": what a portrait costs from the command to the finished folder "
+        "`lfportrait bench job` with four captures, a 4K panel and the style \"ken\": what "
+        "a portrait costs from the command to the finished folder "
         "([what bounds it](scale.md#measured-without-avx-512)).",
         ("job", "photos", "total", *STAGES, "first look", "peak memory", "folder"), (
             _job("scanned_head", "scanned head, 512x512, known cameras",
