@@ -2,6 +2,7 @@
 
 import importlib
 import itertools
+import sys
 import tomllib
 import zipfile
 from importlib.metadata import entry_points
@@ -12,12 +13,15 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import try_package
-from lfportrait.cli import COMMANDS
+from lfportrait.cli import COMMANDS, main
 from try_package import ROOT, contents, same
 
 PACKAGES = ROOT / "src" / "lfportrait", ROOT / "src" / "lfportrait_eval"
+PROJECTS = [tomllib.loads(path.read_text("utf-8"))
+            for path in (ROOT / "pyproject.toml", PACKAGES[1] / "pyproject.toml")]
 SOURCES = [path for package in PACKAGES for path in package.rglob("*")
-           if path.is_file() and "__pycache__" not in path.parts]
+           if path.is_file() and path.name != "pyproject.toml"
+           and not any(part == "__pycache__" or part.endswith(".egg-info") for part in path.parts)]
 
 
 def test_every_folder_of_sources_is_a_package():
@@ -26,9 +30,8 @@ def test_every_folder_of_sources_is_a_package():
 
 
 def test_every_file_that_is_no_source_is_named_as_data():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    data = project["tool"]["setuptools"]["package-data"]
-    named = {path for package in PACKAGES for pattern in data[package.name]
+    named = {path for package, project in zip(PACKAGES, PROJECTS)
+             for pattern in project["tool"]["setuptools"]["package-data"][package.name]
              for path in package.glob(pattern)}
     assert [path for path in SOURCES if path.suffix != ".py" and path not in named] == []
     assert {package / "py.typed" for package in PACKAGES} <= named
@@ -36,27 +39,57 @@ def test_every_file_that_is_no_source_is_named_as_data():
 
 def test_the_command_line_knows_the_commands_of_both_packages():
     """Those of the laboratory are written down there as the entry points name them."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     named = {name.replace(".", " "): place
-             for name, place in project["entry-points"]["lfportrait.commands"].items()}
+             for name, place in PROJECTS[1]["project"]["entry-points"]["lfportrait.commands"].items()}
     assert named == {name: f"{module}:{kind}" for name, (module, kind, _) in COMMANDS.items()
                      if "." in module}
 
 
 def test_the_installation_has_the_entry_points_of_the_project():
     """Else commands and methods of the laboratory are not found: install again."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    for group, named in project["entry-points"].items():
-        found = {entry.name: entry.value for entry in entry_points(group=group)}
-        assert named.items() <= found.items(), "pyproject.toml changed: pip install -e '.[dev]'"
+    for project in PROJECTS:
+        for group, named in project["project"]["entry-points"].items():
+            found = {entry.name: entry.value for entry in entry_points(group=group)}
+            assert named.items() <= found.items(), (
+                "pyproject.toml changed: pip install -e '.[dev]' -e src/lfportrait_eval")
 
 
 def test_what_the_entry_points_name_is_there():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    for group in project["entry-points"].values():
-        for place in group.values():
-            module, _, name = place.partition(":")
-            assert hasattr(importlib.import_module(module), name), place
+    for project in PROJECTS:
+        for group in project["project"]["entry-points"].values():
+            for place in group.values():
+                module, _, name = place.partition(":")
+                assert hasattr(importlib.import_module(module), name), place
+
+
+def test_the_evaluation_package_names_all_of_its_folders_and_wants_this_version():
+    product, evaluation = PROJECTS
+    folders = {".".join(path.parent.relative_to(PACKAGES[1].parent).parts)
+               for path in SOURCES if path.is_relative_to(PACKAGES[1])}
+    assert set(evaluation["tool"]["setuptools"]["packages"]) == folders
+    version = product["project"]["version"]
+    assert evaluation["project"]["version"] == version
+    assert f"lfportrait=={version}" in evaluation["project"]["dependencies"]
+    # What users install does not bring it.
+    assert not any("eval" in text for text in product["project"]["dependencies"])
+
+
+def test_without_the_evaluation_package_its_commands_say_how_to_install_it(monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "lfportrait_eval"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [_Without(), *sys.meta_path])
+    for words in (["evaluate", "job"], ["evaluate", "tables"], ["bench", "encode"], ["study"]):
+        assert main(words) == 2
+        line, = capsys.readouterr().err.splitlines()
+        assert "pip install lfportrait-eval" in line and words[0] in line
+
+
+class _Without:
+    """Finds no evaluation package, where there is one."""
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "lfportrait_eval":
+            raise ModuleNotFoundError(f"No module named {name!r}", name="lfportrait_eval")
 
 
 def test_the_pinned_versions_are_allowed_ones():
@@ -65,7 +98,9 @@ def test_the_pinned_versions_are_allowed_ones():
                   (ROOT / "constraints.txt").read_text("utf-8").split())
     pinned = {canonicalize_name(name): version for name, version in pinned.items()}
     extras = project["optional-dependencies"].values()
-    for text in itertools.chain(project["dependencies"], *extras):
+    others = [text for text in PROJECTS[1]["project"]["dependencies"]
+              if Requirement(text).name != "lfportrait"]
+    for text in itertools.chain(project["dependencies"], others, *extras):
         wanted = Requirement(text)
         assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), text
     # Its private parts may change with each minor version.
