@@ -39,8 +39,8 @@ def test_every_file_that_is_no_source_is_named_as_data():
 
 def test_the_command_line_knows_the_commands_of_both_packages():
     """Those of the laboratory are written down there as the entry points name them."""
-    named = {name.replace(".", " "): place
-             for name, place in PROJECTS[1]["project"]["entry-points"]["lfportrait.commands"].items()}
+    commands = PROJECTS[1]["project"]["entry-points"]["lfportrait.commands"]
+    named = {name.replace(".", " "): place for name, place in commands.items()}
     assert named == {name: f"{module}:{kind}" for name, (module, kind, _) in COMMANDS.items()
                      if "." in module}
 
