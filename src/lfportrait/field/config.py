@@ -222,6 +222,8 @@ class Settings(ReconstructConfig):
     """Lattice points whose largest weight on any training ray is below this are pruned."""
 
 
-_ROOM = {"step_size": 1.0, "lr_sigma": 7.0, "lr_sigma_final": 1.0, "lr_sh_final": 0.5,
-         "lambda_tv": 1e-3, "lambda_tv_sh": 5e-3, "tv_sparsity": 0.005,
-         "lambda_distortion": 0.01, "prune": 0.02}
+_ROOM: dict[str, Any] = {
+    "step_size": 1.0, "lr_sigma": 7.0, "lr_sigma_final": 1.0, "lr_sh_final": 0.5,
+    "lambda_tv": 1e-3, "lambda_tv_sh": 5e-3, "tv_sparsity": 0.005, "lambda_distortion": 0.01,
+    "prune": 0.02}
+"""What photos of a room, without mattes, have otherwise."""
