@@ -2,7 +2,6 @@
 
 import importlib
 import itertools
-import sys
 import tomllib
 import zipfile
 from importlib.metadata import entry_points
@@ -13,7 +12,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import try_package
-from lfportrait.cli import COMMANDS, main
+from lfportrait.cli import COMMANDS
 from try_package import ROOT, contents, same
 
 PACKAGES = ROOT / "src" / "lfportrait", ROOT / "src" / "lfportrait_eval"
@@ -72,24 +71,6 @@ def test_the_evaluation_package_names_all_of_its_folders_and_wants_this_version(
     assert f"lfportrait=={version}" in evaluation["project"]["dependencies"]
     # What users install does not bring it.
     assert not any("eval" in text for text in product["project"]["dependencies"])
-
-
-def test_without_the_evaluation_package_its_commands_say_how_to_install_it(monkeypatch, capsys):
-    for name in [name for name in sys.modules if name.partition(".")[0] == "lfportrait_eval"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [_Without(), *sys.meta_path])
-    for words in (["evaluate", "job"], ["evaluate", "tables"], ["bench", "encode"], ["study"]):
-        assert main(words) == 2
-        line, = capsys.readouterr().err.splitlines()
-        assert "pip install lfportrait-eval" in line and words[0] in line
-
-
-class _Without:
-    """Finds no evaluation package, where there is one."""
-
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] == "lfportrait_eval":
-            raise ModuleNotFoundError(f"No module named {name!r}", name="lfportrait_eval")
 
 
 def test_the_pinned_versions_are_allowed_ones():
