@@ -17,7 +17,6 @@ from pathlib import Path
 from lfportrait.capture import CalibrateConfig
 from lfportrait.example import (
     BlitConfig,
-    PatchConfig,
     SkinConfig,
     TableConfig,
     TransferConfig,
@@ -43,7 +42,6 @@ SECTIONS = [
      "`lfportrait reconstruct`; in `make`: `--reconstruct.NAME`."),
     ("Stylize", StylizeConfig, "`lfportrait stylize`; in `make`: `--stylize.NAME`."),
     ("Painting on the skin", SkinConfig, "`lfportrait stylize`: `--skin.NAME`."),
-    ("Patches that agree", PatchConfig, "`lfportrait stylize`: `--skin.patches.NAME`."),
     ("ARF", ArfConfig, "`lfportrait stylize --method arf`: `--arf.NAME`."),
     ("StylizedNeRF", StylizedNerfConfig,
      "`lfportrait stylize --method stylized-nerf`: `--stylized-nerf.NAME`."),
@@ -124,6 +122,8 @@ def attribute_docs(owner: type) -> dict[str, str]:
 
 def shown(value: object) -> str:
     """A default as one writes it on the command line."""
+    if value is None:
+        return "auto"
     if isinstance(value, (tuple, list)):
         return " ".join(map(shown, value)) or "none"
     if isinstance(value, bool):
@@ -143,7 +143,7 @@ def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
                    else f"`{shown(entry.default)}`")
         kind = str(entry.type)
         choice = ""
-        if kind == "tyro.conf.Suppress[tuple[Any, ...]]":  # no option
+        if kind in ("tyro.conf.Suppress[tuple[Any, ...]]", "tyro.conf.Suppress[bool]"):  # no option
             continue
         if kind.startswith("Annotated[str, Choice("):
             hints = typing.get_type_hints(config, include_extras=True)

@@ -85,8 +85,10 @@ def built(folder: Path) -> Path:
         shutil.copy(ROOT / name, tree / name)
     sources = build(python, tree, folder / "sdist", "sdist")
     wheel = build(python, tree, folder / "wheel", "wheel")
-    same(contents(wheel), {name.removeprefix("src/"): (ROOT / name).read_bytes()
-                           for name in tracked("src")}, "the wheel and src/")
+    same(contents(wheel), _files("lfportrait"), "the wheel and src/lfportrait")
+    # A distribution of its own: what users install does not bring it.
+    other = build(python, tree / "src" / "lfportrait_eval", folder / "evaluation", "wheel")
+    same(contents(other), _files("lfportrait_eval"), "its wheel and src/lfportrait_eval")
     with tarfile.open(sources) as archive:
         archive.extractall(folder / "unpacked", filter="data")
     again = build(python, next((folder / "unpacked").iterdir()), folder / "again", "wheel")
@@ -94,6 +96,12 @@ def built(folder: Path) -> Path:
     say(f"{wheel.name}: {len(contents(wheel))} files, {wheel.stat().st_size / 1e6:.1f} MB; "
         "the source distribution builds the same")
     return wheel
+
+
+def _files(package: str) -> dict[str, bytes]:
+    """What a package's wheel is to hold."""
+    return {name.removeprefix("src/"): (ROOT / name).read_bytes()
+            for name in tracked(f"src/{package}") if not name.endswith("/pyproject.toml")}
 
 
 def tried(wheel: Path, folder: Path) -> None:
@@ -105,6 +113,10 @@ def tried(wheel: Path, folder: Path) -> None:
     run(lfportrait, "--version", folder=empty)
     run(lfportrait, "doctor", folder=empty)
     run(lfportrait, "devices", folder=empty)  # without wgpu
+    told = subprocess.run([lfportrait, "evaluate", "job"], cwd=empty, check=False,
+                          capture_output=True, text=True)
+    if told.returncode != 2 or "pip install lfportrait-eval" not in told.stderr:
+        sys.exit(f"evaluate without its package says: {told.stderr}")
     run(lfportrait, "demo", "--quick", "--quiet", "--out", "demo", folder=empty)
     for name in ("lightfield.png", "portrait.html", "report.html"):
         if not (empty / "demo" / name).is_file():

@@ -232,7 +232,7 @@ def test_the_product_does_without_the_laboratory():
     assert without_laboratory("--help").returncode == 0
     done = without_laboratory("evaluate", "job")
     assert done.returncode == 2 and done.stderr == (
-        "lfportrait: evaluate is a command of the package lfportrait_eval, which is not "
-        "installed\n")
+        "lfportrait: evaluate is a command of the evaluation package: pip install lfportrait-eval "
+        "(in a checkout: pip install -e src/lfportrait_eval)\n")
     done = without_laboratory("transfer", "--help-all")
     assert done.returncode == 0 and "--method {styleblit}" in done.stdout

@@ -1,7 +1,7 @@
 """What installed packages bring, found by their entry points: commands, methods, exemplars, photos.
 
-A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``, and so
-does this one (``lfportrait_eval``):
+A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``, as
+``lfportrait_eval`` does:
 
 * group ``lfportrait.commands``: data classes of the command line (`lfportrait.cli.Common`); a dot
   in the name stands for the space in a command of two words;

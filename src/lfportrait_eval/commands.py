@@ -121,10 +121,20 @@ class Bench(Common):
     """Display of the whole jobs: a preset (`lfportrait display list`) or a file."""
     repeat: int = 1
     """Runs of each whole job; the one with the median time is reported."""
+    record: Path | None = None
+    """Add the figures to this file of measured figures (JSON), with machine, vectors, commit and
+    date: docs/benchmarks.md is written from docs/measured.json."""
 
     def run(self) -> dict[str, Any]:
-        """Measure and print."""
-        return self._jobs() if self.what == "job" else self._stages()
+        """Measure, print and record."""
+        from .bench import read_measured, record
+
+        if self.record is not None:
+            read_measured(self.record)  # what can't be added to is refused before anything runs
+        figures = self._jobs() if self.what == "job" else self._stages()
+        if self.record is not None:
+            record(self.record, self.what, figures, f"lfportrait bench {self.what}")
+        return figures
 
     def exit_code(self, figures: dict[str, Any]) -> int:
         """0; what failed is told here, when ``--json`` has the figures of all others."""

@@ -54,7 +54,7 @@ def test_the_guide_leads_to_the_same_place_of_the_head(yaw):
     def error(landmarks, seen):
         regions = Regions(landmarks, photo.mask, None)
         position = guide(np.ones((SIZE, SIZE), np.float32), landmarks, regions, regions.labels(),
-                         4, True, True, seen)
+                         True, seen)
         return np.linalg.norm(position[row, column] - wanted, axis=1) / EYES
 
     now, before = error(aside.landmarks, aside), error(photo.landmarks, None)

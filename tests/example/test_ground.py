@@ -7,11 +7,11 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from lfportrait.demo import demo_exemplar
-from lfportrait.example import Exemplar, GroundConfig, known_ground
+from lfportrait.example import Exemplar, GroundSize, known_ground
 from lfportrait.example.painter.ground import lit_side, painted_ground
 from tests.portraits import drawn_face
 
-SMALL = GroundConfig(width=5.0, height=2.4, pixels=80.0)
+SMALL = GroundSize(width=5.0, height=2.4, pixels=80.0)
 GROUND = np.array([90, 130, 170])
 
 

@@ -23,7 +23,7 @@ from lfportrait.example.kernels.patches import (
 )
 from lfportrait.example.patches import (
     SCALE,
-    PatchConfig,
+    PatchSearch,
     PatchSource,
     PatchTarget,
     occupancy,
@@ -241,7 +241,7 @@ def test_votes_from_beyond_the_exemplar_do_not_count():
 
 # -- synthesis ------------------------------------------------------------------------------------
 
-CONFIG = PatchConfig(style_weight=0.3, uniformity=200.0, levels=3, votes=3, passes=2, reach=8)
+CONFIG = PatchSearch(style_weight=0.3, uniformity=200.0, levels=3, votes=3, passes=2, reach=8)
 
 
 def _exemplar(seed=0, height=64, width=56):

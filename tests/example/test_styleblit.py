@@ -137,12 +137,11 @@ def test_wrong_labels_are_not_copied():
     assert wrong(100.0) == 0.0
 
 
-@pytest.mark.parametrize("voting", ["mean", "mode", "both"])
-def test_voting_keeps_a_coherent_chunk(voting):
+def test_voting_keeps_a_coherent_chunk():
     guides, weights, style_appearance, style_labels, table, picture = _problem(4)
     guides.position[:] = pixel_centres((40, 48))[..., :] * 0 + pixel_centres((40, 48)) * 0.9
     made = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                      BlitConfig(threshold=1e6, voting=voting, levels=1, radius=1), scale=1.0)
+                      BlitConfig(threshold=1e6, levels=1, radius=1), scale=1.0)
     assert made.image.min() >= 0 and made.image.max() <= 1
 
 

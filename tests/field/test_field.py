@@ -26,6 +26,7 @@ from lfportrait.field import (
     reconstruct_with_figures,
 )
 from lfportrait.field.background import Background
+from lfportrait.field.config import _ROOM
 from lfportrait.field.geometry.exposure import matte_gains
 from lfportrait.field.geometry.hull import hull_box, ruled_out, visual_hull
 from lfportrait.field.storage import check_field_path, save_checkpoint, save_field
@@ -419,9 +420,10 @@ def test_small_voxels_keep_their_densities_above_zero():
     assert ReconstructConfig().resolved(room=True, distance=4.0).density_floor == 0.3
 
 
-def test_a_ball_without_mattes_is_reconstructed_on_white():
+def test_a_ball_without_mattes_is_reconstructed_on_white(monkeypatch):
+    monkeypatch.setitem(_ROOM, "lr_sigma", 3.0)
     capture = ball_capture(alpha=False)
-    config = replace(TINY, background_nlayers=0, lr_sigma=3.0, mvs_init=False, near_clip=0.0)
+    config = replace(TINY, background_nlayers=0, mvs_init=False, near_clip=0.0)
     _, figures = reconstruct_with_figures(capture, config)
     assert figures["test"]["psnr"] > 24
 

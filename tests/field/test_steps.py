@@ -7,7 +7,7 @@ from lfportrait.field.kernels.descent import descend
 from lfportrait.field.kernels.packet import Records
 from lfportrait.field.training.casting import Caster
 from lfportrait.field.training.stepping import CpuSteps
-from lfportrait.field.training.steps import color_gains, smooth_run
+from lfportrait.field.training.steps import DECAY, color_gains, smooth_run
 from tests.field.gpu.training.scene import on_cpu, taken_steps
 
 
@@ -25,7 +25,7 @@ class OneByOne(CpuSteps):
             self.taken(plan, caster.errors, float(caster.losses[:, 0].sum()))
             gains = color_gains(16 * len(plan.tiles), self.basis, self.width)
             descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,
-                    caster.bases, plan.rate, np.float32(config.rms_beta), self.lowest, gains,
+                    caster.bases, plan.rate, DECAY, self.lowest, gains,
                     np.float32(1.0) / plan.rate_sh)
             smooth_run(lattice, config, self.level, lattice.neighbours(), plan.place, plan.rate,
                        self.lowest, gains)

@@ -16,8 +16,11 @@ from lfportrait.cli import COMMANDS
 from try_package import ROOT, contents, same
 
 PACKAGES = ROOT / "src" / "lfportrait", ROOT / "src" / "lfportrait_eval"
+PROJECTS = [tomllib.loads(path.read_text("utf-8"))
+            for path in (ROOT / "pyproject.toml", PACKAGES[1] / "pyproject.toml")]
 SOURCES = [path for package in PACKAGES for path in package.rglob("*")
-           if path.is_file() and "__pycache__" not in path.parts]
+           if path.is_file() and path.name != "pyproject.toml"
+           and not any(part == "__pycache__" or part.endswith(".egg-info") for part in path.parts)]
 
 
 def test_every_folder_of_sources_is_a_package():
@@ -26,9 +29,8 @@ def test_every_folder_of_sources_is_a_package():
 
 
 def test_every_file_that_is_no_source_is_named_as_data():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    data = project["tool"]["setuptools"]["package-data"]
-    named = {path for package in PACKAGES for pattern in data[package.name]
+    named = {path for package, project in zip(PACKAGES, PROJECTS)
+             for pattern in project["tool"]["setuptools"]["package-data"][package.name]
              for path in package.glob(pattern)}
     assert [path for path in SOURCES if path.suffix != ".py" and path not in named] == []
     assert {package / "py.typed" for package in PACKAGES} <= named
@@ -36,27 +38,39 @@ def test_every_file_that_is_no_source_is_named_as_data():
 
 def test_the_command_line_knows_the_commands_of_both_packages():
     """Those of the laboratory are written down there as the entry points name them."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    named = {name.replace(".", " "): place
-             for name, place in project["entry-points"]["lfportrait.commands"].items()}
+    commands = PROJECTS[1]["project"]["entry-points"]["lfportrait.commands"]
+    named = {name.replace(".", " "): place for name, place in commands.items()}
     assert named == {name: f"{module}:{kind}" for name, (module, kind, _) in COMMANDS.items()
                      if "." in module}
 
 
 def test_the_installation_has_the_entry_points_of_the_project():
     """Else commands and methods of the laboratory are not found: install again."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    for group, named in project["entry-points"].items():
-        found = {entry.name: entry.value for entry in entry_points(group=group)}
-        assert named.items() <= found.items(), "pyproject.toml changed: pip install -e '.[dev]'"
+    for project in PROJECTS:
+        for group, named in project["project"]["entry-points"].items():
+            found = {entry.name: entry.value for entry in entry_points(group=group)}
+            assert named.items() <= found.items(), (
+                "pyproject.toml changed: pip install -e '.[dev]' -e src/lfportrait_eval")
 
 
 def test_what_the_entry_points_name_is_there():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    for group in project["entry-points"].values():
-        for place in group.values():
-            module, _, name = place.partition(":")
-            assert hasattr(importlib.import_module(module), name), place
+    for project in PROJECTS:
+        for group in project["project"]["entry-points"].values():
+            for place in group.values():
+                module, _, name = place.partition(":")
+                assert hasattr(importlib.import_module(module), name), place
+
+
+def test_the_evaluation_package_names_all_of_its_folders_and_wants_this_version():
+    product, evaluation = PROJECTS
+    folders = {".".join(path.parent.relative_to(PACKAGES[1].parent).parts)
+               for path in SOURCES if path.is_relative_to(PACKAGES[1])}
+    assert set(evaluation["tool"]["setuptools"]["packages"]) == folders
+    version = product["project"]["version"]
+    assert evaluation["project"]["version"] == version
+    assert f"lfportrait=={version}" in evaluation["project"]["dependencies"]
+    # What users install does not bring it.
+    assert not any("eval" in text for text in product["project"]["dependencies"])
 
 
 def test_the_pinned_versions_are_allowed_ones():
@@ -65,7 +79,9 @@ def test_the_pinned_versions_are_allowed_ones():
                   (ROOT / "constraints.txt").read_text("utf-8").split())
     pinned = {canonicalize_name(name): version for name, version in pinned.items()}
     extras = project["optional-dependencies"].values()
-    for text in itertools.chain(project["dependencies"], *extras):
+    others = [text for text in PROJECTS[1]["project"]["dependencies"]
+              if Requirement(text).name != "lfportrait"]
+    for text in itertools.chain(project["dependencies"], others, *extras):
         wanted = Requirement(text)
         assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), text
     # Its private parts may change with each minor version.

@@ -207,7 +207,7 @@ def columns_of(rows, *names):
 
 def test_ply_files_hold_points_or_a_mesh(tmp_path):
     field = ball_field()
-    figures = export_field(field, tmp_path / "p.ply", ExportConfig(opacity=0.2))
+    figures = export_field(field, tmp_path / "p.ply", ExportConfig(level=0.2))
     rows = read_ply(tmp_path / "p.ply")["vertex"]
     cloud = field_points(field, 0.2)
     assert figures == {"points": len(rows), "bytes": (tmp_path / "p.ply").stat().st_size,
@@ -372,7 +372,7 @@ def test_checkpoints_of_other_ages(tmp_path):
 @pytest.mark.parametrize(("name", "config", "message"), [
     ("x.stl", ExportConfig(), r"must end in \.png, .*\.html, .*\.ply, "),
     ("x.obj", ExportConfig(kind="points"), "points are written as .ply"),
-    ("x.ply", ExportConfig(opacity=1.5), "--opacity"),
+    ("x.ply", ExportConfig(level=1.5), "--level"),
     ("x.glb", ExportConfig(level=1.0), "--level"),
     ("x.glb", ExportConfig(level=0.9999999999), "no surface"),
     ("x.obj", ExportConfig(smooth=-1.0), "--smooth")])

@@ -62,6 +62,9 @@ _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps 
 
 _MOST_AGAIN = 800
 """Pairs of photos that are compared once more, in full, where photos are left out."""
+ALL_PAIRS = 200
+"""Of up to so many photos all pairs whose largest features match are compared, of more only
+neighbours in the order of their names: pairs grow with the square of the photos."""
 _DENSE = 1.2
 """Degrees between neighbours up to which photos between them show nothing more."""
 
@@ -88,20 +91,13 @@ class CalibrateConfig:
 
     features: int = 4096
     """Maximum number of SIFT features per photo."""
-    matching: Literal["auto", "exhaustive", "sequential"] = "auto"
-    """Which pairs of photos are matched: all, or neighbours in the order of their names; auto: up
-    to 200 photos, all pairs whose largest features match."""
     camera_model: Literal["auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV",
                           "OPENCV_FISHEYE"] = "auto"
     """Camera model; auto: as many distortion terms as the photos can determine."""
-    shared_camera: bool = True
-    """Photos of the same size and lens (EXIF) share one focal length (no zooming)."""
     max_side: int = 1600
     """Downscale photos to this many pixels on the longer side; 0 = full size."""
     video_frames: int = 80
     """Number of frames to extract from a video."""
-    video_spacing: Literal["parallax", "time"] = "parallax"
-    """Spacing of the frames: equal image motion (parallax) or equal time."""
     blur_threshold: float = 0.4
     """Leave out blurred photos: those with less than this share of their neighbours' fine detail in
     any direction, at most a quarter of all; 0 keeps all."""
@@ -132,11 +128,8 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
     return found
 
 
-def _pairs(count: int, alike: NDArray[np.int64] | None, config: CalibrateConfig,
-           ) -> list[tuple[int, int]]:
+def _pairs(count: int, alike: NDArray[np.int64] | None) -> list[tuple[int, int]]:
     """The pairs of so many photos that are worth comparing."""
-    if config.matching == "exhaustive":
-        return [(i, j) for i in range(count) for j in range(i + 1, count)]
     return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
 
 
@@ -179,11 +172,11 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     turns = sensor_turns(photos)
     features = _features(photos, turns, config, say)
     alike = None
-    if config.matching == "auto" and len(photos) <= 200:
+    if len(photos) <= ALL_PAIRS:
         alike = likeness(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
 
     def place(some: NDArray[np.int64]) -> _Placed:
-        pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)], config)
+        pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)])
         folder = work / f"of{len(some)}"
         folder.mkdir()
         return _place(pycolmap, [photos[i] for i in some], [turns[i] for i in some],
@@ -205,7 +198,7 @@ def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[
            pairs: list[tuple[int, int]], config: CalibrateConfig, work: Path,
            say: Callable[[str], None], announce: Callable[[str], None]) -> _Placed:
     """Place photos by the matches of these pairs."""
-    groups = lens_groups(photos, turns, config.shared_camera)
+    groups = lens_groups(photos, turns)
     matches = _matches(features, pairs, say)
     stood_still = camera_stood_still(features, matches)
     if stood_still:
@@ -315,7 +308,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     path = Path(photos)
     if progress is not None:
         progress.update(0, "reading photos")
-    loaded = read_source(path, config.max_side, config.video_frames, config.video_spacing)
+    loaded = read_source(path, config.max_side, config.video_frames)
     count = len(loaded)
     soft = [loaded[index].name for index in blurred([photo.image for photo in loaded],
                                                     config.blur_threshold)]

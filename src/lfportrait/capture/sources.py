@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,7 @@ def load_photos(path: str | Path) -> list[tuple[str, NDArray[np.uint8]]]:
     return [(photo.name, photo.image) for photo in read_source(Path(path))]
 
 
-def read_source(path: Path, max_side: int = 0, frames: int = 80,
-                spacing: Literal["parallax", "time"] = "parallax") -> list[Photo]:
+def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:
     """Photos of a folder, or frames of a video (`read_photos`, `read_video`).
 
     Parameters
@@ -35,13 +33,13 @@ def read_source(path: Path, max_side: int = 0, frames: int = 80,
         Folder or video file.
     max_side
         Pictures are reduced to this many pixels on their longer side; 0 keeps them.
-    frames, spacing
-        How many frames of a video, and at even steps of what.
+    frames
+        How many frames of a video.
 
     Raises
     ------
     UserError
         If there is nothing that can be read.
     """
-    return (read_video(path, frames, max_side, spacing) if is_video(path)
+    return (read_video(path, frames, max_side) if is_video(path)
             else read_photos(path, max_side))

@@ -6,7 +6,7 @@ command does not wait for the libraries of a slow one.
 
 Commands of other packages are found by their entry points (`lfportrait.plugins`). Reading these
 takes longer than all of ``--help``, so they are read only for a word that is not in `COMMANDS`,
-which also lists the commands of this distribution's other package.
+which also lists the commands of the evaluation package.
 """
 
 from __future__ import annotations
@@ -126,8 +126,9 @@ def _command_class(name: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name is None or error.name != module.partition(".")[0]:
             raise
-        raise UserError(f"{name} is a command of the package {error.name}, which is not "
-                        "installed") from error
+        raise UserError(f"{name} is a command of the evaluation package: pip install "
+                        "lfportrait-eval (in a checkout: pip install -e src/lfportrait_eval)"
+                        ) from error
 
 
 def _execute(name: str, arguments: list[str]) -> int:

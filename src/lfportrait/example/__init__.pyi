@@ -7,9 +7,9 @@ from .guides.regions import Regions, find_regions
 from .guides.scalp import photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
 from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
-from .painter.ground import GroundConfig, known_ground
+from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
-from .patches import PatchConfig
+from .patches import PatchSearch
 from .region_styles import mix_regions
 from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
 from .styleblit import BlitConfig, Synthesis, synthesise
@@ -28,14 +28,14 @@ __all__ = [
     "BlitConfig",
     "Exemplar",
     "FaceFrame",
-    "GroundConfig",
+    "GroundSize",
     "Guides",
     "Lids",
     "LookUpTable",
     "Method",
     "MethodConfig",
     "Painting",
-    "PatchConfig",
+    "PatchSearch",
     "PhotoMethod",
     "Regions",
     "Sitting",

@@ -35,7 +35,7 @@ from .kernels.patches import (
     vote_patches,
 )
 
-__all__ = ["SCALE", "PatchConfig", "PatchSource", "PatchTarget", "at_middles", "coarser_owner",
+__all__ = ["SCALE", "PatchSearch", "PatchSource", "PatchTarget", "at_middles", "coarser_owner",
            "halved", "middles", "occupancy", "settled", "synthesise_patches"]
 
 Float32 = NDArray[np.float32]
@@ -47,7 +47,7 @@ SCALE = 4.0
 
 
 @dataclass(frozen=True)
-class PatchConfig:
+class PatchSearch:
     """Parameters of the synthesis."""
 
     style_weight: float = 1.0
@@ -68,7 +68,7 @@ class PatchConfig:
     final_3x3: bool = True
     """Finish with patches of 3 x 3 pixels, which blur less."""
 
-    def hasty(self) -> PatchConfig:
+    def hasty(self) -> PatchSearch:
         """The same for a preview: fewer alternations."""
         return replace(self, votes=max(1, self.votes // 2), last_votes=1, passes=1, final_3x3=False)
 
@@ -203,7 +203,7 @@ def coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
     return settled(coarse, 2)
 
 
-def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchConfig,
+def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSearch,
                        seed: int = 0) -> tuple[Float32, Int32]:
     """Synthesise, coarse to fine.
 
@@ -251,7 +251,7 @@ class _Level:
     """One level of the pyramid: votes and searches alternate on it."""
 
     def __init__(self, target: PatchTarget, source: PatchSource, planes: Float32,
-                 fixed: Float32 | None, level: int, config: PatchConfig) -> None:
+                 fixed: Float32 | None, level: int, config: PatchSearch) -> None:
         self.config, self.level, self.source = config, level, source
         self.picture = source.pictures[level]
         self.size = self.picture.shape[0], self.picture.shape[1]

@@ -37,6 +37,8 @@ KEEP = 8.0
 """What is further from the outline stays on its side of the exemplar's by so much, in units."""
 TURNED = 0.5
 """Heads turned this much against the exemplar (`FaceFrame.turn`) hide or show other parts."""
+GRID = 4
+"""The guide is evaluated every Nth pixel and bilinear between: it changes slowly."""
 
 
 class FlatGuide:
@@ -68,8 +70,8 @@ class FlatGuide:
         return abs(regions.frame.turn(landmarks) - self._turn) > TURNED
 
     def __call__(self, cover: Float32, landmarks: Float64, regions: Regions,
-                 labels: NDArray[np.uint8], grid: int, contours: bool,
-                 hold: bool = False, aside: FaceAside | None = None) -> Float32:
+                 labels: NDArray[np.uint8], hold: bool = False,
+                 aside: FaceAside | None = None) -> Float32:
         """Position guide of a photo, float32 [H, W, 2]; NaN where it is not covered.
 
         Parameters
@@ -78,32 +80,27 @@ class FlatGuide:
             float32 [H, W], 0 where nothing is to be painted.
         landmarks, regions, labels
             Of the photo.
-        grid
-            The guide is evaluated every Nth pixel.
-        contours
-            Whether hairline and outline join the landmarks.
         hold
             Lay neck and body onto the exemplar's, and hold person and background on their sides.
         aside
             What is seen of a face that is turned far to one side; ``landmarks`` are its own.
         """
-        points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions, contours)
+        points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions)
         sources, targets, weights, softness = (
             points if aside is None else self._seen(aside, *points))
         scale, shape = self.exemplar.size / face_size(landmarks), self.exemplar.image.shape
 
         def move(nodes: Float32) -> None:
             if hold and self._body:
-                lay_body(nodes, grid, regions, self.regions)
+                lay_body(nodes, GRID, regions, self.regions)
             else:
-                lengthen_neck(nodes, float(landmarks[8, 1]), shape[0], self._neck, scale, grid)
+                lengthen_neck(nodes, float(landmarks[8, 1]), shape[0], self._neck, scale, GRID)
             if hold:
                 fold_inside(nodes, shape, self._box, nodes)
-            self._meet(nodes, labels, scale, grid, KEEP * self._unit if hold else 0.0)
+            self._meet(nodes, labels, scale, KEEP * self._unit if hold else 0.0)
 
         return folded_position_guide(cover, sources, targets, weights, softness,
-                                     shape, self._box, grid,
-                                     move if contours else None)
+                                     shape, self._box, GRID, move)
 
     def _seen(self, aside: FaceAside, sources: Float64, targets: Float64, weights: Float64,
               softness: Float64) -> tuple[Float64, Float64, Float64, Float64]:
@@ -118,16 +115,15 @@ class FlatGuide:
                 np.concatenate([weights[kept], np.full(len(more), aside.share)]),
                 np.concatenate([softness[kept], soft]))
 
-    def _meet(self, nodes: Float32, labels: NDArray[np.uint8], scale: float, grid: int,
-              keep: float) -> None:
+    def _meet(self, nodes: Float32, labels: NDArray[np.uint8], scale: float, keep: float) -> None:
         """Move the guide's nodes so that outlines and hairlines meet."""
         known = [(match, edge) for match, edge in zip(self._edges, EDGES) if match is not None]
-        small = np.empty((len(known), *(-(-n // grid) for n in labels.shape[:2])), np.float32)
+        small = np.empty((len(known), *(-(-n // GRID) for n in labels.shape[:2])), np.float32)
         for plane, (_, (name, invert)) in zip(small, known):
-            shrink_label(labels, PICTURE_LABELS.index(name), invert, grid, plane)
-        away = signed_distances(small, [match.far(grid, scale) for match, _ in known])
+            shrink_label(labels, PICTURE_LABELS.index(name), invert, GRID, plane)
+        away = signed_distances(small, [match.far(GRID, scale) for match, _ in known])
         for distance, (match, (name, _)) in zip(away, known):
-            match.pull(nodes, distance * np.float32(grid), grid, scale,
+            match.pull(nodes, distance * np.float32(GRID), GRID, scale,
                        keep if name == "background" else 0.0)
 
     def own_shoulders(self, position: Float32, landmarks: Float64, labels: NDArray[np.uint8],

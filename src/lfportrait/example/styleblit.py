@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from .table import LookUpTable
 __all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colors",
            "plant", "shift_planes", "synthesise"]
 
+BACKGROUND_LEVELS = 8
+"""Coarsest level where appearance has little weight (background, clothes)."""
 LANES = 16
 """Pixels that the kernels work on at once."""
 
@@ -42,18 +44,14 @@ class BlitConfig:
     values suppress scattered pixels from photo noise."""
     levels: int = 6
     """Coarsest level, 1 to 8: its cells are 2^levels exemplar pixels wide."""
-    background_levels: int = 8
-    """Coarsest level where appearance has little weight (background, clothes), 1 to 8."""
     radius: int = 1
-    """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
-    voting: Literal["mean", "mode", "both"] = "both"
-    """mean: average of the neighbours' colors; mode: most frequent chunk; both: mode, then
-    mean."""
+    """Voting window, in which the most frequent chunk wins and colors are averaged: 0 none, 1 is
+    3 x 3, 2 is 5 x 5."""
 
     @property
     def top(self) -> int:
         """The coarsest of all levels."""
-        return max(self.levels, self.background_levels)
+        return max(self.levels, BACKGROUND_LEVELS)
 
 
 @dataclass
@@ -238,13 +236,12 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     # Neighbours on one piece of the anchor plane; a photo's is one piece.
     pitch = scale if scale is not None else anchor_scale(guides.anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)
-    if config.radius > 0 and config.voting in ("mode", "both"):
+    if config.radius > 0:
         # Its own look-ups are not needed any more.
         elect(guides.anchor, reach, shift, margin, width, own_shift)
         shift = own_shift
     image = np.empty((height, width, 3), np.float32)
     colors = picture if picture.dtype == np.int32 else pack_colors(picture)
-    radius = config.radius if config.voting in ("mean", "both") else 0
-    vote(colors, guides.anchor, reach, shift, margin, radius, exact, image)
+    vote(colors, guides.anchor, reach, shift, margin, config.radius, exact, image)
     inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
     return Synthesis(image, inside, level, error)

@@ -24,7 +24,7 @@ from .guides.scalp import photo_regions
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
 from .lids import lids_together
-from .photo_guide import FlatGuide
+from .photo_guide import GRID, FlatGuide
 from .result import TransferResult
 from .styleblit import (
     Seeds,
@@ -49,6 +49,22 @@ Float32 = NDArray[np.float32]
 
 FIRM = 2.0
 """Factor of the labels' weight in a video, where a stretched position asks for less."""
+BLUR = 0.06
+"""Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
+LABELS = 40.0
+"""Error of copying from a wrong region (hair for skin, lips for skin, ...)."""
+VIEW_GAIN = 10.0
+"""Factor of `BlitConfig.min_improvement` where the target is no photo but a place on a surface:
+strokes must not jump between views."""
+OUTLINE = 4.0
+"""Added weight of the position along the outline of the person: a chunk that is off shows there."""
+BACKGROUND = np.array([0.4, 0.05], np.float32)
+"""Weights of position and appearance outside the person, against 1 on the face. Found by eye, as
+those below."""
+HAIR, BODY = np.array([1.0, 0.1], np.float32), np.array([0.5, 0.1], np.float32)
+"""The same in the hair, and on neck and clothes."""
+SKIN_LOOK = np.float32(0.1)
+"""Weight of the appearance on forehead and ears."""
 CALM = 0.25
 """Share of the face's weight of the appearance below which it hardly counts."""
 
@@ -66,17 +82,20 @@ class Transfer:
         Folder for look-up tables, by content hash; None keeps none.
     regions
         Of the painting, where they are known.
+    exact
+        Whether every target pixel is one of the exemplar's, whatever the sizes of the faces.
     """
 
     def __init__(self, exemplar: Exemplar, config: TransferConfig | None = None,
-                 cache: str | Path | None = None, regions: Regions | None = None) -> None:
-        self.exemplar = exemplar
+                 cache: str | Path | None = None, regions: Regions | None = None,
+                 exact: bool = False) -> None:
+        self.exemplar, self._exact = exemplar, exact
         self.config = config or TransferConfig()
         start = time.perf_counter()
         self.unit = exemplar.size / 50.0
         self.regions: Regions = regions or exemplar.regions()
         self.labels = self.regions.labels()
-        self.appearance = appearance_guide(exemplar.image, self.config.blur * exemplar.size)
+        self.appearance = appearance_guide(exemplar.image, BLUR * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.table = cached_table(self.appearance, self.config.table, self.unit,
@@ -110,7 +129,7 @@ class Transfer:
     @functools.cached_property
     def _steady(self) -> Float32:
         """The appearance for captures: which pixel of a hatching a view hits must not matter."""
-        return gaussian_blur(self.appearance, 0.2 * self.config.blur * self.exemplar.size)
+        return gaussian_blur(self.appearance, 0.2 * BLUR * self.exemplar.size)
 
     @functools.cached_property
     def _like(self) -> frozenset[str]:
@@ -176,8 +195,7 @@ class Transfer:
             cover = self.cover(photo, points, person)
             labels = regions.labels(self._like)
             hold = seeds_anchor is not None or self._flat.turned(points, regions)
-            position = self._flat(cover, points, regions, labels, config.grid, config.contours,
-                                  hold, aside)
+            position = self._flat(cover, points, regions, labels, hold, aside)
             if config.extent == "picture" and not hold:
                 person = self._flat.own_shoulders(position, points, labels, person)
         else:
@@ -198,12 +216,12 @@ class Transfer:
         appearance = self._appearance(photo, scale, person)
         guides = Guides(position, appearance, labels, anchor)
         weights = self.weights(person, labels, position, scale)
-        blit, label_weight = config.blit, config.label_weight
+        blit, label_weight = config.blit, LABELS
         if seeds is None:
-            blit = replace(blit, min_improvement=config.view_gain * blit.min_improvement)
+            blit = replace(blit, min_improvement=VIEW_GAIN * blit.min_improvement)
             # On a photo the position is as smooth as the grid that it was computed on.
             weights[..., 0] *= relative_stretch(guides.position, guides.anchor,
-                                                cell=config.grid if flat else 1)
+                                                cell=GRID if flat else 1)
             label_weight *= FIRM if flat else 1
         synthesising = time.perf_counter()
         synthesis = synthesise(
@@ -260,8 +278,8 @@ class Transfer:
 
     def scale(self, landmarks: NDArray[np.float64]) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
-        if self.config.stroke_scale > 0:
-            return self.config.stroke_scale
+        if self._exact:
+            return 1.0
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
@@ -280,7 +298,7 @@ class Transfer:
 
     def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
-        sigma = self.config.blur * self.exemplar.size / scale
+        sigma = BLUR * self.exemplar.size / scale
         # Grain of the photo has no counterpart in paint: smooth what is finer than a stroke.
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self.distribution, person)
@@ -298,12 +316,9 @@ class Transfer:
         out = np.empty((*person.shape, 2), np.float32)
         pixel_weights(np.ascontiguousarray(person, np.float32), label_words(labels), soft,
                       self._face_of(position, factor), factor,
-                      place * np.array([config.background_position, 1], np.float32),
-                      place * np.float32(config.outline),
-                      look * np.array([config.background_appearance, 1], np.float32),
-                      np.array([config.hair_position, config.hair_appearance], np.float32),
-                      np.array([config.body_position, config.body_appearance], np.float32),
-                      np.float32(config.skin_appearance), out)
+                      place * np.array([BACKGROUND[0], 1], np.float32),
+                      place * np.float32(OUTLINE),
+                      look * np.array([BACKGROUND[1], 1], np.float32), HAIR, BODY, SKIN_LOOK, out)
         return out
 
     def _face_of(self, position: Float32, factor: int) -> Float32:

@@ -139,10 +139,9 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
         if progress is not None:
             progress.update(0, note)
 
-    loaded = read_source(photos, config.max_side, config.video_frames, config.video_spacing)
+    loaded = read_source(photos, config.max_side, config.video_frames)
     landmarks = _faces([np.ascontiguousarray(photo.image[..., :3]) for photo in loaded], say)
-    kinds = [(photo.image.shape, photo.lens) if config.shared_camera else photo.name
-             for photo in loaded]
+    kinds = [(photo.image.shape, photo.lens) for photo in loaded]
     sizes = [(photo.image.shape[1], photo.image.shape[0]) for photo in loaded]
     found = cameras_from_faces(landmarks, sizes, [photo.focal for photo in loaded],
                                [kinds.index(kind) for kind in kinds])

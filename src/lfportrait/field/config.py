@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import Any, Literal
 
 import numpy as np
 import tyro
 
 from ..errors import UserError
 
-__all__ = ["ReconstructConfig", "lattice_points"]
+__all__ = ["ReconstructConfig", "Settings", "lattice_points"]
 
 _LEAST = 0.4
 """Share of a coarse level's usual rays that it has however short the time is."""
@@ -44,73 +44,26 @@ class ReconstructConfig:
     share of the time; the last level uses the rest."""
     batch: tuple[int, ...] = ()
     """Rays per step of each level; by default 2048, and 2048 4096 for a room."""
-    importance: float = 0.7
-    """Share of rays sampled where the error is large; 0 = uniform sampling."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
-    step_size: float = -1.0
-    """Distance between samples in voxels; by default 0.5, and 1 for a room."""
-    stop_thresh: float = 1e-2
-    """Rays stop where their transmittance falls below this."""
-    density_floor: float = -1.0
+    density_floor: float | None = None
     """How far a lattice point's density may be negative, as the optical depth of a voxel. The
     interpolated density is clipped at zero, so that a surface can lie anywhere within a voxel (ReLU
     fields, Karnewar et al. 2022); 0: no negative densities. By default 0.1 where the finest voxel
     is 1.5 pixels or more, else 0; and 0.3 for a room."""
-    init_opacity: float = 0.1
-    """Initial opacity of a voxel in the visual hull of the mattes."""
-    lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 10, and 7 for a room. For photos with
-    mattes this is the rate at 256 points; it scales with the resolution."""
-    lr_sigma_final: float = -1.0
-    """Learning rate of the density at the end; by default 4, and 1 for a room."""
-    lr_sh: float = 2.5
-    """Learning rate of the colors at the start: 1 / N, if a color is the running mean over N
-    rays. (Colors step as in SART, not by RMSProp as in svox2.)"""
-    lr_sh_final: float = -1.0
-    """Learning rate of the colors at the end; by default 1, and 0.5 for a room."""
-    polyak_fraction: float = -1.0
+    polyak_fraction: float | None = None
     """Average the field over this share of the last level, at its end (Polyak and Juditsky 1992), 0
     to 1; 0: no averaging; by default 0.3, and 0 for a room."""
-    rms_beta: float = 0.95
-    """Decay of RMSProp's running mean, for the density."""
-    lr_sigma_bg: float = 3.0
-    """Learning rate of the background's density at the start; falls like the density's."""
-    lr_color_bg: float = 0.1
-    """Learning rate of the background's color at the start; falls to a twentieth."""
-    lambda_tv: float = -1.0
-    """Weight of total variation on the density, halved at each finer level; by default 1e-5, and
-    1e-3 for a room."""
-    lambda_tv_sh: float = -1.0
-    """Weight of total variation on the color, a tenth at the finest level; by default 0, and
-    5e-3 for a room."""
-    tv_sparsity: float = -1.0
-    """Share of lattice points regularised by total variation at each step; by default 0.003, and
-    0.005 for a room."""
-    lambda_sparsity: float = 0.0
-    """Weight of the Cauchy sparsity loss log(1 + 2 sigma^2) on the samples."""
-    lambda_distortion: float = -1.0
-    """Weight of the distortion loss (Mip-NeRF 360), which makes surfaces thin; by default 0.03, and
-    0.01 for a room."""
-    lambda_alpha: float = 0.3
-    """Weight of the squared opacity error, for photos with mattes."""
-    prune: float = -1.0
-    """Prune lattice points whose largest weight on any training ray is below this; by default
-    0.01, and 0.02 for a room."""
     max_voxels: float = 8.0
     """Maximum of lattice points in millions; above it, the weakest are pruned. A million needs
     about 0.65 GB in training (two threads, degree 2)."""
     background: float = 1.0
     """Grey level behind photos without mattes, and behind test views."""
-    background_nlayers: int = -1
-    """Spheres behind the lattice; 0: none; -1: 32 for photos without mattes, else none."""
-    background_reso: int = 256
-    """Rows of the spheres' maps; they have twice as many columns."""
-    near_clip: float = -1.0
+    background_nlayers: int | None = None
+    """Spheres behind the lattice; by default 32 for photos without mattes, else 0, none."""
+    near_clip: float | None = None
     """Near plane: distance from the camera where rays start, in world units (the head is about 2
     high); by default 0, and a quarter of the nearest camera's distance for a room."""
-    reach: float = 3.0
-    """For a room: maximum extent of the lattice from the origin, in world units."""
     exposure: bool = True
     """For a room: compensate exposure with one gain per photo and channel, also in tests on
     held-out photos."""
@@ -175,8 +128,8 @@ class ReconstructConfig:
         return self.time_budget - after
 
     def resolved(self, room: bool, distance: float, pixel: float = 0.0,
-                 narrow: bool = False) -> ReconstructConfig:
-        """The same with every default put in.
+                 narrow: bool = False) -> Settings:
+        """The same with every default put in, and what has no option.
 
         Parameters
         ----------
@@ -214,31 +167,63 @@ class ReconstructConfig:
         batch = self.batch or ((2048, 4096) if room else (2048,))
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
-        if not 0 <= self.importance <= 1:
-            raise UserError(f"--importance must be from 0 to 1, not {self.importance:g}")
-        if self.polyak_fraction > 1:
-            raise UserError(f"--polyak-fraction must be from 0 to 1, not {self.polyak_fraction:g}")
+        polyak = (0.0 if room else 0.3) if self.polyak_fraction is None else self.polyak_fraction
+        if not 0 <= polyak <= 1:
+            raise UserError(f"--polyak-fraction must be from 0 to 1, not {polyak:g}")
         if self.sh_degree not in (0, 1, 2):
             raise UserError(f"--sh-degree must be 0, 1 or 2, not {self.sh_degree}")
 
-        def chosen(value: float, matte: float, otherwise: float) -> float:
-            return value if value >= 0 else (otherwise if room else matte)
+        def chosen(value: float | None, usual: float) -> float:
+            return usual if value is None else value
 
+        own: dict[str, Any] = {entry.name: getattr(self, entry.name)
+                               for entry in fields(ReconstructConfig)}
+        # Below zero, voxels that are small against the pixels follow the photos' noise.
+        floor = 0.3 if room else (0.1 if 2.0 / resolutions[-1] >= 1.5 * pixel else 0.0)
         layers = self.background_nlayers
-        return replace(
-            self, resolutions=resolutions, rays=rays,
-            batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
-            lr_sigma=chosen(self.lr_sigma, 10.0, 7.0),
-            lr_sigma_final=chosen(self.lr_sigma_final, 4.0, 1.0),
-            lr_sh_final=chosen(self.lr_sh_final, 1.0, 0.5),
-            polyak_fraction=chosen(self.polyak_fraction, 0.3, 0.0),
-            lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
-            lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
-            lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
-            tv_sparsity=chosen(self.tv_sparsity, 0.003, 0.005),
-            step_size=chosen(self.step_size, 0.5, 1.0), prune=chosen(self.prune, 0.01, 0.02),
-            # Below zero, voxels that are small against the pixels follow the photos' noise.
-            density_floor=chosen(self.density_floor,
-                                 0.1 if 2.0 / resolutions[-1] >= 1.5 * pixel else 0.0, 0.3),
-            background_nlayers=(32 if room else 0) if layers < 0 else layers,
-            near_clip=chosen(self.near_clip, 0.0, distance / 4.0))
+        own |= {"resolutions": resolutions, "rays": rays,
+                "batch": tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
+                "polyak_fraction": polyak, "density_floor": chosen(self.density_floor, floor),
+                "background_nlayers": (32 if room else 0) if layers is None else layers,
+                "near_clip": chosen(self.near_clip, distance / 4.0 if room else 0.0)}
+        return Settings(**own, **(_ROOM if room else {}))
+
+
+@dataclass(frozen=True)
+class Settings(ReconstructConfig):
+    """All numbers of one training: the parameters with every default put in, and what has none.
+
+    The latter are those of a person with mattes, found on the demo's head and the photographed
+    heads of docs/reconstruction.md; `_ROOM` has what differs for photos of a room.
+    """
+
+    density_floor: float = 0.1
+    polyak_fraction: float = 0.3
+    background_nlayers: int = 0
+    near_clip: float = 0.0
+    step_size: float = 0.5
+    """Distance between samples in voxels."""
+    lr_sigma: float = 10.0
+    """Learning rate of the density at the start; for photos with mattes this is the rate at 256
+    points, and it scales with the resolution."""
+    lr_sigma_final: float = 4.0
+    """The same at the end."""
+    lr_sh_final: float = 1.0
+    """Learning rate of the colors at the end."""
+    lambda_tv: float = 1e-5
+    """Weight of total variation on the density, halved at each finer level."""
+    lambda_tv_sh: float = 0.0
+    """Weight of total variation on the color, a tenth at the finest level."""
+    tv_sparsity: float = 0.003
+    """Share of lattice points regularised by total variation at each step."""
+    lambda_distortion: float = 0.03
+    """Weight of the distortion loss (Mip-NeRF 360), which makes surfaces thin."""
+    prune: float = 0.01
+    """Lattice points whose largest weight on any training ray is below this are pruned."""
+
+
+_ROOM: dict[str, Any] = {
+    "step_size": 1.0, "lr_sigma": 7.0, "lr_sigma_final": 1.0, "lr_sh_final": 0.5,
+    "lambda_tv": 1e-3, "lambda_tv_sh": 5e-3, "tv_sparsity": 0.005, "lambda_distortion": 0.01,
+    "prune": 0.02}
+"""What photos of a room, without mattes, have otherwise."""

@@ -30,7 +30,7 @@ from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing import FitHead, close_back, close_sides
-from .config import ReconstructConfig
+from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
 from .quality import held_out_quality
@@ -140,7 +140,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
             curves.close()
 
 
-def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,
+def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
                  checkpoint: Path | None, meter: Meter | None, process: GpuProcess | None,
                  look: Callable[[Callable[[], VoxelField]], None] | None,
                  fit_head: FitHead | None) -> tuple[VoxelField, dict[str, Any]]:

@@ -95,7 +95,7 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
     taken = 1.0 - np.exp(-np.maximum(field.density, 0.0) * float(spacing.mean()))
     rows = np.flatnonzero(taken >= opacity)
     if not len(rows):
-        raise UserError(f"no point of the field is as opaque as {opacity:g}; lower --opacity")
+        raise UserError(f"no point of the field is as opaque as {opacity:g}; lower --level")
     place = np.empty((len(field.density), 3), np.int32)
     z, y, x = np.nonzero(field.links >= 0)
     place[field.links[z, y, x]] = np.stack([x, y, z], axis=1)

@@ -23,19 +23,28 @@ from .display import Display
 
 
 @dataclass(frozen=True)
-class EncodeConfig:
+class PlacementConfig:
+    """Where a head is put, on a panel or on a print."""
+
+    shift_x: float = 0.0
+    """Moves the head to the right, in half heights of the panel or print."""
+    shift_y: float = -0.04
+    """Moves the head up, in half heights of the panel or print."""
+    turn: float = 0.0
+    """Turns the head to its left about the vertical axis, in degrees."""
+    background: float = 0.0
+    """Grey level behind the head, instead of a painted ground; black hides cross-talk between views
+    on a real panel."""
+
+
+@dataclass(frozen=True)
+class EncodeConfig(PlacementConfig):
     """Parameters of the coding."""
 
     size: float = 0.8
     """Height of the head ([-1, 1] in the portrait frame) over the panel's height."""
-    shift_x: float = 0.0
-    """Moves the head to the right, in half panel heights."""
-    shift_y: float = -0.04
-    """Moves the head up, in half panel heights."""
     focus: float = 0.0
     """Moves the head towards the viewer, in half panel heights; the panel plane is sharpest."""
-    turn: float = 0.0
-    """Turns the head to its left about the vertical axis, in degrees."""
     depth_scale: float = 1.0
     """Factor of the head's depth: below 1 flattens it about its middle, so that more of it lies
     within the panel's sharp depth."""
@@ -51,9 +60,6 @@ class EncodeConfig:
     voxels."""
     draft: bool = False
     """Double the distance between samples: 1.5 to 2 times faster."""
-    background: float = 0.0
-    """Grey level behind the head, instead of a painted ground; black hides cross-talk between views
-    on a real panel."""
     compose: bool = False
     """Compose the picture: the face in the panel's plane, the head as large as fits and within the
     panel's depth budget, the eyes in the middle third. Size, shifts, focus and depth scale then

@@ -38,8 +38,6 @@ class SplatConfig:
     """Views of the field to which the splats are fitted, one after the other; 0 does not fit."""
     degree: Literal[0, 1, 2] | None = None
     """Degree of the spherical harmonics; by default the field's. Painted fields have degree 0."""
-    seed: int = 0
-    """Of the choice of views."""
     up: Up = "auto"
     """Which way is up in the file. y-down: turned by 180 degrees about z, which SuperSplat undoes.
     auto: y-down in PLY and SOG files, y-up in SPZ and GLB files."""
@@ -56,22 +54,13 @@ class ExportConfig:
     world: Literal["portrait", "source"] = "portrait"
     """Coordinates: the portrait frame (+y up, +z out of the face; points and meshes in metres,
     20 cm high; splats see ``--splats.up``), or those of the source capture as they are."""
-    opacity: float = 0.1
-    """Points: minimum opacity along one voxel."""
-    point_color: Literal["mean", "seen"] = "mean"
-    """Points: mean color over all directions (degree 0), or the color seen from the front and
-    outside."""
-    surface: Literal["auto", "outer", "density"] = "auto"
-    """Mesh: outer: the surface seen from outside; density: an isosurface of the density, with inner
-    walls; auto: density for a field with a background."""
     level: float | None = None
-    """Mesh: opacity at the surface, 0 to 1; by default 0.5, accumulated from outside (0.15 with a
-    texture), or 0.1 per voxel (surface density)."""
+    """Opacity, 0 to 1. Points: the least along one voxel, by default 0.1. Mesh: at the surface; by
+    default 0.5, accumulated from outside (0.15 with a
+    texture), or 0.1 per voxel for a field with a background."""
     smooth: float | None = None
     """Mesh: sigma in voxels of the Gaussian that smooths the opacity first; by default 1.5, with a
     texture 0.8."""
-    least_piece: float = 0.05
-    """Mesh: remove connected pieces smaller than this share of the largest one."""
     texture: Literal["auto", "yes", "no"] = "auto"
     """Mesh in a GLB or OBJ file: colors as a picture (yes) or at the vertices (no). auto: a picture
     if the field is painted. USDZ files always have a picture, PLY files never."""
@@ -85,8 +74,6 @@ class SweepConfig:
 
     size: int = 512
     """Width and height in pixels."""
-    frames: int = 90
-    """Number of frames of one loop."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,8 @@ from .paths import good_cone, sweep_frames
 from .splats import SPLAT_WRITERS, field_splats, framed, is_down
 from .video import write_video
 
+SWEEP = 90
+"""Frames of a sweep."""
 _SEEN_LEVEL, _SEEN_SMOOTH = 0.15, 0.8
 """Of a surface with a texture. A ray that grazes a head goes a long way through its soft outer
 layer: of all levels this one has the outline that the field shows, and thin ears remain."""
@@ -43,7 +45,7 @@ def write_checkpoint(field: VoxelField, path: Path, config: ExportConfig,
 def write_points(field: VoxelField, path: Path, config: ExportConfig,
                  context: ExportContext) -> dict[str, Any]:
     """Lattice points with color and normal."""
-    points = field_points(field, config.opacity, config.point_color)
+    points = field_points(field, *(() if config.level is None else (config.level,)))
     place, normals = _placed(points.positions, points.normals, field, config)
     with atomic_write(path) as stream:
         meshes.write_ply(stream, place, normals, points)
@@ -61,11 +63,11 @@ def write_mesh(field: VoxelField, path: Path, config: ExportConfig,
         config.texture == "auto" and field.texture is not None and suffix != ".ply")
     context.tell(0.0, "surface")
     level, smooth = config.level, config.smooth
-    if painted and level is None and (field.background is None or config.surface == "outer"):
-        level = _SEEN_LEVEL if config.surface != "density" else None
+    if painted and level is None and field.background is None:
+        level = _SEEN_LEVEL
     if smooth is None:
         smooth = _SEEN_SMOOTH if painted else 1.5
-    mesh = field_mesh(field, level, config.surface, smooth, config.least_piece)
+    mesh = field_mesh(field, level, smooth=smooth)
     figures = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
     if painted:
         context.tell(0.4, "texture")
@@ -159,7 +161,7 @@ def write_sweep(field: VoxelField, path: Path, parameters: SweepConfig,
                 context: ExportContext) -> dict[str, Any]:
     """The video in which the head turns as far as the panel's views go."""
     cone = good_cone(field, Display.resolve(context.display).cone)
-    write_video(path, sweep_frames(field, cone, parameters.frames, parameters.size,
+    write_video(path, sweep_frames(field, cone, SWEEP, parameters.size,
                                    background=context.encode.background, ground=context.encode))
     return {}
 

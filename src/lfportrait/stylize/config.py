@@ -147,16 +147,11 @@ class StylizeConfig:
     """Elevation of the arcs in degrees."""
     texture: bool = True
     """On the skin: add a texture with the details that the lattice is too coarse for."""
-    fit_iterations: int = -1
-    """Iterations of the least-squares fit to the painting; -1: 12 in views; on the skin 0 with a
-    texture, else 1 (more are sharper, but less consistent between views)."""
-    relaxation: float = 0.35
-    """On the skin: relaxation factor of each iteration's update, 0 to 1."""
-    steps: int = -1
-    """Refinement steps, one view each; 0: fit only; -1: 3 on the skin, 90 in views."""
-    learning_rate: float = -1.0
-    """Adam's step in color units at the start; it falls to a tenth; -1: 0.001 on the skin, 0.02 in
-    views."""
+    fit_iterations: int | None = None
+    """Iterations of the least-squares fit to the painting; by default 12 in views, on the skin 0
+    with a texture, else 1 (more are sharper, but less consistent between views)."""
+    steps: int | None = None
+    """Refinement steps, one view each; 0: fit only; by default 3 on the skin, 90 in views."""
     content_network: Network = "auto"
     """Features of the content loss; auto: vgg16 if its weights are at hand, else embedded."""
     style_network: Network = "auto"
@@ -170,8 +165,6 @@ class StylizeConfig:
     lap_reference: Literal["example", "content"] = "example"
     """Reference of the Laplacian loss: the example (keeps brush work) or the photo (as in the
     paper)."""
-    lap_pool: int = 1
-    """Average pooling before the Laplacian, 1 to 16 pixels."""
     strength: float = 1.0
     """0 leaves the real colors, 1 gives the style; `lfportrait restyle` changes it afterwards."""
     keep: tuple[str, ...] = ()
@@ -206,8 +199,6 @@ class StylizeConfig:
             raise UserError(f"--preview paints on the skin; leave out --method {self.method}")
         if self.on_skin:
             check_pixels(self.pixels)
-        if not 0.0 < self.relaxation <= 1.0:
-            raise UserError(f"--relaxation must lie between 0 and 1, not at {self.relaxation:g}")
 
     @property
     def on_skin(self) -> bool:
@@ -252,26 +243,24 @@ class StylizeConfig:
     @property
     def painting(self) -> SkinConfig:
         """Parameters of the painting on the skin, hasty ones for a preview."""
-        if not self.preview:
-            return self.skin
-        return replace(self.skin, patches=self.skin.patches.hasty())
+        return replace(self.skin, hasty=True) if self.preview else self.skin
 
     @property
     def iterations(self) -> int:
         """Iterations of the fit."""
-        if self.fit_iterations >= 0:
+        if self.fit_iterations is not None:
             return self.fit_iterations
         return (0 if self.texture else 1) if self.on_skin else 12
 
     @property
     def refinements(self) -> int:
         """Refinement steps."""
-        return self.steps if self.steps >= 0 else (3 if self.on_skin else 90)
+        return self.steps if self.steps is not None else (3 if self.on_skin else 90)
 
     @property
     def rate(self) -> float:
-        """Adam's first step."""
-        return self.learning_rate if self.learning_rate > 0 else (0.001 if self.on_skin else 0.02)
+        """Adam's first step in color units; it falls to a tenth."""
+        return 0.001 if self.on_skin else 0.02
 
 
 def check_pixels(pixels: float) -> None:

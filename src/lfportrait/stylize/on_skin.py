@@ -42,6 +42,8 @@ from .skin import (
 
 Float32 = NDArray[np.float32]
 
+RELAXATION = 0.35
+"""Share of each update of the fit that is taken: more gets sharper, but less alike in all views."""
 FINER = 2.0
 """Pixels of an exemplar, at most, per pixel of the skin."""
 PREVIEWED, LEAST, STEPS = 1.0, 48.0, 16
@@ -248,7 +250,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
         if not config.preview and config.iterations > 0:
             known = model.seen.copy()
             errors = model.fit(sitter.views(painting, 1), config.iterations, progress,
-                               config.relaxation)
+                               RELAXATION)
             model.seen = np.maximum(model.seen, known)
             figures["fit"] = {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}
         fitted = time.perf_counter()

@@ -124,8 +124,7 @@ class Refinement:
                                             half=self.half),
             "content": content_loss(found, content_features, inside_content),
             "laplacian": laplacian_loss(
-                image[0], wanted[0] if self.config.lap_reference == "example" else content[0],
-                pool=self.config.lap_pool),
+                image[0], wanted[0] if self.config.lap_reference == "example" else content[0]),
             "fit": (image - wanted).square().mean()}
 
     def _shares(self) -> dict[str, float]:

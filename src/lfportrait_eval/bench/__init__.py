@@ -2,6 +2,7 @@
 
 from .encode import bench_masks, bench_print
 from .jobs import bench_jobs, job_tables
+from .measured import read_measured, record
 from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
 from .transfer import METHODS, bench_transfer, transfer_table
 
@@ -17,5 +18,7 @@ __all__ = [
            "bench_stylize",
            "bench_transfer",
            "job_tables",
+           "read_measured",
+           "record",
            "transfer_table",
 ]

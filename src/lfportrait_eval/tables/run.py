@@ -230,7 +230,7 @@ class _Run:
                  config: TablesConfig, open_capture: Opener, seed: int,
                  progress: Progress | None, device: str) -> None:
         self.sources, self.exemplars, self.out = sources, exemplars, out
-        self.config, self.sizes, self.seed = config, config.sizes(), seed
+        self.config, self.sizes, self.seed = config, config.all_sizes(), seed
         self.open_capture, self.progress, self.device = open_capture, progress, device
         self.folder = StageFolder(out)
         self.measuring = tuple(models.GROUPS["evaluate"])

@@ -25,9 +25,9 @@ from lfportrait_eval.tables import (
 )
 from lfportrait_eval.tables import run as running
 
-SMALL = TablesConfig(methods=("skin", "views"), pixels=40.0, render_size=64, close_size=64,
-                     painted_size=64, painted_views=2, painted_steps=1, crops=4, views=9,
-                     cone=30.0, speed=False)
+SIZES = ("pixels=40", "render-size=64", "close-size=64", "painted-size=64", "painted-views=2",
+         "painted-steps=1", "crops=4")
+SMALL = TablesConfig(methods=("skin", "views"), sizes=SIZES, views=9, cone=30.0, speed=False)
 
 
 def styles(files: Path, *names: str) -> list[Exemplar]:
@@ -233,9 +233,8 @@ def test_the_command_fills_a_document(finished, files, capsys, tmp_path):
     document.write_text(f"# Ours\n\n{BEGIN}\noutdated\n{END}\n\nThe end.\n")
     assert run("evaluate", "tables", "--capture", f"ann={files / 'head.cap'}", "--field",
                files / "head.npz", "--styles", files / "warm.png", "--methods", "skin", "views",
-               "--pixels", 40, "--render-size", 64, "--close-size", 64, "--painted-size", 64,
-               "--painted-views", 2, "--painted-steps", 1, "--crops", 4, "--views", 9, "--cone",
-               30, "--no-speed", "--out", out, "--document", document) == 0
+               "--sizes", *SIZES, "--views", 9, "--cone", 30, "--no-speed", "--out", out,
+               "--document", document) == 0
     text = document.read_text()
     assert text.startswith("# Ours") and text.endswith("The end.\n") and "outdated" not in text
     assert "### Side by side" in text and text.count(BEGIN) == 1
@@ -254,8 +253,9 @@ def test_the_command_fills_a_document(finished, files, capsys, tmp_path):
     (("--capture", "{cap}", "--styles", "{style}", "--methods", "skin", "skin"), "named twice"),
     (("--capture", "{cap}", "--styles", "{style}", "--views", "1"), "--views must be 2"),
     (("--capture", "{cap}", "--styles", "{style}", "--cone", "270"), "--cone must lie"),
-    (("--capture", "{cap}", "--styles", "{style}", "--close-size", "8"), "--close-size must be"),
-    (("--capture", "{cap}", "--styles", "{style}", "--crops", "1"), "--crops must be 2"),
+    (("--capture", "{cap}", "--styles", "{style}", "--sizes", "close-size=8"),
+     "close-size must be"),
+    (("--capture", "{cap}", "--styles", "{style}", "--sizes", "crops=1"), "crops must be 2"),
     (("--capture", "{cap}", "--styles", "{style}", "--study", "{cap}"), "no results of a study"),
     (("--capture", "{cap}", "--styles", "{style}", "--document", "{style}.md"), "can't read"),
 ])
@@ -295,9 +295,9 @@ def test_a_field_is_reconstructed_once_and_kept(files, tmp_path, brush, monkeypa
 
 
 def test_sizes_are_the_given_ones_else_the_presets():
-    sizes = TablesConfig(size="full", pixels=100.0, painted_steps=0).sizes()
+    sizes = TablesConfig(size="full", sizes=("pixels=100", "painted-steps=0")).all_sizes()
     assert sizes.pixels == 100 and sizes.painted_steps == 0 and sizes.painted_size == 576
-    assert np.isclose(TablesConfig().sizes().network_seconds, 15)
+    assert np.isclose(TablesConfig().all_sizes().network_seconds, 15)
 
 
 def test_speed_is_told_as_the_paper_tells_it(files, tmp_path, brush, monkeypatch):

@@ -47,13 +47,16 @@ def sensor_turns(photos: Sequence[Photo]) -> list[int]:
                                and shape(photo)[0] > shape(photo)[1])) % 4 for photo in photos]
 
 
-def lens_groups(photos: Sequence[Photo], turns: Sequence[int], shared: bool) -> list[int]:
-    """Number of each photo's lens, counted from 0 in the order in which they appear."""
+def lens_groups(photos: Sequence[Photo], turns: Sequence[int]) -> list[int]:
+    """Number of each photo's lens, counted from 0 in the order in which they appear.
+
+    Photos of the same size and lens (EXIF) have one: nobody zooms while going around a person.
+    """
     seen: dict[Any, int] = {}
     groups = []
-    for index, (photo, turn) in enumerate(zip(photos, turns)):
+    for photo, turn in zip(photos, turns):
         height, width = photo.image.shape[:2] if turn % 2 == 0 else photo.image.shape[1::-1]
-        key = (width, height, photo.lens) if shared else index
+        key = (width, height, photo.lens)
         groups.append(seen.setdefault(key, len(seen)))
     return groups
 

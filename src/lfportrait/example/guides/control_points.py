@@ -29,8 +29,7 @@ STRIP = 0.15
 
 
 def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
-                  style_regions: Regions,
-                  contours: bool = True) -> tuple[Float64, Float64, Float64, Float64]:
+                  style_regions: Regions) -> tuple[Float64, Float64, Float64, Float64]:
     """Control points of the position guide: landmarks, hairline and outline.
 
     Returns
@@ -42,11 +41,10 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
     """
     sources, targets = [landmarks], [style_landmarks]
     weights = [np.ones(68)]
-    if contours:
-        for name, weight in (("outline", 2.0), ("hairline", 1.0)):
-            sources.append(getattr(regions, name)())
-            targets.append(getattr(style_regions, name)())
-            weights.append(np.full(len(RAYS), weight))
+    for name, weight in (("outline", 2.0), ("hairline", 1.0)):
+        sources.append(getattr(regions, name)())
+        targets.append(getattr(style_regions, name)())
+        weights.append(np.full(len(RAYS), weight))
     source = np.concatenate(sources)
     softness = np.full(len(source), 0.05 * regions.frame.height)
     softness[:68] = 0.0

@@ -10,7 +10,7 @@ no clothes. Where a painting has too little of it for patches, its mean color is
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -26,12 +26,12 @@ from ..exemplar import Exemplar
 from ..guides.appearance import grey
 from ..kernels.patch_levels import finer_places
 from ..kernels.patches import ACTIVE, MARGIN, vote_patches
-from ..patches import SCALE, PatchConfig, PatchSource, PatchTarget, halved, synthesise_patches
+from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
 from .ground_pieces import first_places
 from .kept import known_shares
 from .picture_materials import EARS, GROUND, SKIN
 
-__all__ = ["GroundConfig", "known_ground", "lit_side", "painted_ground"]
+__all__ = ["GroundSize", "known_ground", "lit_side", "painted_ground"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -62,9 +62,15 @@ TURN = 1.5
 """Slope of the light per share by which one side of a face is lighter than the other."""
 
 
+TONE, HEIGHT = 1.0, 0.5
+"""Weights of the background's lights and darks, and of staying at one's height, in the search."""
+SEARCH = PatchSearch(uniformity=4000.0, votes=2, last_votes=1, final_3x3=False)
+"""How patches are searched: a ground is blurred on most panels."""
+
+
 @dataclass(frozen=True)
-class GroundConfig:
-    """Parameters of a painted ground."""
+class GroundSize:
+    """Size of a painted ground."""
 
     width: float = 6.6
     """Width in world units (a head is about 1.5 high); what is beyond is its mirror image."""
@@ -72,16 +78,9 @@ class GroundConfig:
     """Height in world units; the eyes lie in its middle."""
     pixels: float = 300.0
     """Pixels per world unit, at most; no more than the exemplar has."""
-    tone_weight: float = 1.0
-    """Weight of the background's lights and darks in the patch search."""
-    height_weight: float = 0.5
-    """Weight of staying at one's height in the patch search."""
-    patches: PatchConfig = field(default_factory=lambda: PatchConfig(
-        uniformity=4000.0, votes=2, last_votes=1, final_3x3=False))
-    """Synthesis of patches."""
 
 
-def painted_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed: int = 0,
+def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
                    ) -> tuple[NDArray[np.uint8], float]:
     """Paint the ground behind a head.
 
@@ -89,8 +88,8 @@ def painted_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed:
     ----------
     exemplar
         The painting.
-    config
-        Parameters.
+    size
+        How large.
     seed
         Of all random choices.
 
@@ -99,12 +98,12 @@ def painted_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed:
     picture, pixels
         uint8 [h, w, 3], its middle level with the eyes, and its pixels per world unit.
     """
-    config = config or GroundConfig()
+    size = size or GroundSize()
     regions = exemplar.regions()
     shares = known_shares(exemplar, regions, regions.labels())
-    pixels = min(config.pixels, exemplar.size / FACE)
+    pixels = min(size.pixels, exemplar.size / FACE)
     whole = _Source.of(exemplar, shares, pixels * FACE / exemplar.size)
-    shape = round(config.height * pixels / 2), round(config.width * pixels / 2)
+    shape = round(size.height * pixels / 2), round(size.width * pixels / 2)
     source = whole.half()
     if source.levels < 1:
         return _plain(whole, (2 * shape[0], 2 * shape[1]), seed), pixels
@@ -112,14 +111,14 @@ def painted_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed:
     side = max(int(BLOCK * pixels / 2), 8)
     start, level = first_places(source.there, source.inside, source.middle, shape, side, rng)
     tones = _asked(source, shape, level, side)
-    guides = source.guides(config)
-    target = PatchTarget(source.asked(config, tones, level), start, start, even=source.even(shape))
-    patches = replace(config.patches, levels=min(config.patches.levels, source.levels))
-    _, places = synthesise_patches(target, PatchSource.of(source.strokes, guides), patches, seed)
+    guides = source.guides()
+    target = PatchTarget(source.asked(tones, level), start, start, even=source.even(shape))
+    search = replace(SEARCH, levels=min(SEARCH.levels, source.levels))
+    _, places = synthesise_patches(target, PatchSource.of(source.strokes, guides), search, seed)
     return _bytes(_finer(places, source, whole) + _twice(tones)), pixels
 
 
-def known_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed: int = 0,
+def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
                  ) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
     """`painted_ground` and `lit_side`, from the user's cache where they have been found before.
 
@@ -128,14 +127,14 @@ def known_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed: i
     picture, pixels, light
         As there.
     """
-    config = config or GroundConfig()
+    size = size or GroundSize()
 
     def find() -> dict[str, NDArray[Any]]:
-        picture, pixels = painted_ground(exemplar, config, seed)
+        picture, pixels = painted_ground(exemplar, size, seed)
         return {"picture": picture, "pixels": np.array(pixels), "light": lit_side(exemplar)}
 
     key = key_of(__name__, exemplar.image, exemplar.landmarks, exemplar.mask,
-                 exemplar.hair, models.in_use(["person-segmentation", "hair-segmentation"]), config,
+                 exemplar.hair, models.in_use(["person-segmentation", "hair-segmentation"]), size,
                  seed)
     kept = kept_arrays("grounds", key, find, most=MOST)
     return kept["picture"], float(kept["pixels"]), kept["light"]
@@ -252,15 +251,15 @@ class _Source:
         """What the blurred colors leave out, float32 [h, w, 3]."""
         return self.picture - self.tones
 
-    def guides(self, config: GroundConfig) -> Float32:
+    def guides(self) -> Float32:
         """Guides of patches, float32 [h, w, 5]: blurred colors (3), height, and what is barred."""
-        out = _guides(config, self.tones, self.height(np.arange(len(self.there))))
+        out = _guides(self.tones, self.height(np.arange(len(self.there))))
         out[..., 4] = np.where(self.there, 0, FORBIDDEN)
         return out
 
-    def asked(self, config: GroundConfig, tones: Float32, level: NDArray[np.int64]) -> Float32:
+    def asked(self, tones: Float32, level: NDArray[np.int64]) -> Float32:
         """Guides of a ground with blurred colors [H, W, 3] and rows as high as its own."""
-        return _guides(config, tones, self.height(level))
+        return _guides(tones, self.height(level))
 
     @property
     def spread(self) -> float:
@@ -301,9 +300,9 @@ def _finer(places: NDArray[np.int32], source: _Source, whole: _Source) -> Float3
     return out
 
 
-def _guides(config: GroundConfig, tones: Float32, height: Float32) -> Float32:
+def _guides(tones: Float32, height: Float32) -> Float32:
     """Guides of patches by blurred colors [H, W, 3] and heights [H]; float32 [H, W, 5]."""
-    roots = SCALE * 255 * np.sqrt([config.tone_weight / 3] * 3 + [config.height_weight, 0.0])
+    roots = SCALE * 255 * np.sqrt([TONE / 3] * 3 + [HEIGHT, 0.0])
     planes = np.zeros((*tones.shape[:2], 5), np.float32)
     planes[..., :3], planes[..., 3] = tones, height[:, None]
     return planes * roots.astype(np.float32)

@@ -8,15 +8,15 @@ each place what it is made of, how light it is to be and where in the exemplar t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..exemplar import Exemplar
 from ..kernels.patches import ACTIVE
-from ..patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from .materials import (
     ROAM,
     ExemplarMaterials,
@@ -26,27 +26,28 @@ from .materials import (
 )
 from .picture_materials import EARS, NECK, SKIN
 
-__all__ = ["Atlas", "PainterConfig", "PatchPainter", "Sheet", "Wish", "flesh"]
+__all__ = ["FAR_PLACE", "PLACE", "Atlas", "GuideWeights", "PatchPainter", "Sheet", "Wish", "flesh"]
 
 Float32 = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class PainterConfig:
-    """Painting with patches."""
+PLACE, FAR_PLACE = 4.0, 0.15
+"""Weight of the position guide around the face; and in hair, neck, clothes and background, where it
+is not rigid. Chosen by eye on the demo's heads and paintings."""
 
-    tone_weight: float = 0.5
-    """Weight of the photo's light and shade in the patch search, 0 to 2."""
-    detail_weight: float = 2.0
-    """Weight of the photo's edges and patterns in the patch search, 0 to 4."""
-    material_weight: float = 3.0
-    """Weight of keeping hair, skin and clothes separate, 0 to 4."""
-    place_weight: float = 4.0
-    """Weight of the position guide around the face, 0 to 20."""
-    far_place_weight: float = 0.15
-    """Weight of the position guide in hair, neck, clothes and background, where it is not rigid."""
-    patches: PatchConfig = field(default_factory=PatchConfig)
-    """Synthesis of patches."""
+
+class GuideWeights(NamedTuple):
+    """Weights of the guides of a patch search, by default those of heads.
+
+    They were chosen by eye on the demo's heads and paintings.
+    """
+
+    tone: float = 0.5
+    """Of the photo's light and shade."""
+    detail: float = 2.0
+    """Of the photo's edges and patterns."""
+    material: float = 3.0
+    """Of keeping hair, skin and clothes separate."""
 
 
 class Atlas(Protocol):
@@ -139,18 +140,18 @@ class PatchPainter:
     ----------
     exemplar, shares
         The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
-    config
-        Parameters.
-    seed
-        Of the search.
+    search, seed
+        How patches are searched.
     sharp
         Whether tones are compared with their detail, as on photos, or blurred, as on heads.
+    weights
+        Of the guides.
     """
 
-    def __init__(self, exemplar: Exemplar, shares: Float32, config: PainterConfig, seed: int,
-                 sharp: bool) -> None:
-        self.exemplar, self.shares, self.config, self.seed = exemplar, shares, config, seed
-        self._sharp = sharp
+    def __init__(self, exemplar: Exemplar, shares: Float32, search: PatchSearch, seed: int,
+                 sharp: bool, weights: GuideWeights | None = None) -> None:
+        self.exemplar, self.shares, self.search, self.seed = exemplar, shares, search, seed
+        self._sharp, self._weights = sharp, weights or GuideWeights()
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def unit(self, size: float) -> float:
@@ -187,13 +188,11 @@ class PatchPainter:
 
     def lay(self, target: PatchTarget, source: PatchSource) -> Float32:
         """The painting, float32 [H, W, 3] in [0, 1]."""
-        color, _ = synthesise_patches(target, source, self.config.patches, self.seed)
+        color, _ = synthesise_patches(target, source, self.search, self.seed)
         return color
 
     def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
-        config = self.config
-        return material_guides(shares, tone, detail, (config.tone_weight, config.detail_weight,
-                                                      config.material_weight))
+        return material_guides(shares, tone, detail, self._weights)
 
 
 def flesh(shares: Float32) -> Float32:

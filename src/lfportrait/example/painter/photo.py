@@ -14,7 +14,7 @@ Patch synthesis of this kind touches patents; see docs/methods.md before you use
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import cv2
@@ -32,7 +32,7 @@ from ..guides.position import pixel_centres
 from ..guides.regions import Regions
 from ..guides.shapes import disk
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
-from ..patches import PatchConfig, PatchSource
+from ..patches import PatchSearch, PatchSource
 from .cells import Cells
 from .folds import with_folds
 from .kept import known_shares
@@ -45,7 +45,15 @@ from .materials import (
     light_neck,
     mainly,
 )
-from .patch_painter import PainterConfig, PatchPainter, Sheet, Wish, flesh
+from .patch_painter import (
+    FAR_PLACE,
+    PLACE,
+    GuideWeights,
+    PatchPainter,
+    Sheet,
+    Wish,
+    flesh,
+)
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN
 from .pieces import pieces
@@ -54,7 +62,7 @@ from .strands import outline, strands, unpainted
 if TYPE_CHECKING:
     from ..result import TransferResult
 
-__all__ = ["PhotoPatches", "PhotoPatchesConfig"]
+__all__ = ["PhotoPatches"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -84,19 +92,10 @@ UTMOST = 0.2
 """Tones are carried by no more than this: beyond it is a cast shadow, not light."""
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
-
-
-@dataclass(frozen=True)
-class PhotoPatchesConfig(PainterConfig):
-    """Parameters of `PhotoPatches`."""
-
-    tone_weight: float = 0.3
-    detail_weight: float = 1.0
-    material_weight: float = 1.5
-    chunk_weight: float = 1.0
-    """Weight of staying with StyleBlit's chunks where those are of like material, 0 to 20."""
-    patches: PatchConfig = field(default_factory=lambda: PatchConfig(
-        style_weight=1.0, uniformity=8000.0, votes=4, last_votes=1, passes=2, levels=5))
+WEIGHTS = GuideWeights(tone=0.3, detail=1.0, material=1.5)
+"""Half of a head's: a photo's guides are sharp, and its face is painted already."""
+CHUNK = 1.0
+"""Weight of staying with StyleBlit's chunks where those are of like material."""
 
 
 class PhotoPatches:
@@ -106,15 +105,13 @@ class PhotoPatches:
     ----------
     exemplar, regions, labels
         The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
-    config
-        Parameters.
     seed
         Of the search.
     """
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
-                 config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
-        self.exemplar, self.config = exemplar, config or PhotoPatchesConfig()
+                 seed: int = 0) -> None:
+        self.exemplar = exemplar
         shares = known_shares(exemplar, regions, labels, strict=False)
         self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
         hair = shares[..., HAIR]
@@ -125,7 +122,8 @@ class PhotoPatches:
         self._hair = hair
         self._strand = strands(exemplar, hair, labels)
         unpainted(shares, self._strand)
-        self._painter = PatchPainter(exemplar, shares, self.config, seed, sharp=True)
+        self._painter = PatchPainter(exemplar, shares, PatchSearch(last_votes=1), seed,
+                                     sharp=True, weights=WEIGHTS)
         # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
         self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
@@ -189,7 +187,7 @@ class PhotoPatches:
 
     def _lay(self, work: _Work) -> tuple[Float32, Float32]:
         """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
-        config, painter = self.config, self._painter
+        painter = self._painter
         size = round(1 / work.scale, 3)
         source, theirs = self._source(size)
         unit = painter.unit(size)
@@ -224,8 +222,8 @@ class PhotoPatches:
         wanted = np.where(kept[:, None], begin, wanted)
         # But not under the photo's patterns; those of its hair are none.
         loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
-        weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
-        weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN] * home) / unit ** 2
+        weight = np.where(kept, CHUNK * (1 - loose), FAR_PLACE)
+        weight = np.maximum(weight, PLACE * near * shares[:, SKIN] * home) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         often = EVEN.copy()
         if has_plain_ground(theirs):

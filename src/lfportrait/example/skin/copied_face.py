@@ -14,7 +14,7 @@ from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import spread
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
-from ..transfers import CALM, Transfer
+from ..transfers import CALM, LABELS, Transfer
 from .canvas import Canvas
 from .sitter import Skin
 
@@ -146,7 +146,7 @@ class CopiedFace:
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
             result = synthesise(
-                guides, weights, config.label_weight, transfer.appearance, self.labels,
+                guides, weights, LABELS, transfer.appearance, self.labels,
                 transfer.table, transfer.colors(scale), config.blit, seed=config.seed, scale=None,
                 finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
             picture[part][crop] = result.image

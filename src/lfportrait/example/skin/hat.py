@@ -25,8 +25,9 @@ from ..guides.maps import sample_labels
 from ..guides.regions import Regions
 from ..kernels.patches import ACTIVE, FOREIGN, OUTSIDE
 from ..painter.materials import into
-from ..painter.patch_painter import PainterConfig, PatchPainter, Wish
+from ..painter.patch_painter import PatchPainter, Wish
 from ..painter.picture_materials import FEATURES, HAIR
+from ..patches import PatchSearch
 from ..worn import Hat
 from .canvas import Canvas
 from .regions import hair_by_place
@@ -86,11 +87,11 @@ class HatPainter:
         The painting, bared or not, and its regions.
     hat
         Its hat.
-    config, seed
+    search, seed
         Of the patches.
     """
 
-    def __init__(self, exemplar: Exemplar, hat: Hat, config: PainterConfig, seed: int) -> None:
+    def __init__(self, exemplar: Exemplar, hat: Hat, search: PatchSearch, seed: int) -> None:
         worn = exemplar.covered or exemplar
         side = 2 * max(1, round(0.01 * hat.frame.height)) + 1
         # Its outermost pixels are half background.
@@ -98,15 +99,15 @@ class HatPainter:
         one = np.eye(len(MATERIALS), dtype=np.float32)
         self._hat = hat
         self._beside_hair = _shows_hair(worn.regions(), hat)
-        self._painter = PatchPainter(worn, one[np.where(inner, HAIR, FEATURES)], config, seed,
+        self._painter = PatchPainter(worn, one[np.where(inner, HAIR, FEATURES)], search, seed,
                                      sharp=False)
 
     @staticmethod
-    def of(exemplar: Exemplar, regions: Regions, config: PainterConfig, seed: int,
+    def of(exemplar: Exemplar, regions: Regions, search: PatchSearch, seed: int,
            ) -> HatPainter | None:
         """For a painting, if its sitter wears a hat."""
         hat = Hat.of(exemplar, regions)
-        return None if hat is None else HatPainter(exemplar, hat, config, seed)
+        return None if hat is None else HatPainter(exemplar, hat, search, seed)
 
     def take_from(self, shares: Float32) -> None:
         """Let it be no hair among a painting's `MATERIALS`, [h, w, 7], in place.

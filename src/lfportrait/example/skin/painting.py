@@ -15,6 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
 from ...labels import MATERIALS
@@ -31,14 +32,12 @@ from ..painter.materials import (
     light_neck,
     mainly,
 )
-from ..painter.patch_painter import PainterConfig, PatchPainter, Wish, flesh
+from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN
 from ..painter.pieces import pieces
 from ..painter.plain import plain_skin
 from ..painter.strands import strands, unpainted
-from ..patches import (
-    PatchTarget,
-)
+from ..patches import PatchSearch, PatchTarget
 from ..surface_guide import SurfaceGuide
 from ..transfers import Transfer, TransferConfig
 from ..turned import FRONTAL, in_front
@@ -73,12 +72,19 @@ STRETCHED = 0.7
 
 
 @dataclass(frozen=True)
-class SkinConfig(PainterConfig):
+class SkinConfig:
     """Painting on the skin."""
 
     patchmatch: bool = True
     """Patch synthesis outside the face; otherwise only chunks and pieces, with repetitions and
     seams but without patented methods (docs/methods.md)."""
+    hasty: tyro.conf.Suppress[bool] = False
+    """Fewer alternations of the patch synthesis, for previews."""
+
+    @property
+    def search(self) -> PatchSearch:
+        """How patches are searched."""
+        return PatchSearch().hasty() if self.hasty else PatchSearch()
 
 
 @dataclass
@@ -159,7 +165,7 @@ class SkinPainter:
             aside.submit(lambda: regions.nearest)
             self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed),
                                      regions=regions)
-            self._hat = HatPainter.of(exemplar, regions, self.config, seed) if (
+            self._hat = HatPainter.of(exemplar, regions, self.config.search, seed) if (
                 "hat" in wear) else None
             self._prepare()
 
@@ -209,7 +215,7 @@ class SkinPainter:
         unpainted(shares, strand)
         self._hair, self._strand = hair, strand
         plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
-        self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
+        self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
         self._face = CopiedFace(self.transfer, hair, strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
@@ -285,7 +291,6 @@ class SkinPainter:
 
         ``painted`` is the face, soon.
         """
-        config = self.config
         unit = self._painter.unit(size)
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
@@ -302,8 +307,7 @@ class SkinPainter:
         begin = np.where((ratio > STRETCHED)[:, None] & (home > 0.5)[:, None], wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
         hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * home
-        weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
-                  * hold) * ratio ** 2 / unit ** 2
+        weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * ratio ** 2 / unit ** 2
         # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
         own = canvas.own

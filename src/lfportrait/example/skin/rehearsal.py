@@ -10,7 +10,7 @@ from ..kernels.atlas import exchange, sample_nodes
 from ..kernels.materials import largest_share, move_into
 from ..kernels.patches import ACTIVE, OUTSIDE
 from ..kernels.sites import nearest_sites
-from ..patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from .canvas import Canvas
 from .sitter import Skin
 
@@ -39,4 +39,4 @@ def rehearse_painting(skin: Skin) -> None:
     exchange(canvas.owner, color)
     synthesise_patches(PatchTarget(guides, places, places, places, weight, 9.0, None, trust, state,
                                    canvas.owner, color), source,
-                       PatchConfig(levels=2, votes=1, passes=1))
+                       PatchSearch(levels=2, votes=1, passes=1))

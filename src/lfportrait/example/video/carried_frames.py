@@ -46,8 +46,8 @@ def reduced(prepared: Transfer, factor: float) -> Transfer:
                       None if own.hair is None else resize(own.hair, picture.shape))
     chunks = prepared.config.blit
     levels = max(1, chunks.levels - round(np.log2(factor)))
-    config = replace(prepared.config, stroke_scale=1.0, blit=replace(chunks, levels=levels))
-    return Transfer(exemplar, config, regions=regions)
+    config = replace(prepared.config, blit=replace(chunks, levels=levels))
+    return Transfer(exemplar, config, regions=regions, exact=True)
 
 
 def paint_onward(prepared: Transfer, frame: NDArray[np.uint8], landmarks: NDArray[np.float64],
@@ -84,8 +84,8 @@ def paint_onward(prepared: Transfer, frame: NDArray[np.uint8], landmarks: NDArra
     image = np.empty((height, width, 3), np.float32)
     pitch = anchor_scale(anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)
-    vote(prepared.colors(pitch), anchor, reach, shift, margin,
-         config.radius if config.voting in ("mean", "both") else 0, False, image)
+    vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False,
+         image)
     result, cover = image, before.mask
     if not prepared.covers_all:
         cover = prepared.cover(frame, landmarks, person())

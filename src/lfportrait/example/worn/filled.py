@@ -24,9 +24,10 @@ from ..guides.regions import Regions
 from ..guides.shapes import grown
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, into, mainly
-from ..painter.patch_painter import PainterConfig, PatchPainter, Sheet, Wish
+from ..painter.patch_painter import PatchPainter, Sheet, Wish
 from ..painter.picture_materials import FEATURES, SKIN
 from ..painter.pieces import pieces
+from ..patches import PatchSearch
 from .forehead import HIDES, covered_forehead
 from .glasses import drawn, find_spectacles, lenses
 
@@ -212,7 +213,7 @@ def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, heig
              ) -> Float32:
     """A picture with the hole laid out with patches of its bare skin, float32 [h, w, 3]."""
     one = np.eye(len(MATERIALS), dtype=np.float32)
-    painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PainterConfig(), 0,
+    painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PatchSearch(), 0,
                            sharp=False)
     pictures, theirs = painter.source(1.0)
     near = grown(inside, AROUND * height)

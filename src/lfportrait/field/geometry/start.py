@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...capture import Capture
 from ...errors import UserError
 from ..background import Background
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..training.lattice import Lattice, box_shape
 from ..training.pixels import TrainingPixels
 from .exposure import exposure_gains
@@ -19,6 +19,11 @@ from .hull import hull_box, visual_hull
 from .sweep import fuse, scene_box, small_view, sweep_depth
 
 __all__ = ["Start", "start_person", "start_room"]
+
+BACKGROUND_ROWS = 256
+"""Rows of the spheres' maps at the last level; they have twice as many columns."""
+REACH = 3.0
+"""A room's lattice ends at most so far from the origin, in world units."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +83,11 @@ def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, wi
 
 
 def start_room(capture: Capture, views: NDArray[np.int64], data: TrainingPixels,
-               config: ReconstructConfig, resolution: int, width: int) -> Start:
+               config: Settings, resolution: int, width: int) -> Start:
     """Without mattes: the surfaces that a plane sweep finds, or else a cube of haze."""
     gains, test_gains = np.ones((len(views), 3)), np.ones((len(capture.testing()), 3))
     maps = sweep_depth(capture, views) if config.mvs_init else []
-    box = scene_box(maps, 1.0, config.reach) if maps else None
+    box = scene_box(maps, 1.0, REACH) if maps else None
     if box is not None and config.exposure:
         held_out = [small_view(capture, int(view)) for view in capture.testing()]
         gains, test_gains = exposure_gains(maps, held_out)
@@ -101,7 +106,7 @@ def start_room(capture: Capture, views: NDArray[np.int64], data: TrainingPixels,
                 surfaces.color[surfaces.solid, channel])
     background = None
     if config.background_nlayers:
-        coarse = max(16, config.background_reso >> (len(config.resolutions) - 1))
+        coarse = max(16, BACKGROUND_ROWS >> (len(config.resolutions) - 1))
         background = Background.seen(
             [data.cube_rays(data.tiles[part::16], center, radius) for part in range(4)],
             coarse, config.background_nlayers, 1.0)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...simd.barrier import together
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..kernels.bricks import bright_table
 from ..kernels.packet import Records, make_pad
 from ..kernels.steps import steps_kernel, train_kernel
 from .lattice import Lattice
 from .pixels import TrainingPixels
-from .steps import variation_of
+from .steps import DECAY, variation_of
 
 __all__ = ["Caster", "Descent"]
 
@@ -47,7 +47,7 @@ class Descent:
     gains: NDArray[np.float32]
 
     @staticmethod
-    def of(lattice: Lattice, config: ReconstructConfig, level: int, lowest: np.float32,
+    def of(lattice: Lattice, config: Settings, level: int, lowest: np.float32,
            gains: NDArray[np.float32]) -> Descent:
         """That of a level; ``lowest`` and ``gains`` are given."""
         weights, scale, run = variation_of(config, level, lattice.count)
@@ -56,7 +56,7 @@ class Descent:
                                            np.float32),
             np.zeros(run, np.float32), np.zeros(run * len(gains) if weights[1] > 0 else 1,
                                                 np.float32),
-            np.float32(config.rms_beta), lowest, gains)
+            DECAY, lowest, gains)
 
 
 class Caster:

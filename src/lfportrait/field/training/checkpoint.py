@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...capture import Capture
 from ...files import UNREADABLE_ARRAYS, atomic_write
 from ..background import Background, BackgroundTrainer
-from ..config import ReconstructConfig
+from ..config import Settings
 from .averaging import Average
 from .lattice import Lattice
 from .pixels import Batches
@@ -29,7 +29,7 @@ class State(Protocol):
 
     key: str
     capture: Capture
-    config: ReconstructConfig
+    config: Settings
     level: int
     step: int
     rays_done: int

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..gpu.training.shaders import STEP
 from ..kernels.means import put_means
 from .averaging import Average
 from .lattice import Lattice
 from .pixels import TrainingPixels
 from .stepping import Plan, Taken
-from .steps import color_gains
+from .steps import DECAY, color_gains
 
 __all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare", "ray_numbers",
            "tiles_given", "warn"]
@@ -153,7 +153,7 @@ class GpuSteps:
     """
 
     def __init__(self, process: GpuProcess, lattice: Lattice, data: TrainingPixels,
-                 config: ReconstructConfig, level: int, basis: int, workers: int,
+                 config: Settings, level: int, basis: int, workers: int,
                  options: NDArray[np.float64], lowest: np.float32,
                  scale: Callable[[], NDArray[np.float32]], taken: Taken, tiles: int,
                  behind: BackgroundTrainer | None = None, average: Average | None = None,
@@ -167,7 +167,7 @@ class GpuSteps:
         finest = level == len(config.resolutions) - 1
         self._run, self._states = run, average.count if average is not None else 0
         base = ray_numbers(options)
-        base["decay"], base["lowest"], base["workers"] = config.rms_beta, lowest, workers
+        base["decay"], base["lowest"], base["workers"] = DECAY, lowest, workers
         base["tv_weight"] = config.lambda_tv * 0.5 ** level / run
         base["tv_color"] = config.lambda_tv_sh * (0.1 if finest else 1.0) / run
         base["tv_scale"] = config.resolutions[level] / 256.0

@@ -21,6 +21,12 @@ from .steps import falling
 
 __all__ = ["Level", "Training"]
 
+LR_SH = 2.5
+"""Learning rate of the colors at the start: 1 / N, if a color is the running mean over N rays.
+(Colors step as in SART, not by RMSProp as in svox2.)"""
+LR_SIGMA_BG, LR_COLOR_BG = 3.0, 0.1
+"""Learning rates of the background's density and color at the start, those of svox2; the first
+falls like the density's, the second to a twentieth."""
 _LOOK_AGAIN = 400
 """Steps after which it is looked again for bricks that have become clear."""
 _LAY_AGAIN = 0.4
@@ -166,9 +172,9 @@ class Level:
             rate *= np.float32(min(1.0, 0.01 + trainer.step / 100.0))
         averaged = self.finest and Average.due(was, trainer.level_done, config.polyak_fraction)
         return Plan(tiles, self.batches.blocks, greys, rate,
-                    falling(config.lr_sh, config.lr_sh_final, done), float(generator.random()),
-                    (float(config.lr_color_bg * 0.05 ** done),
-                     float(config.lr_sigma_bg * rate / config.lr_sigma)), averaged)
+                    falling(LR_SH, config.lr_sh_final, done), float(generator.random()),
+                    (float(LR_COLOR_BG * 0.05 ** done),
+                     float(LR_SIGMA_BG * rate / config.lr_sigma)), averaged)
 
     def _taken(self, plan: Plan, errors: NDArray[np.float32], squared: float) -> None:
         """Learn from a step's errors."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..config import ReconstructConfig
+from ..config import Settings
 
 __all__ = ["outlook"]
 
@@ -15,7 +15,7 @@ _BYTES, _BYTES_LAID = 460, 590
 """Memory per lattice point, with given mattes and with recomputed ones."""
 
 
-def outlook(config: ReconstructConfig, seconds: float, count: int, laid: bool, used: int) -> str:
+def outlook(config: Settings, seconds: float, count: int, laid: bool, used: int) -> str:
     """One line: lattice points at the last level, memory, and time from now on.
 
     Parameters

@@ -13,11 +13,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..grid import VoxelField
 from .averaging import Average
 from .lattice import Lattice
-from .pixels import Batches, TrainingPixels
+from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .stepping import CpuSteps, Plan
 
 __all__ = ["settled"]
@@ -35,7 +35,7 @@ class Trained(Protocol):
     """What is read of a trainer (`Trainer`)."""
 
     data: TrainingPixels
-    config: ReconstructConfig
+    config: Settings
     basis: int
     width: int
     workers: int
@@ -73,7 +73,7 @@ def settled(trainer: Trained, field: VoxelField) -> VoxelField:
     # them little.
     lattice.rows[:, -2] = 1.0 / config.lr_sh_final
     batches = Batches(trainer.data, config.batch[level] // 16, config.seed, level + 1,
-                      config.importance)
+                      IMPORTANCE)
     steps = CpuSteps(lattice, trainer.data, config, level, trainer.basis, trainer.workers,
                      trainer.options(), np.float32(-config.density_floor / lattice.voxel),
                      lambda: trainer.scale,

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..background import BackgroundTrainer
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..kernels.descent import descend
 from .averaging import Average
 from .casting import Caster, Descent
 from .lattice import Lattice
 from .pixels import TrainingPixels
-from .steps import color_gains, smooth_run
+from .steps import DECAY, color_gains, smooth_run
 
 __all__ = ["CpuSteps", "Plan", "Steps", "Taken"]
 
@@ -109,7 +109,7 @@ class CpuSteps:
         Called after each step.
     """
 
-    def __init__(self, lattice: Lattice, data: TrainingPixels, config: ReconstructConfig,
+    def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings,
                  level: int, basis: int, workers: int, options: NDArray[np.float64],
                  lowest: np.float32, scale: Callable[[], NDArray[np.float32]], taken: Taken,
                  ) -> None:
@@ -166,7 +166,7 @@ class CpuSteps:
         self.taken(plan, caster.errors, float(caster.losses[:, 0].sum()))
         gains = color_gains(16 * len(tiles), self.basis, self.width)
         descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,
-                caster.bases, plan.rate, np.float32(config.rms_beta), self.lowest, gains,
+                caster.bases, plan.rate, DECAY, self.lowest, gains,
                 np.float32(1.0) / plan.rate_sh)
         smooth_run(lattice, config, self.level, lattice.neighbours(), plan.place, plan.rate,
                    self.lowest, gains)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..kernels.descent import smooth, total_variation
 from .lattice import Lattice
 
-__all__ = ["color_gains", "falling", "smooth_run", "variation_of"]
+__all__ = ["DECAY", "color_gains", "falling", "smooth_run", "variation_of"]
 
+DECAY = np.float32(0.95)
+"""Decay of RMSProp's running mean, for the density; svox2's."""
 _BANDS = (0.7, 0.15, 0.15)
 """Share of a ray's error that each band of harmonics takes up: mostly the color that all
 directions share, so that highlights do not settle where matter is still wrong."""
@@ -36,7 +38,7 @@ def color_gains(rays: int, basis: int, width: int) -> NDArray[np.float32]:
     return gains
 
 
-def variation_of(config: ReconstructConfig, level: int, count: int,
+def variation_of(config: Settings, level: int, count: int,
                  ) -> tuple[tuple[float, float], float, int]:
     """How a level's total variation is weighted, on a lattice of ``count`` points.
 
@@ -54,7 +56,7 @@ def variation_of(config: ReconstructConfig, level: int, count: int,
             config.resolutions[level] / 256.0, max(1, int(config.tv_sparsity * count)))
 
 
-def smooth_run(lattice: Lattice, config: ReconstructConfig, level: int,
+def smooth_run(lattice: Lattice, config: Settings, level: int,
                neighbours: NDArray[np.int32], place: float, rate: np.float32,
                lowest: np.float32, gains: NDArray[np.float32]) -> None:
     """Total variation (Eq. 3) on a run of rows that begins at ``place``, from 0 to 1.
@@ -71,4 +73,4 @@ def smooth_run(lattice: Lattice, config: ReconstructConfig, level: int,
             slopes = np.empty((last - first) * width, np.float32)
             total_variation(neighbours, first, last, values, width, weight / run, scale, slopes)
             smooth(lattice.density, flat, len(gains), slopes, first, last, rate,
-                   np.float32(config.rms_beta), lowest, gains)
+                   DECAY, lowest, gains)

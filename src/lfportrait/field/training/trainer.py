@@ -21,7 +21,7 @@ from ...gpu import GpuLostError, GpuProcess
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..background import Background, BackgroundTrainer
-from ..config import ReconstructConfig
+from ..config import Settings
 from ..geometry.exposure import matte_gains
 from ..geometry.head_surface import HeadSurface, find_surface, is_narrow
 from ..geometry.hull import ruled_out
@@ -38,12 +38,19 @@ from .lattice import Lattice, box_shape
 from .level import Level
 from .meter import Meter
 from .outlook import outlook
-from .pixels import Batches, TrainingPixels
+from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
 from .stepping import Steps
 
 __all__ = ["Trainer"]
 
+INIT_OPACITY = 0.1
+"""Initial opacity of a voxel in the visual hull of the mattes."""
+STOP = 1e-2
+"""Rays stop where their transmittance falls below this."""
+LAMBDA_ALPHA, LAMBDA_SPARSITY = 0.3, 0.0
+"""Weights of the squared opacity error, for photos with mattes, and of the Cauchy sparsity loss
+log(1 + 2 sigma^2) on the samples, which is not used."""
 _SAVE_EVERY = 60.0
 """Seconds after which the state is written, which takes one or two: what is lost at most if a
 training is interrupted."""
@@ -55,7 +62,7 @@ one is so in any case."""
 class Trainer:
     """The state of one reconstruction."""
 
-    def __init__(self, capture: Capture, config: ReconstructConfig,
+    def __init__(self, capture: Capture, config: Settings,
                  progress: Progress | None = None, checkpoint: Path | None = None,
                  meter: Meter | None = None, process: GpuProcess | None = None,
                  look: Callable[[], None] | None = None) -> None:
@@ -233,7 +240,7 @@ class Trainer:
         """The lattice to start from."""
         if self.data.has_alpha:
             start = start_person(self.capture, self.views, resolution, self.width,
-                                 self.config.init_opacity, self.surface)
+                                 INIT_OPACITY, self.surface)
         else:
             start = start_room(self.capture, self.views, self.data, self.config, resolution,
                                self.width)
@@ -327,9 +334,9 @@ class Trainer:
         # nothing, and most samples are of this kind.
         faint = 2e-3 if self.data.has_alpha else 1e-4
         least = faint / (config.step_size * self.lattice.voxel)
-        return np.array([config.step_size, least, config.stop_thresh,
-                         config.lambda_alpha if self.data.has_alpha else 0.0,
-                         config.lambda_sparsity, config.lambda_distortion, 0.0, config.near_clip])
+        return np.array([config.step_size, least, STOP,
+                         LAMBDA_ALPHA if self.data.has_alpha else 0.0,
+                         LAMBDA_SPARSITY, config.lambda_distortion, 0.0, config.near_clip])
 
     def _largest_weights(self) -> NDArray[np.float32]:
         """The largest weight of each row on an eighth of the training tiles."""
@@ -383,7 +390,7 @@ class Trainer:
         """The order of the level's rays, from its beginning."""
         config = self.config
         return Batches(self.data, config.batch[self.level] // 16, config.seed, self.level,
-                       config.importance)
+                       IMPORTANCE)
 
     def tell(self, done: float) -> None:
         """Report the progress to the progress line and the meter, and offer a look."""

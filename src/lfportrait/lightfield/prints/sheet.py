@@ -19,6 +19,7 @@ from typing import Literal
 
 from ...errors import UserError
 from ..display import Display
+from ..placement import PlacementConfig
 
 INCH = 25.4
 """Millimetres."""
@@ -78,8 +79,8 @@ _POSITIVE = {
 """The same for numbers that may also be 0, not given."""
 
 
-@dataclass(frozen=True)
-class PrintConfig:
+@dataclass(frozen=True, kw_only=True)
+class PrintConfig(PlacementConfig):
     """Paper, lens sheet and placement of the head."""
 
     lpi: float
@@ -116,12 +117,6 @@ class PrintConfig:
     """Mirror the page: to print on the back of the lens sheet itself."""
     head: float = 0.8
     """Height of the head ([-1, 1] in the portrait frame) over the print's height."""
-    shift_x: float = 0.0
-    """Moves the head to the right, in half heights of the print."""
-    shift_y: float = -0.04
-    """Moves the head up, in half heights of the print."""
-    turn: float = 0.0
-    """Turns the head to its left about the vertical axis, in degrees."""
     relief: float = 1.0
     """Depth of the visible head over the sheet's depth budget: up to 1 all of it is sharp."""
     depth_scale: float | None = None
@@ -132,8 +127,6 @@ class PrintConfig:
     blend: Literal["continuous", "filtered"] = "continuous"
     """continuous: one ray a pixel, from its middle; filtered: the mean over the pixel's own
     directions, three rays: what is deeper than the budget blurs."""
-    background: float = 0.0
-    """Grey level behind the head, instead of a painted ground."""
 
     def __post_init__(self) -> None:
         for bounds, zero in ((_BOUNDS, False), (_POSITIVE, True)):

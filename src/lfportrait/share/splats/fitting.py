@@ -441,8 +441,8 @@ def field_splats(field: VoxelField, config: SplatConfig | None = None,
                         f"{config.count} and {config.steps}")
     tell(0.0, "surface points")
     splats = place_splats(field, config.count, config.degree)
-    splats = fit_splats(field, splats, config.steps, config.seed,
-                        lambda step: tell(0.2 + 0.7 * step / config.steps, "fit"))
+    splats = fit_splats(field, splats, config.steps, tell=lambda step: tell(
+        0.2 + 0.7 * step / config.steps, "fit"))
     tell(0.9, "comparison")
     return splats, splat_psnr(field, splats)
 

@@ -47,6 +47,9 @@ from lfportrait.stylize.losses import (
 
 from .config import ArfConfig
 from .photo_views import (
+    COLOR_SMOOTHNESS,
+    IMAGE_SMOOTHNESS,
+    SMOOTHED_SHARE,
     ColorDescent,
     PhotoView,
     best_network,
@@ -60,6 +63,14 @@ from .photo_views import (
 
 Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]
+
+LEARNING_RATE = 0.1
+"""Step of RMSProp in units of the field's coefficients (0.28 of a color's)."""
+CONTENT = 0.04
+"""Weight of the content loss, on features with a mean square of 1; the original's 0.001 is for
+features that are about six times larger. The style loss has 1."""
+REFITS = 3
+"""Iterations of the fit to the recolored renders, after the steps; the original has none."""
 
 
 def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict[str, Any]]:
@@ -87,32 +98,32 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     device = torch_device(task.device)
     name, network = best_network(config.network, device.place)
     if task.progress is not None:
-        task.progress.total = min(config.views, len(task.capture.training())) + config.steps
-    views = photo_views(task, config.size, config.views)
+        task.progress.total = min(config.views, len(task.capture.training())) + config.length
+    views = photo_views(task, config.pixels, config.views)
     prepared = time.perf_counter()
     model = ColorModel(task.field, task.background)
-    fit = _recolored(model, task, views, config.fit_iterations)
+    fit = _recolored(model, task, views, config.iterations)
     fitted = time.perf_counter()
     losses = _Losses(network, task, config, device.place)
-    descent = ColorDescent(model, task.field, config.learning_rate, config.color_smoothness,
-                           config.smoothed_share, task.random(3))
+    descent = ColorDescent(model, task.field, LEARNING_RATE, COLOR_SMOOTHNESS,
+                           SMOOTHED_SHARE, task.random(3))
     probe = views[len(views) // 2]
     before = losses.report(model, probe)
     random = task.random(2)
-    for step in range(config.steps):
+    for step in range(config.length):
         view = views[random.integers(len(views))]
         values, slope = losses.slope(model, view)
         descent.step([(view, slope)])
-        task.tell(f"step {step + 1} of {config.steps}: style {values['style']:.4f}", 1)
+        task.tell(f"step {step + 1} of {config.length}: style {values['style']:.4f}", 1)
     after = losses.report(model, probe)
     stepped = time.perf_counter()
-    refit = _matched_again(model, task, views, config.refit_iterations)
+    refit = _matched_again(model, task, views, REFITS)
     unseen = model.fill_unseen()
     dump_views(task, model, views)
     return model.colors, {
         "device": device_name(device), "views": len(views), "fit": {"rmse": fit},
         "refit": {"rmse": refit},
-        "refinement": {"networks": {"features": name}, "steps": config.steps, "before": before,
+        "refinement": {"networks": {"features": name}, "steps": config.length, "before": before,
                        "after": after},
         "unseen_share": round(unseen, 4),
         "seconds": {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),
@@ -151,8 +162,8 @@ class _Losses:
 
     def __init__(self, network: FeatureNetwork, task: FieldTask, config: ArfConfig,
                  place: str) -> None:
-        self.network, self.config, self.place = network, config, place
-        self.style = style_features(network, task, config.size // 2, place)
+        self.network, self.place = network, place
+        self.style = style_features(network, task, config.pixels // 2, place)
         self._content: dict[int, torch.Tensor] = {}
 
     def terms(self, view: PhotoView, image: torch.Tensor) -> Terms:
@@ -161,9 +172,9 @@ class _Losses:
         inside = head_places(view, features)
         return {
             "style": nearest_neighbour_loss(features[:, inside].T, self.style),
-            "content": self.config.content_weight * content_loss(
+            "content": CONTENT * content_loss(
                 features, self._content_of(view), inside),
-            "smoothness": self.config.image_smoothness * total_variation(image)}
+            "smoothness": IMAGE_SMOOTHNESS * total_variation(image)}
 
     def _content_of(self, view: PhotoView) -> torch.Tensor:
         if id(view) not in self._content:

@@ -169,6 +169,9 @@ def dump_views(task: FieldTask, model: ColorModel, views: list[PhotoView]) -> No
             [view.content, view.example, model.picture(view)], axis=1))
 
 
+IMAGE_SMOOTHNESS, COLOR_SMOOTHNESS, SMOOTHED_SHARE = 1.0, 0.005, 0.01
+"""Weights of the total variation of a rendered view and of the voxels' colors, and the share of the
+voxels that a step smooths, as in ARF's own code."""
 TOLERANCE = 0.02
 """A place is the same where both views' depths agree within this, in world units: a head is about
 one and a half high, a nose 0.15 deep, and a voxel less than 0.01."""

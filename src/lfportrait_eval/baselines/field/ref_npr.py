@@ -53,6 +53,9 @@ from lfportrait.stylize.losses import (
 
 from .config import RefNprConfig
 from .photo_views import (
+    COLOR_SMOOTHNESS,
+    IMAGE_SMOOTHNESS,
+    SMOOTHED_SHARE,
     TOLERANCE,
     ColorDescent,
     PhotoView,
@@ -77,6 +80,20 @@ ALIKE = 0.6
 """Largest cosine distance of coarse patches that take each other's color."""
 PATCH = 16
 """Side of a coarse patch in pixels."""
+LEARNING_RATE = 0.03
+"""Step of RMSProp in units of the field's coefficients (0.28 of a color's); the original's 0.1
+leaves colored speckles where views are small."""
+PAINTED = 30.0
+"""Weight of the squared error to the painted view, and of that to what others see of it; at the
+published 1 the steps leave the painting."""
+MATCH = 1.0
+"""Weight of the painted features at the places whose photographed features match best."""
+COLOR = 15.0
+"""Weight of the painted colors of coarse patches that match in the same way; the original has 5,
+ReGS 15."""
+CONTENT = 0.2
+"""Weight of the content loss, on features with a mean square of 1; the original's 0.005 is for
+features that are about six times larger."""
 LAST = 0.25
 """Share of the steps at the end that use what the field shows instead of the painting."""
 LAST_WEIGHT = 0.2
@@ -111,26 +128,26 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
     name, network = best_network(config.network, device.place)
     deep_name, deep = _deep_network(name, network, device.place)
     if task.progress is not None:
-        task.progress.total = min(config.views, len(task.capture.training())) + config.steps
-    reference = painted_view(task, config.size)
-    views = photo_views(task, config.size, config.views)
+        task.progress.total = min(config.views, len(task.capture.training())) + config.length
+    reference = painted_view(task, config.pixels)
+    views = photo_views(task, config.pixels, config.views)
     shares = [registered(view, reference) for view in views]
     prepared = time.perf_counter()
     model = ColorModel(task.field, task.background)
-    errors = model.fit([reference, *views], config.fit_iterations, task.progress)
+    errors = model.fit([reference, *views], config.iterations, task.progress)
     fitted = time.perf_counter()
     losses = _Losses(network, deep, model, reference, config, device.place)
-    descent = ColorDescent(model, task.field, config.learning_rate, config.color_smoothness,
-                           config.smoothed_share, task.random(6))
+    descent = ColorDescent(model, task.field, LEARNING_RATE, COLOR_SMOOTHNESS,
+                           SMOOTHED_SHARE, task.random(6))
     probe = views[len(views) // 2]
     before = losses.report(probe)
     random = task.random(7)
-    for step in range(config.steps):
+    for step in range(config.length):
         view = views[random.integers(len(views))]
-        last = step >= (1 - LAST) * config.steps
+        last = step >= (1 - LAST) * config.length
         values, slopes = losses.slopes(view, last)
         descent.step([(view, slopes[0]), (reference, slopes[1])])
-        task.tell(f"step {step + 1} of {config.steps}: match {values['match']:.4f}", 1)
+        task.tell(f"step {step + 1} of {config.length}: match {values['match']:.4f}", 1)
     after = losses.report(probe)
     stepped = time.perf_counter()
     # No iteration: only which rows the views see counts here.
@@ -142,7 +159,7 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
         "registered_share": round(float(np.mean(shares)), 4),
         "fit": {"rmse": [round(float(np.sqrt(error)), 5) for error in errors]},
         "refinement": {"networks": {"features": name, "coarse colors": deep_name},
-                       "steps": config.steps,
+                       "steps": config.length,
                        "before": before, "after": after},
         "unseen_share": round(unseen, 4),
         "seconds": {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),
@@ -244,7 +261,6 @@ class _Losses:
     def terms(self, view: PhotoView, image: torch.Tensor, shown: torch.Tensor,
               last: bool = False) -> Terms:
         """Each loss of a view's render and of the reference's [1, 3, h, w], weighted."""
-        config = self.config
         content, inside, nearest, places, patch = self._matches(view)
         features = stacked(self.network(image))
         painted = self._painted
@@ -252,17 +268,17 @@ class _Losses:
             with torch.no_grad():
                 painted = stacked(self.network(shown))[:, self._inside].T
         match = 1 - functional.cosine_similarity(features[:, inside].T, painted[nearest]).mean()
-        terms = {"painted": config.painted_weight * _error(shown, self._wanted,
+        terms = {"painted": PAINTED * _error(shown, self._wanted,
                                                            self.reference.trusted),
-                 "registered": config.painted_weight * _error(
+                 "registered": PAINTED * _error(
                      image, torch.from_numpy(view.example).to(self.place), view.trusted),
-                 "match": (LAST_WEIGHT if last else config.match_weight) * match,
-                 "smoothness": config.image_smoothness * total_variation(image)}
+                 "match": (LAST_WEIGHT if last else MATCH) * match,
+                 "smoothness": IMAGE_SMOOTHNESS * total_variation(image)}
         if not last:
-            terms["content"] = config.content_weight * content_loss(features, content, inside)
+            terms["content"] = CONTENT * content_loss(features, content, inside)
             if places.any():
                 colors = functional.avg_pool2d(image, PATCH)[0][:, places].T
-                terms["color"] = config.color_weight * (
+                terms["color"] = COLOR * (
                     colors - self._painted_colors[patch]).square().mean()
         return terms
 

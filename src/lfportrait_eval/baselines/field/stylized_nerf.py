@@ -51,6 +51,16 @@ Statistics = tuple[torch.Tensor, torch.Tensor]
 ENCODER = ("11", "12", "21", "22", "31", "32", "33", "34", "41")
 DECODER = tuple(reversed(ENCODER))
 
+LEARNING_RATE = 2e-5
+"""Adam's step for the decoder; at the published 0.0001 the small decoder draws stripes."""
+CONTENT, STYLE = 1.0, 1.0
+"""Weights of the decoder's content loss and of its style loss."""
+AGREEMENT, SHOWN = 50.0, 50.0
+"""Weights of the agreement of neighbouring views, warped by the field's depth, and of that with
+what the field shows."""
+CODE = 0.0001
+"""Weight of a latent code's squared length beside the mean squared error of its view."""
+
 
 class AdainNetwork:
     """Encoder and decoder; the decoder can be taught.
@@ -173,23 +183,23 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
     device = torch_device(task.device)
     network = network or load_adain(device.place)
     if task.progress is not None:
-        task.progress.total = (min(config.views, len(task.capture.training())) + config.tune_steps
-                               + (config.rounds - 1) * config.round_steps)
-    views = photo_views(task, config.size, config.views)
+        task.progress.total = (min(config.views, len(task.capture.training())) + config.length
+                               + (config.rounds - 1) * (config.length // 2))
+    views = photo_views(task, config.pixels, config.views)
     prepared = time.perf_counter()
     teacher = PaintingTeacher(network, views, task, config)
     untaught = teacher.disagreement()
-    teacher.tune(config.tune_steps, None)
+    teacher.tune(config.length, None)
     model = ColorModel(task.field, task.background)
-    latent = LatentColors(model, views, config.latent, config.latent_weight, task.random(5))
+    latent = LatentColors(model, views, config.latent, CODE, task.random(5))
     errors = []
     for turn in range(config.rounds):
         if turn:
-            teacher.tune(config.round_steps, [latent.picture(k) for k in range(len(views))])
+            teacher.tune(config.length // 2, [latent.picture(k) for k in range(len(views))])
         for index, view in enumerate(views):
             view.example = teacher.picture(index)
         task.tell(f"round {turn + 1} of {config.rounds}: fit")
-        errors.append(latent.fit(config.fit_iterations))
+        errors.append(latent.fit(config.iterations))
     unseen = model.fill_unseen()
     dump_views(task, model, views)
     return model.colors, {
@@ -213,7 +223,7 @@ class PaintingTeacher:
     task
         Painting, background, seed.
     config
-        Weights of the losses.
+        Size of the views.
     """
 
     def __init__(self, network: AdainNetwork, views: list[PhotoView], task: FieldTask,
@@ -231,7 +241,7 @@ class PaintingTeacher:
             self.wanted = [normalised_to(network.encode(self._tensor(view.content))[-1], inside[-1],
                                          self.style[-1])
                            for view, inside in zip(views, self._inside)]
-        self._adam = torch.optim.Adam(list(network.decoder.values()), lr=config.learning_rate)
+        self._adam = torch.optim.Adam(list(network.decoder.values()), lr=LEARNING_RATE)
         self._taken = 0
 
     def _tensor(self, picture: Float32) -> torch.Tensor:
@@ -241,7 +251,7 @@ class PaintingTeacher:
         """Statistics of the painted person's features, at the views' size."""
         exemplar = self.task.exemplar
         person = exemplar.regions().person
-        size = _multiples(self.config.size, exemplar.image.shape)
+        size = _multiples(self.config.pixels, exemplar.image.shape)
         picture, mask = (functional.interpolate(value, size=size, mode="bilinear", antialias=True)
                          for value in (tensor(exemplar.image.astype(np.float32) / np.float32(255)),
                                        torch.from_numpy(person.astype(np.float32))[None, None]))
@@ -285,32 +295,32 @@ class PaintingTeacher:
             loss.backward()  # type: ignore[no-untyped-call]
             self._taken += 1
             for group in self._adam.param_groups:
-                group["lr"] = self.config.learning_rate / (1 + 5e-5 * self._taken)
+                group["lr"] = LEARNING_RATE / (1 + 5e-5 * self._taken)
             self._adam.step()
             self.task.tell(f"decoder {step + 1} of {steps}: loss {float(loss.detach()):.3f}", 1)
 
     def _loss(self, index: int, shown: Float32 | None) -> torch.Tensor:
         """Content, style, agreement with a neighbour and, later, with the field."""
-        config, inside = self.config, self._inside[index]
+        inside = self._inside[index]
         painted = self.network.decode(self.wanted[index])
         features = self.network.encode(painted)
-        loss = config.content_weight * self._scale[-1] * _mean_inside(
+        loss = CONTENT * self._scale[-1] * _mean_inside(
             features[-1] - self.wanted[index], inside[-1])
         for found, mask, (mean, spread), scale in zip(features, inside, self.style, self._scale):
             own_mean, own_spread = statistics_of(found, mask)
-            loss = loss + config.style_weight * scale * ((own_mean - mean).square().mean()
-                                                         + (own_spread - spread).square().mean())
+            loss = loss + STYLE * scale * ((own_mean - mean).square().mean()
+                                         + (own_spread - spread).square().mean())
         near = [other for other in range(index - NEIGHBOURS, index + NEIGHBOURS + 1)
                 if other != index and 0 <= other < len(self.views)]
-        if near and config.agreement_weight > 0:
+        if near:
             other = near[int(self.random.integers(len(near)))]
             link = self._link(index, other)
             if link.visible.any():
                 warped = link.warped(self.network.decode(self.wanted[other]))
-                loss = loss + config.agreement_weight * (
+                loss = loss + AGREEMENT * (
                     painted - warped)[0, :, link.visible].square().mean()
         if shown is not None:
-            loss = loss + config.field_weight * _mean_inside(
+            loss = loss + SHOWN * _mean_inside(
                 painted - self._tensor(shown), inside[0])
         return loss
 

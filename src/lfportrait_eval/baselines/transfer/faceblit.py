@@ -27,6 +27,16 @@ from .kernels import NOWHERE, flood, search_windows, sweep_windows
 Float32 = NDArray[np.float32]
 Int32 = NDArray[np.int32]
 
+THRESHOLD, GROUND_THRESHOLD = 50, 10
+"""Largest guide error inside a chunk of the face, and of the rest; all as published."""
+POSITION, APPEARANCE = 10, 2
+"""Weights of one step (1/256 of the picture) of the position, and of one grey level."""
+WINDOW = 30
+"""Search window of the table: exemplar pixels to each side of a cell's place."""
+RADIUS = 1
+"""Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
+MASK_BLUR = 20
+"""Side in pixels of the box that softens the mask of the face."""
 STEPS = 256
 """Steps of the position guide along each axis, and of the appearance."""
 
@@ -84,8 +94,8 @@ def published_table(appearance: Int32, config: FaceBlitConfig,
     """
     height, width = appearance.shape
     table = np.empty((STEPS, STEPS, STEPS), np.int32)
-    arguments = (gradient(width), gradient(height), appearance, config.position_weight,
-                 config.appearance_weight, config.window)
+    arguments = (gradient(width), gradient(height), appearance, POSITION, APPEARANCE,
+                 WINDOW)
     if config.table == "exhaustive":
         search_windows(*arguments, rows.start, rows.stop, table)
     else:
@@ -174,7 +184,7 @@ class FaceBlit:
         guided = time.perf_counter()
         seeds = self.table[green, red, appearance]
         face = self._synthesise(red, green, appearance, seeds, _head_box(points, photo.shape),
-                                config.appearance_weight, config.threshold)
+                                APPEARANCE, THRESHOLD)
         ground = photo.astype(np.float32) / np.float32(255)
         if config.background:
             height, width = self.appearance.shape
@@ -182,8 +192,8 @@ class FaceBlit:
             straight = ((-(-green * height // STEPS)) * width + (-(-red * width // STEPS)))
             ground = self._synthesise(
                 red, green, appearance, straight.astype(np.int32),
-                np.array([0, 0, photo.shape[1], photo.shape[0]]), 0, config.background_threshold)
-        soft = ndimage.uniform_filter(mask.astype(np.float32), config.mask_blur)[..., None]
+                np.array([0, 0, photo.shape[1], photo.shape[0]]), 0, GROUND_THRESHOLD)
+        soft = ndimage.uniform_filter(mask.astype(np.float32), MASK_BLUR)[..., None]
         reached = np.where(np.isfinite(face), face, ground)
         result = np.clip(soft * reached + (1 - soft) * ground, 0, 1).astype(np.float32)
         end = time.perf_counter()
@@ -213,11 +223,11 @@ class FaceBlit:
         style_height, style_width = self.appearance.shape
         index = np.empty(red.shape, np.int32)
         flood(red, green, appearance, gradient(style_width), gradient(style_height),
-              self.appearance, seeds, box, self.config.position_weight, look, threshold, index)
+              self.appearance, seeds, box, POSITION, look, threshold, index)
         anchor = pixel_centres(red.shape)
         covered = index != NOWHERE
         height, width = red.shape
-        radius = self.config.radius
+        radius = RADIUS
         shift, elected = (shift_planes(height, width, radius) for _ in range(2))
         for plane, place, axis in zip(shift, (index % style_width, index // style_width), (0, 1)):
             plane[radius:radius + height, radius:radius + width] = np.where(

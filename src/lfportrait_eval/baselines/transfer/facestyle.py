@@ -29,7 +29,7 @@ from lfportrait.example.guides.regions import Regions, find_regions
 from lfportrait.example.patches import (
     CELL,
     SCALE,
-    PatchConfig,
+    PatchSearch,
     PatchSource,
     PatchTarget,
     occupancy,
@@ -41,6 +41,13 @@ from .config import FaceStyleConfig, Painted
 
 Float32 = NDArray[np.float32]
 
+APPEARANCE, SEGMENT, POSITION = 0.3, 1.5, 12.0
+"""Weights of the guides: more appearance keeps the sitter's features, above 1 the photo shows
+through; more position keeps features in place. Chosen by eye, as the paper gives none."""
+UNIFORMITY = 3500.0
+"""Penalty on exemplar pixels used more often than the average."""
+COARSEST = 32
+"""The pyramid ends where the shorter side would fall below this."""
 STEP = np.log(1.1)
 """The exemplar is resized to sizes that are this far apart (logarithm), so that few are made."""
 CODES = np.array([[200, 60], [255, 150], [150, 215], [255, 255], [150, 150], [255, 0], [0, 200],
@@ -114,9 +121,7 @@ class FaceStyle:
 
     def _roots(self) -> Float32:
         """Roots of the weights of the guides' channels, times `SCALE`: [5]."""
-        config = self.config
-        weights = [config.appearance_weight, *[config.position_weight / 2] * 2,
-                   *[config.segment_weight / 2] * 2]
+        weights = [APPEARANCE, *[POSITION / 2] * 2, *[SEGMENT / 2] * 2]
         return np.asarray(SCALE * np.sqrt(weights) + 1e-6, np.float32)
 
     def _source(self, scale: float) -> _Source:
@@ -155,13 +160,12 @@ class FaceStyle:
         """The picture and the exemplar's occupancy, coarse to fine."""
         config = self.config
         levels, side = 1, min(guides.shape[:2])
-        while side >= 2 * config.coarsest:
+        while side >= 2 * COARSEST:
             levels, side = levels + 1, -(-side // 2)
         image, places = synthesise_patches(
             PatchTarget(guides, position, position), source.pyramid,
-            PatchConfig(config.style_weight, config.uniformity, levels, config.votes,
-                        last_votes=0, passes=config.passes, reach=config.reach,
-                        final_3x3=config.final_3x3),
+            PatchSearch(uniformity=UNIFORMITY, levels=levels, votes=config.length, last_votes=0,
+                        passes=config.passes),
             config.seed)
         size = source.exemplar.image.shape[0], source.exemplar.image.shape[1]
         even = places.size / (size[0] * size[1]) * CELL ** 2

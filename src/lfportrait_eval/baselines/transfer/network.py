@@ -31,6 +31,10 @@ from .config import NetworkConfig, Painted
 from .facestyle import FaceStyle
 
 FORMAT = "lfportrait style network 1"
+LEARNING_RATE = 5e-4
+"""Step of Adam."""
+ADVERSARIAL = 0.5
+"""Weight of the discriminator, 0 to 1: higher is sharper and less faithful."""
 
 
 @dataclass
@@ -118,8 +122,8 @@ class StyleNetwork:
         pairs, faces = self._examples(own)
         painted = time.perf_counter()
         painter, steps, loss = train(
-            pairs, config.width, steps=config.steps, seconds=config.budget, rate=config.rate,
-            adversarial=config.adversarial, seed=config.seed,
+            pairs, config.width, steps=config.length, seconds=config.budget, rate=LEARNING_RATE,
+            adversarial=ADVERSARIAL, seed=config.seed,
             place=self._device.place)
         return _Trained(painter, {
             "format": FORMAT, "style": _digest(self.exemplar), "width": config.width,

@@ -1,5 +1,7 @@
 """A small scene to train on, and what runs in the device's process for these tests alone."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import ndimage
 
@@ -52,7 +54,8 @@ class Views:
 
 def config(**values):
     """Parameters of a training with mattes."""
-    return ReconstructConfig(resolutions=(24,), rays=(1.0,), **values).resolved(False, 3.4, 0.1)
+    plain = ReconstructConfig(resolutions=(24,), rays=(1.0,)).resolved(False, 3.4, 0.1)
+    return replace(plain, **values)
 
 
 def gradients(device, given, steps, inputs):

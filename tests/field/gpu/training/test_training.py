@@ -99,10 +99,11 @@ def test_looks_change_nothing(process):
         assert np.array_equal(getattr(looked, name), getattr(plain, name)), name
 
 
-def test_a_room_is_trained_as_on_the_cpu(process):
+def test_a_room_is_trained_as_on_the_cpu(process, monkeypatch):
+    monkeypatch.setattr("lfportrait.field.geometry.start.BACKGROUND_ROWS", 32)
     capture = ball_capture(count=12, size=24, alpha=False, room=True)
     config = ReconstructConfig(resolutions=(10, 20), rays=(0.008, 0.016), batch=(512,),
-                               background_reso=32, background_nlayers=8, mvs_init=False,
+                               background_nlayers=8, mvs_init=False,
                                ).resolved(True, 3.0, 0.1)
     on_gpu, lines = trained(process, config, capture=capture)
     on_cpu, _ = trained(None, config, capture=capture)

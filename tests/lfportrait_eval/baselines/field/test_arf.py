@@ -130,7 +130,7 @@ def test_arf_needs_no_landmarks_and_writes_its_views(small_head, tmp_path):
 
 @pytest.mark.parametrize(("change", "message"), [
     ({"size": 20}, "at least 64 pixels"), ({"views": 0}, "at least one view"),
-    ({"smoothed_share": 2.0}, "smoothed-share")])
+    ({"steps": -1}, "negative")])
 def test_wrong_parameters_are_told(small_head, change, message):
     field, capture, exemplar = small_head
     with pytest.raises(UserError, match=message):

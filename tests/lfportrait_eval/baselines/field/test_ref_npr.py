@@ -131,7 +131,7 @@ def test_the_deep_network_has_weights(shared_weights, monkeypatch):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    ({"size": 20}, "at least 64 pixels"), ({"smoothed_share": 0.0}, "smoothed-share")])
+    ({"size": 20}, "at least 64 pixels"), ({"steps": -1}, "negative")])
 def test_wrong_parameters_are_told(small_head, change, message):
     with pytest.raises(UserError, match=message):
         stylize_with_figures(*small_head,

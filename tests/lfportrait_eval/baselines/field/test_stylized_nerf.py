@@ -10,6 +10,7 @@ from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.stylize import FieldTask, StylizeConfig, stylize_with_figures
 from lfportrait.stylize.fit import ColorModel
+from lfportrait_eval.baselines.field import stylized_nerf
 from lfportrait_eval.baselines.field.config import StylizedNerfConfig
 from lfportrait_eval.baselines.field.photo_views import photo_views, seen_from, tensor
 from lfportrait_eval.baselines.field.stylized_nerf import (
@@ -25,8 +26,7 @@ from lfportrait_eval.baselines.field.stylized_nerf import (
 )
 from tests.other_memory import PLACE
 
-SMALL = StylizedNerfConfig(size=96, views=4, tune_steps=4, round_steps=2, rounds=2,
-                           fit_iterations=2, latent=1)
+SMALL = StylizedNerfConfig(size=96, views=4, steps=4, rounds=2, fit_iterations=2, latent=1)
 WIDTHS = (16, 16, 32, 32, 64, 64, 64, 64, 128)
 
 
@@ -111,9 +111,10 @@ def test_codes_take_what_views_cannot_agree_on(scene, numbers):
         assert errors[-1] < 0.8 * shared.fit(8)[-1]
 
 
-def test_tuning_lowers_the_decoders_loss(scene):
+def test_tuning_lowers_the_decoders_loss(scene, monkeypatch):
+    monkeypatch.setattr(stylized_nerf, "LEARNING_RATE", 1e-3)
     task, views = scene
-    teacher = PaintingTeacher(random_network(), views, task, replace(SMALL, learning_rate=1e-3))
+    teacher = PaintingTeacher(random_network(), views, task, SMALL)
 
     def loss():
         teacher.random = task.random(9)

@@ -9,7 +9,7 @@ from lfportrait_eval.baselines.transfer import FaceStyle, FaceStyleConfig
 from lfportrait_eval.metrics import patch_fidelity
 from tests.portraits import drawn_face
 
-QUICK = FaceStyleConfig(votes=2, passes=1, coarsest=24)
+QUICK = FaceStyleConfig(steps=2, passes=1)
 
 
 def test_the_exemplar_s_own_photo_comes_back():

@@ -136,7 +136,7 @@ def test_every_method_is_a_choice_of_the_command(method, tmp_path, monkeypatch):
     write_image(tmp_path / "photo.png", photo.image)
     # No detector is needed to see that the command does what it says.
     monkeypatch.setattr("lfportrait.face.detect_landmarks", lambda image: photo.landmarks)
-    options = {"facestyle": ["--facestyle.votes", "1", "--facestyle.passes", "1"],
+    options = {"facestyle": ["--facestyle.steps", "1", "--facestyle.passes", "1"],
                "network": ["--network.pairs", "2", "--network.steps", "1", "--network.size", "48",
                            "--network.width", "4", "--network.teacher", "styleblit",
                            "--network.checkpoint", str(tmp_path / "net.safetensors")]}
