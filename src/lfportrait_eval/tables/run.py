@@ -27,6 +27,7 @@ from lfportrait.field import ReconstructConfig, VoxelField
 from lfportrait.files import read_json, write_image
 from lfportrait.measure import machine
 from lfportrait.progress import Progress
+from lfportrait.runner import Costs, Need, failure_of
 from lfportrait.stages import StageFolder, check_writable, finished_record
 from lfportrait.version import __version__
 
@@ -71,7 +72,7 @@ class Teller:
     def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
         self._progress, self._waiting = progress, list(waiting)
         self._total = len(self._waiting)
-        self._took: dict[str, list[float]] = {}
+        self._costs = Costs()
 
     def say(self, text: str) -> None:
         """Show what is being done, behind what is left."""
@@ -91,7 +92,7 @@ class Teller:
     def done(self, cell: CellName, seconds: float) -> None:
         """A cell is done, in so many seconds; one that was done before does not count."""
         if cell in self._waiting:
-            self._took.setdefault(cell[2], []).append(seconds)
+            self._costs.learn(cell[2], Need(seconds))
             self._finish(cell, f"{seconds:.0f} s")
 
     def failed(self, cell: CellName, reason: str) -> None:
@@ -106,11 +107,7 @@ class Teller:
 
     def seconds_left(self) -> float:
         """Estimated time of the waiting cells: by the mean of their method, else of all."""
-        known = [second for row in self._took.values() for second in row]
-        if not known:
-            return 0.0
-        means = {method: sum(row) / len(row) for method, row in self._took.items()}
-        return sum(means.get(cell[2], sum(known) / len(known)) for cell in self._waiting)
+        return sum(self._costs.need(cell[2]).seconds for cell in self._waiting)
 
 
 class _Inside(Progress):
@@ -377,12 +374,12 @@ class _Run:
         cell = source.name, exemplar.name, method
         try:
             return function()
-        except UserError as error:
-            reason = " ".join(str(error).split())
         except Exception as error:
-            # Hours of work don't end at one cell's fault; it is raised when all is written.
-            self.fault = self.fault or error
-            reason = f"failed: {type(error).__name__}: {' '.join(str(error).split())}"
+            failure = failure_of(error)
+            if failure.code == "internal":
+                # Hours of work don't end at one cell's fault; it is raised when all is written.
+                self.fault = self.fault or error
+            reason = failure.message
         self._missing(source, exemplar, method, reason)
         self.teller.failed(cell, reason)
         return None
