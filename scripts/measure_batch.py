@@ -39,7 +39,7 @@ from lfportrait.job.batch.plan import draw_plan
 from lfportrait.job.batch.state import Batch
 from lfportrait.job.steps import MakeConfig
 from lfportrait.lightfield import Display
-from lfportrait.runner import Left
+from lfportrait.runner import Here, Outcome, run_tasks
 from modelled_head import random_person, studio_capture
 
 STYLES = ("fauve", "charcoal", "impression")
@@ -195,14 +195,8 @@ def graph(out: Path) -> dict[str, Any]:
         found = Batch(jobs, plan, out, set())
         todo = found.plan.to_do(found.plan.done(out))
         looked = time.process_time()
-        left, taken = Left(todo), 0
-        while len(left):
-            task = left.first()
-            assert task is not None
-            left.take()
-            left.done(task.name)
-            taken += 1
-        figures[count] = {"tasks": taken, "plan_seconds": round(planned - start, 2),
+        run_tasks(todo, Here(lambda task: Outcome(task.name)))
+        figures[count] = {"tasks": len(todo), "plan_seconds": round(planned - start, 2),
                           "look_seconds": round(looked - planned, 2),
                           "give_out_seconds": round(time.process_time() - looked, 2)}
         print(count, figures[count], flush=True)

@@ -7,9 +7,9 @@
 
 from .costs import Costs, Need
 from .failures import Failure, failure_of
-from .graph import Left, Plan, Task, finished
+from .graph import Plan, Task, finished
 from .processes import CAN_PAUSE, Child, Pipe
 from .scheduler import Here, Outcome, Runner, outcome_of, run_tasks
 
-__all__ = ["CAN_PAUSE", "Child", "Costs", "Failure", "Here", "Left", "Need", "Outcome", "Pipe",
+__all__ = ["CAN_PAUSE", "Child", "Costs", "Failure", "Here", "Need", "Outcome", "Pipe",
            "Plan", "Runner", "Task", "failure_of", "finished", "outcome_of", "run_tasks"]

@@ -1,16 +1,14 @@
-"""Graphs of tasks: what needs what, what is done, what can begin."""
+"""Graphs of tasks: what needs what, and what is done."""
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from ..stages import finished_record
 
-__all__ = ["Left", "Plan", "Task", "finished"]
+__all__ = ["AnyTask", "Plan", "Task", "finished"]
 
 
 @dataclass(frozen=True)
@@ -88,53 +86,3 @@ class Plan(Generic[AnyTask]):
                 lacking.add(name)
                 left += [need for need in self.tasks[name].needs if need not in done]
         return [task for name, task in self.tasks.items() if name in lacking]
-
-
-class Left(Generic[AnyTask]):
-    """The tasks that are left, those first whose needs are done, in their order."""
-
-    def __init__(self, tasks: Iterable[AnyTask]) -> None:
-        self._order: Sequence[AnyTask] = list(tasks)
-        self._tasks = {task.name: task for task in self._order}
-        self._place = {task.name: place for place, task in enumerate(self._order)}
-        self._lacks = {task.name: {need for need in task.needs if need in self._tasks}
-                       for task in self._order}
-        self._followers: dict[str, list[str]] = {}
-        for name, lacks in self._lacks.items():
-            for need in lacks:
-                self._followers.setdefault(need, []).append(name)
-        # In order, so a heap already.
-        self._ready = [self._place[name] for name, lacks in self._lacks.items() if not lacks]
-
-    def __len__(self) -> int:
-        """Tasks that have not ended."""
-        return len(self._tasks)
-
-    def first(self) -> AnyTask | None:
-        """The first task that can begin."""
-        while self._ready and self._order[self._ready[0]].name not in self._tasks:
-            heapq.heappop(self._ready)
-        return self._order[self._ready[0]] if self._ready else None
-
-    def take(self) -> None:
-        """The first task begins."""
-        heapq.heappop(self._ready)
-
-    def done(self, name: str) -> None:
-        """A task is done: others may be ready."""
-        del self._tasks[name]
-        for other in self._followers.get(name, ()):
-            self._lacks[other].discard(name)
-            if not self._lacks[other] and other in self._tasks:
-                heapq.heappush(self._ready, self._place[other])
-
-    def failed(self, name: str) -> list[str]:
-        """A task failed: those that wait for it, which can't be done now."""
-        del self._tasks[name]
-        lost, left = [], list(self._followers.get(name, ()))
-        while left:
-            other = left.pop()
-            if self._tasks.pop(other, None) is not None:
-                lost.append(other)
-                left += self._followers.get(other, ())
-        return lost

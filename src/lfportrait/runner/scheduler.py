@@ -5,12 +5,14 @@ There is no schedule but the graph: of the tasks that can begin the first one go
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from graphlib import TopologicalSorter
 from typing import Any, Protocol, TypeVar
 
 from .failures import failure_of
-from .graph import Left, Task
+from .graph import AnyTask, Task
 
 __all__ = ["Here", "Outcome", "Runner", "outcome_of", "run_tasks"]
 
@@ -55,7 +57,6 @@ def outcome_of(task: Task, work: Callable[[], dict[str, Any]], worker: str = "")
         return Outcome(task.name, failure.message, fault=failure.trace, worker=worker)
 
 
-AnyTask = TypeVar("AnyTask", bound=Task)
 Given = TypeVar("Given", bound=Task, contravariant=True)
 
 
@@ -131,17 +132,29 @@ def run_tasks(tasks: Iterable[AnyTask], runner: Runner[AnyTask],
     lost
         Names of the tasks that could not begin, and of the one before each that failed.
     """
-    known = {task.name: task for task in tasks}
-    left, lost = Left(known.values()), dict[str, str]()
-    while left:
-        while (task := left.first()) is not None and runner.fits(memory(task)):
-            left.take()
+    order, failed, lost = list(tasks), set[str](), dict[str, str]()
+    place = {task.name: number for number, task in enumerate(order)}
+    graph = TopologicalSorter({task.name: [need for need in task.needs if need in place]
+                               for task in order})
+    graph.prepare()
+    ready, running = sorted(place[name] for name in graph.get_ready()), 0
+    while ready or running:
+        while ready and runner.fits(memory(order[ready[0]])):
+            task = order[heapq.heappop(ready)]
             heard(task, None)
             runner.start(task, memory(task))
+            running += 1
         for outcome in runner.wait(_PATIENCE):
-            heard(known[outcome.task], outcome)
+            running -= 1
+            heard(order[place[outcome.task]], outcome)
             if outcome.error:
-                lost |= dict.fromkeys(left.failed(outcome.task), outcome.task)
-            else:
-                left.done(outcome.task)
+                failed.add(outcome.task)
+                continue
+            graph.done(outcome.task)
+            for name in graph.get_ready():
+                heapq.heappush(ready, place[name])
+    for task in order:
+        for need in task.needs:
+            if need in failed or need in lost:
+                lost[task.name] = lost.get(need, need)
     return lost

@@ -251,7 +251,7 @@ class _Run:
         floors: dict[str, dict[str, Any]] = {}
         cells: list[Cell] = []
         for source in self.sources:
-            sitter = _Lazily(functools.partial(self._sitter, source))
+            sitter = functools.cache(functools.partial(self._sitter, source))
             floor = self._floor(source, sitter)
             if floor is not None:
                 floors[source.name] = floor
@@ -317,13 +317,13 @@ class _Run:
         capture.save(target)
         return {"photos": len(capture)}
 
-    def _floor(self, source: Source, sitter: _Lazily) -> dict[str, Any] | None:
+    def _floor(self, source: Source, sitter: Callable[[], Sitter]) -> dict[str, Any] | None:
         """What the real field and the photos reach by the measure of consistency.
 
         None where that is not done and nothing new is to be started.
         """
         def found() -> dict[str, Any]:
-            one: Sitter = sitter.get()
+            one = sitter()
             self.teller.say(f"{source.name}: the field before style, the photos")
             start = time.perf_counter()
             skin = one.skin
@@ -345,10 +345,11 @@ class _Run:
             return finished_record(self.out, name, key, [picture])
         return self.folder.run(name, key, [picture], found)
 
-    def _style(self, source: Source, sitter: _Lazily, exemplar: Exemplar,
+    def _style(self, source: Source, sitter: Callable[[], Sitter], exemplar: Exemplar,
                methods: Sequence[str]) -> list[Cell]:
         """All methods for one sitter in one style."""
-        target = _Lazily(lambda: Target(sitter.get(), exemplar, self.sizes.crops, self.seed))
+        target = functools.cache(lambda: Target(sitter(), exemplar, self.sizes.crops,
+                                                self.seed))
         cells = {}
         # The other reference of Table 2 comes first.
         example = False
@@ -388,13 +389,13 @@ class _Run:
         self.failures.append({"sitter": source.name, "style": exemplar.name, "method": method,
                               "reason": reason})
 
-    def _painted(self, source: Source, sitter: _Lazily, exemplar: Exemplar,
+    def _painted(self, source: Source, sitter: Callable[[], Sitter], exemplar: Exemplar,
                  method: str) -> dict[str, Any]:
         name = f"{source.name}/{exemplar.name}/{method}"
 
         def paint() -> dict[str, Any]:
             views, figures = paint_views(
-                method, sitter.get(), exemplar, self.sizes, self.config.stylize, self.seed,
+                method, sitter(), exemplar, self.sizes, self.config.stylize, self.seed,
                 self.teller.inside(f"{source.name}, {exemplar.name}, {method}"))
             views.save(self.out / "views" / f"{name}.npz")
             write_image(self.out / "pictures" / f"{name}.png", _strip(views))
@@ -404,13 +405,13 @@ class _Run:
                                self._paint_key(source, exemplar, method),
                                [f"views/{name}.npz", f"pictures/{name}.png"], paint)
 
-    def _measured(self, source: Source, exemplar: Exemplar, method: str, target: _Lazily,
-                  example: bool) -> dict[str, Any]:
+    def _measured(self, source: Source, exemplar: Exemplar, method: str,
+                  target: Callable[[], Target], example: bool) -> dict[str, Any]:
         views = self.out / "views" / source.name / exemplar.name
 
         def found() -> dict[str, Any]:
             say = self.teller.inside(f"{source.name}, {exemplar.name}, {method}")
-            return measure(Views.load(views / f"{method}.npz"), target.get(),
+            return measure(Views.load(views / f"{method}.npz"), target(),
                            Views.load(views / "views.npz") if example else None,
                            lambda text: say.update(0, text))
 
@@ -444,19 +445,6 @@ class _Run:
         return write_documents(self.out, facts, cells, floors, speed, study, self.failures,
                                {one.name: one.image for one in self.exemplars} if pictures
                                else None)
-
-
-class _Lazily:
-    """Something that is made when first asked for."""
-
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self._make, self._made = make, None
-
-    def get(self) -> Any:
-        """It."""
-        if self._made is None:
-            self._made = self._make()
-        return self._made
 
 
 def _plain(figures: dict[str, float | None]) -> dict[str, float | None]:

@@ -15,7 +15,6 @@ from lfportrait.job.batch.fingerprints import Fingerprints
 from lfportrait.job.batch.plan import cores_of_a_task, draw_plan
 from lfportrait.job.graph import STAGES
 from lfportrait.job.steps import source_key
-from lfportrait.runner import Left
 from lfportrait.states import tells_changes
 
 
@@ -123,28 +122,6 @@ def test_only_what_leads_to_something_missing_is_done(made, studio, copy):
     found = prepare_batch(studio / "jobs.toml", copy)
     assert [task.name for task in found.plan.to_do(found.done)] == [
         "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
-
-
-def test_tasks_wait_for_what_they_need(studio, jobs_text):
-    left = Left(planned(studio, jobs_text).tasks.values())
-    started = []
-
-    def start():
-        while (task := left.first()) is not None:
-            left.take()
-            started.append(task.name)
-
-    start()
-    assert started == ["anna/capture", "bert/capture"]
-    left.done("bert/capture")
-    start()
-    assert started[2:] == ["bert/field"]
-    assert set(left.failed("bert/field")) == {
-        name for name in planned(studio, jobs_text).tasks if name.startswith("bert/")} - {
-        "bert/capture", "bert/field"}
-    left.done("anna/capture")
-    start()
-    assert started[3:] == ["anna/field"] and len(left) == 10
 
 
 def test_photos_are_read_once(tmp_path, monkeypatch):
