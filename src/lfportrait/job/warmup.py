@@ -10,7 +10,6 @@ beside the cache records that a stage's code is there: the next run starts no pr
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
 import os
@@ -169,14 +168,16 @@ class Warmup:
         """Compile stage after stage in one process; what fails is left to the job."""
         child = None
         while (name := self._next()) is not None:
-            if child is None or not child.alive:
-                child = self._start()
-            with contextlib.suppress(OSError, EOFError):  # it ended before the stage did
+            child = child or self._start()
+            try:
                 child.send(name)
                 while child.receive():
                     self.compiled += 1
                 _mark(name).parent.mkdir(parents=True, exist_ok=True)
                 _mark(name).touch()
+            except (OSError, EOFError):  # it ended before the stage did
+                child.close()
+                child = None
             self._done[name].set()
         if child is not None:
             child.close()

@@ -115,13 +115,14 @@ class LocalRunner(Runner[Task]):
 
     def _outcome(self, worker: _Worker, child: Child, message: Any) -> Outcome | None:
         """How a worker's task has ended; None where it is given out again."""
+        if message is None:
+            child.close()
         if worker not in self._busy or child is not worker.child:
             return None  # the end of a process that had nothing to do
         assert worker.task is not None
         if message is not None:
             (outcome,) = message
         elif worker.attempts < ATTEMPTS:
-            child.close()
             self._give(worker)
             return None
         else:
