@@ -26,7 +26,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
 GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
           "gpu", "graphics", "health", "labels", "leftovers", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
-          "simd", "stages", "states", "temporary", "version")
+          "runner", "simd", "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""

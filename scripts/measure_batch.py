@@ -34,13 +34,12 @@ from lfportrait.capture import Capture
 from lfportrait.demo import demo_exemplar
 from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
-from lfportrait.job.batch.costs import Estimates
-from lfportrait.job.batch.driver import _Left
 from lfportrait.job.batch.jobs_file import Jobs, Panel, Sitter, Style
 from lfportrait.job.batch.plan import draw_plan
 from lfportrait.job.batch.state import Batch
 from lfportrait.job.steps import MakeConfig
 from lfportrait.lightfield import Display
+from lfportrait.runner import Here, Outcome, run_tasks
 from modelled_head import random_person, studio_capture
 
 STYLES = ("fauve", "charcoal", "impression")
@@ -193,17 +192,11 @@ def graph(out: Path) -> dict[str, Any]:
         start = time.process_time()
         plan = draw_plan(jobs, {name: (name, name) for name in styles}, lambda path: "photos")
         planned = time.process_time()
-        found = Batch(jobs, plan, out, set(), estimates=Estimates())
+        found = Batch(jobs, plan, out, set())
         todo = found.plan.to_do(found.plan.done(out))
         looked = time.process_time()
-        left, taken = _Left(todo), 0
-        while len(left):
-            task = left.first()
-            assert task is not None
-            left.take()
-            left.done(task.name)
-            taken += 1
-        figures[count] = {"tasks": taken, "plan_seconds": round(planned - start, 2),
+        run_tasks(todo, Here(lambda task: Outcome(task.name)))
+        figures[count] = {"tasks": len(todo), "plan_seconds": round(planned - start, 2),
                           "look_seconds": round(looked - planned, 2),
                           "give_out_seconds": round(time.process_time() - looked, 2)}
         print(count, figures[count], flush=True)

@@ -16,14 +16,14 @@ from pathlib import Path
 from .errors import UserError
 from .leftovers import part_name, remove_part, sweep_once
 
-__all__ = ["out_of_room", "temporary_folder", "temporary_place"]
+__all__ = ["temporary_folder", "temporary_place"]
 
 _ROOM = 1 << 20
 """Bytes that are wanted before anything begins."""
 _FULL = 64 << 10
 """Free bytes below which a folder is full: SQLite asks for more at a time."""
-_ROOM_NUMBERS = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
-_NUMBERS = _ROOM_NUMBERS | {errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO}
+_NUMBERS = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EROFS, errno.EACCES,
+            errno.EPERM, errno.EIO}
 _SIGNS = ("disk i/o error", "database or disk is full", "unable to open database",
           "readonly database", "no space left on device")
 """In the messages of libraries that raise errors without numbers."""
@@ -81,15 +81,6 @@ def temporary_place() -> Path:
     except FileNotFoundError as error:  # none of all that are tried
         raise UserError("there is no temporary folder that can be written to; "
                         "set TMPDIR to one") from error
-
-
-def out_of_room(error: BaseException) -> str | None:
-    """One line for a disk that is full, wherever that was noticed; None for another error."""
-    if not isinstance(error, OSError) or error.errno not in _ROOM_NUMBERS:
-        return None
-    where = f": {error.filename}" if error.filename else ""
-    return (f"no space is left on a disk{where}; free some, or choose folders with more room "
-            "(--out, and TMPDIR for temporary files)")
 
 
 def _reason(error: Exception) -> str:

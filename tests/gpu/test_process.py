@@ -11,7 +11,6 @@ import pytest
 from lfportrait.errors import UserError
 from lfportrait.gpu import Adapter, GpuLostError, GpuProcess, adapters, attempted, chosen
 from lfportrait.gpu.device import LIMITS
-from lfportrait.gpu.process import receive, send
 
 WORK = "tests.gpu.work:"
 
@@ -116,7 +115,7 @@ def test_the_child_ends_with_its_parent(adapter):
     code = ("import os, sys; from lfportrait.gpu import GpuProcess, adapters;"
             "found = [one for one in adapters() if one.title == sys.argv[1]];"
             "own = GpuProcess(found[0]); own.call('tests.gpu.work:echo');"
-            "print(own._child.pid, flush=True); os.kill(os.getpid(), 9)")
+            "print(own._child.number, flush=True); os.kill(os.getpid(), 9)")
     done = subprocess.run([sys.executable, "-c", code, adapter.title], capture_output=True,
                           text=True, check=False)
     child = int(done.stdout)
@@ -129,18 +128,6 @@ def test_the_child_ends_with_its_parent(adapter):
             return
         time.sleep(0.1)
     pytest.fail("the child outlives its parent")
-
-
-def test_messages_survive_the_pipe(tmp_path):
-    values = {"a": np.arange(12).reshape(3, 4)[:, ::2], "b": [None, 1.5], "c": np.float64(3)}
-    with open(tmp_path / "pipe", "wb", buffering=0) as stream:
-        send(stream, values)
-    with open(tmp_path / "pipe", "rb", buffering=0) as stream:
-        got = receive(stream)
-        np.testing.assert_array_equal(got["a"], values["a"])
-        assert got["b"] == values["b"] and got["c"] == 3
-        with pytest.raises(EOFError):
-            receive(stream)
 
 
 def test_the_software_adapter_is_taken_only_if_asked_for(adapter):

@@ -57,7 +57,7 @@ def test_stages_that_were_compiled_start_no_process(monkeypatch, tmp_path):
     for name in FUNCTIONS:
         (tmp_path / name).touch()
     monkeypatch.setattr(warmup, "_mark", lambda name: tmp_path / name)
-    monkeypatch.setattr(warmup.subprocess, "Popen", None)
+    monkeypatch.setattr(warmup, "Child", None)
     with Warmup(tuple(FUNCTIONS)) as ahead:
         ahead.wait(tuple(FUNCTIONS))
         assert ahead.total == 0

@@ -3,7 +3,7 @@
 import time
 from pathlib import Path
 
-from lfportrait.studio.work.pipe import Pipe
+from lfportrait.runner import Pipe
 
 
 def serve() -> None:

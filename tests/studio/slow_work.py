@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from lfportrait.studio.work.pipe import Pipe
+from lfportrait.runner import Pipe
 
 
 def serve() -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from lfportrait.files import atomic_path
 from lfportrait.leftovers import part_name
-from lfportrait.studio import child, desk, job_state
+from lfportrait.runner import processes
+from lfportrait.studio import desk, job_state
 from lfportrait.studio.exports import forget_unfinished
 from lfportrait.studio.job_state import JobState, StageState
 from lfportrait.studio.jobs import Jobs
@@ -341,7 +342,7 @@ def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
 
 def test_pausing_is_offered_where_the_system_can(page, monkeypatch):
     assert page.get("/api/state")["features"]["pause"] == hasattr(os, "killpg")
-    monkeypatch.setattr(child, "CAN_PAUSE", False)
+    monkeypatch.setattr(processes, "CAN_PAUSE", False)
     monkeypatch.setattr(start, "CAN_PAUSE", False)
     assert page.get("/api/state")["features"]["pause"] is False
     project, folder = sitter(page, "Anna", "wait")

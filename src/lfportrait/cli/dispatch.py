@@ -17,7 +17,6 @@ import importlib
 import os
 import sys
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Container
 from contextlib import suppress
@@ -25,7 +24,6 @@ from typing import Any
 
 from ..errors import UserError
 from ..measure import limit_threads
-from ..temporary import out_of_room
 from ..version import __version__
 
 ALLOCATIONS = 20_000
@@ -203,9 +201,6 @@ def main(arguments: list[str] | None = None) -> int:
             warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\w*\.")
             warnings.showwarning = _warner()
             return _execute(*found)
-    except UserError as error:
-        print(f"lfportrait: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         print("lfportrait: interrupted; run the same command again to resume", file=sys.stderr)
         return 130
@@ -213,16 +208,13 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        if type(error).__name__ == "OutOfMemoryError":  # torch's, which is not imported for this
-            print("lfportrait: the GPU has too little memory for this: use --device cpu",
-                  file=sys.stderr)
+        from ..runner import failure_of
+
+        failure = failure_of(error)
+        if failure.code != "internal":
+            print(f"lfportrait: {failure.message}", file=sys.stderr)
             return 2
-        full = out_of_room(error)
-        if full is not None:
-            print(f"lfportrait: {full}", file=sys.stderr)
-            return 2
-        traceback.print_exc()
-        print("lfportrait: internal error; please report it with the lines above",
+        print(f"{failure.trace}lfportrait: internal error; please report it with the lines above",
               file=sys.stderr)
         return 1
 

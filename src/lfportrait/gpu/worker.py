@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
-import os
-import sys
 from typing import Any
 
+from ..runner import Pipe
 from .device import Device
-from .process import GpuLostError, receive, send
+from .process import GpuLostError
 
 __all__ = ["main"]
 
@@ -36,23 +34,13 @@ def _answer(device: Device, name: str, arguments: tuple[Any, ...]) -> tuple[bool
 
 def main() -> None:
     """Answer calls until the parent is gone."""
-    # Drivers and libraries print: that must not get between the answers.
-    incoming = os.fdopen(os.dup(0), "rb", buffering=0)
-    outgoing = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)
-    sys.stdin.close()
-    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
-        adapter = receive(incoming)
-        try:
-            device = Device(adapter)
-        except Exception as error:
-            receive(incoming)
-            send(outgoing, (False, GpuLostError(f"{adapter.title} can't be used: {error}")))
-            return
-        while True:
-            name, arguments = receive(incoming)
-            send(outgoing, _answer(device, name, arguments))
-
-
-if __name__ == "__main__":
-    main()
+    pipe = Pipe()
+    adapter = pipe.requests.get()
+    try:
+        device = Device(adapter)
+    except Exception as error:
+        pipe.requests.get()
+        pipe.tell(False, GpuLostError(f"{adapter.title} can't be used: {error}"))
+        return
+    while True:
+        pipe.tell(*_answer(device, *pipe.requests.get()))

@@ -7,7 +7,7 @@ from .graph import (
     capture_key,
     code_key,
     field_key,
-    finished,
+    portrait_tasks,
     share_key,
     stage_key,
     style_key,
@@ -35,7 +35,7 @@ __all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MadeFrom", "Ma
            "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
            "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
-           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks",
-           "head_kernels", "head_way", "inspect",
-           "inspection_lines", "is_few", "look_at", "make", "painting_key", "prepare_capture",
-           "run_figures", "share_key", "source_key", "stage_key", "style_key", "style_picture"]
+           "do_stage", "field_key", "find_face", "fitted", "get_networks",
+           "head_kernels", "head_way", "inspect", "inspection_lines", "is_few", "look_at", "make",
+           "painting_key", "portrait_tasks", "prepare_capture", "run_figures", "share_key",
+           "source_key", "stage_key", "style_key", "style_picture"]

@@ -8,40 +8,20 @@ on many processes or machines (`batch`); an app that shows how far a portrait is
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from .. import models
 from ..cache import key_of
 from ..lightfield import Display
-from ..stages import finished_record
+from ..runner import Need, graph
 from .steps import MakeConfig
 
-__all__ = ["STAGES", "Need", "Plan", "Stage", "Task", "capture_key", "code_key", "field_key",
-           "finished", "page_key", "share_key", "skin_key", "stage_key", "style_key", "sweep_key"]
+__all__ = ["STAGES", "Stage", "Task", "capture_key", "code_key", "field_key", "page_key",
+           "portrait_tasks", "share_key", "skin_key", "stage_key", "style_key", "sweep_key"]
 
 _MB = 1_000_000
-
-
-@dataclass(frozen=True)
-class Need:
-    """Resources of a stage's task.
-
-    Attributes
-    ----------
-    core_seconds
-        Time on one core; a task on several is taken to be done sooner in proportion.
-    memory
-        Peak of its process in bytes.
-    disk
-        Bytes that it writes.
-    """
-
-    core_seconds: float
-    memory: int
-    disk: int
 
 
 @dataclass(frozen=True)
@@ -53,7 +33,7 @@ class Stage:
     title
         What people see while it runs.
     need
-        What it takes, before any task of it was measured: on one core on the demo's head at its
+        What it takes on one core, before any task of it was measured: on the demo's head at its
         full size, on a 4K panel, and rounded up.
     kernels
         What of `Warmup` it waits for.
@@ -135,23 +115,11 @@ def share_key(code: str, config: MakeConfig) -> str:
 
 
 @dataclass(frozen=True)
-class Task:
-    """One stage of one portrait: files in, files out.
+class Task(graph.Task):
+    """One stage of one portrait; named ``STAGE``, ``SITTER/STAGE`` or ``SITTER/STYLE/STAGE``.
 
     Attributes
     ----------
-    name
-        Its place in the plan: ``STAGE``, ``SITTER/STAGE`` or ``SITTER/STYLE/STAGE``.
-    stage
-        One of `STAGES`.
-    folder
-        Where it writes, relative to the results.
-    outputs
-        What it writes there.
-    key
-        Hash of all that the outputs depend on.
-    needs
-        Names of the tasks whose outputs it reads.
     config, seed
         Parameters.
     inputs
@@ -168,12 +136,6 @@ class Task:
         Where to compute, a choice of ``--device``; no part of the key.
     """
 
-    name: str
-    stage: str
-    folder: str
-    outputs: tuple[str, ...]
-    key: str
-    needs: tuple[str, ...]
     config: MakeConfig
     seed: int
     inputs: dict[str, str] = field(default_factory=dict)
@@ -184,63 +146,32 @@ class Task:
     device: str = "auto"
 
     @property
-    def record(self) -> str:
-        """Name of its record in the folder."""
-        return self.name.rpartition("/")[2]
-
-    @property
     def sitter(self) -> str:
         """Whose portrait it is."""
         return self.name.partition("/")[0]
 
 
-@dataclass
-class Plan:
-    """Tasks, each after those that it needs.
+_WORK = {"capture": ("capture", ("capture",)), "reconstruct": ("field", ("field.npz",)),
+         "stylize": ("stylize", ("styled.npz",)), "encode": ("encode", ("lightfield.png",)),
+         "share": ("share", ("portrait.html", "sweep.mp4", "report.html"))}
+"""The tasks of one portrait, in order: the stage and the files of each."""
 
-    Attributes
+
+def portrait_tasks(keys: Mapping[str, str], config: MakeConfig, seed: int = 0, *,
+                   folders: Mapping[str, str] | None = None, **more: Any) -> list[Task]:
+    """The tasks of one portrait, as `lfportrait make` and the studio do them.
+
+    Parameters
     ----------
-    tasks
-        By name.
-    refused
-        Sitters whose photos can't be used at all, and why.
+    keys
+        Of the tasks that are wanted: of some of capture, reconstruct, stylize, encode and share.
+    config, seed
+        Parameters.
+    folders
+        Where each writes, relative to the results, where that is not the results' folder itself.
+    more
+        Further arguments of all tasks.
     """
-
-    tasks: dict[str, Task] = field(default_factory=dict)
-    refused: dict[str, str] = field(default_factory=dict)
-
-    def wanted(self) -> list[Task]:
-        """The tasks that nothing else needs: what the user gets."""
-        needed = {need for task in self.tasks.values() for need in task.needs}
-        return [task for task in self.tasks.values() if task.name not in needed]
-
-    def before(self, names: Iterable[str]) -> set[str]:
-        """These tasks and all that they need."""
-        found: set[str] = set()
-        left = list(names)
-        while left:
-            name = left.pop()
-            if name not in found:
-                found.add(name)
-                left += self.tasks[name].needs
-        return found
-
-    def done(self, results: Path) -> set[str]:
-        """Names of the tasks that were done before, from the same inputs."""
-        return {name for name, task in self.tasks.items() if finished(task, results) is not None}
-
-    def to_do(self, done: set[str]) -> list[Task]:
-        """The tasks that are left, where these are done: what leads to something missing."""
-        lacking: set[str] = set()
-        left = [task.name for task in self.wanted() if task.name not in done]
-        while left:
-            name = left.pop()
-            if name not in lacking:
-                lacking.add(name)
-                left += [need for need in self.tasks[name].needs if need not in done]
-        return [task for name, task in self.tasks.items() if name in lacking]
-
-
-def finished(task: Task, results: Path) -> dict[str, Any] | None:
-    """The figures of a task whose outputs are there, made from the same inputs; else None."""
-    return finished_record(results / task.folder, task.record, task.key, task.outputs)
+    names = [name for name in _WORK if name in keys]
+    return [Task(name, _WORK[name][0], (folders or {}).get(name, ""), _WORK[name][1], keys[name],
+                 tuple(names[:place]), config, seed, **more) for place, name in enumerate(names)]

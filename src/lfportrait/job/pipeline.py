@@ -18,6 +18,7 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 import warnings
@@ -36,18 +37,18 @@ from ..field import VoxelField
 from ..files import write_json
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
+from ..runner import Here, Outcome, finished, run_tasks
 from ..simd.host import compiling_progress
 from ..stages import StageFolder, check_writable
 from ..version import __version__
 from .first_look import LookTaken, PageLook
 from .graph import (
     STAGES,
-    Plan,
     Task,
     capture_key,
     code_key,
     field_key,
-    finished,
+    portrait_tasks,
     share_key,
     style_key,
 )
@@ -134,27 +135,19 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         return job.run()
 
 
-def _plan(photos: Path | Capture, exemplar: Exemplar, display: Display, config: MakeConfig,
-          seed: int) -> Plan:
+def _tasks(photos: Path | Capture, exemplar: Exemplar, display: Display, config: MakeConfig,
+           seed: int) -> dict[str, Task]:
     """The tasks of one portrait in one folder."""
-    kept = "capture", "field.npz", "styled.npz"
-    files = dict(zip(("capture", "field", "styled"), kept))
-    capture = capture_key(source_key(photos), config, seed)
-    field = field_key(capture, config)
-    style = style_key(field, config, painting_key(exemplar))
-    code = code_key(style, config, display)
-    found: dict[str, Task] = {}
-    for name, stage, key, outputs in (
-            ("capture", "capture", capture, (kept[0],)),
-            ("reconstruct", "field", field, (kept[1],)),
-            ("stylize", "stylize", style, (kept[2],)),
-            ("encode", "encode", code, ("lightfield.png",)),
-            ("share", "share", share_key(code, config),
-             ("portrait.html", "sweep.mp4", "report.html"))):
-        found[name] = Task(name, stage, "", outputs, key, tuple(found), config, seed, files,
-                           source="" if isinstance(photos, Capture) else str(photos),
-                           display=display)
-    return Plan(found)
+    keys = {"capture": capture_key(source_key(photos), config, seed)}
+    keys["reconstruct"] = field_key(keys["capture"], config)
+    keys["stylize"] = style_key(keys["reconstruct"], config, painting_key(exemplar))
+    keys["encode"] = code_key(keys["stylize"], config, display)
+    keys["share"] = share_key(keys["encode"], config)
+    tasks = portrait_tasks(
+        keys, config, seed, display=display,
+        source="" if isinstance(photos, Capture) else str(photos),
+        inputs={"capture": "capture", "field": "field.npz", "styled": "styled.npz"})
+    return {task.name: task for task in tasks}
 
 
 class _Job:
@@ -164,7 +157,7 @@ class _Job:
                  config: MakeConfig, device: str, seed: int, quiet: bool) -> None:
         self.out, self.exemplar, self.display, self.quiet = out, exemplar, display, quiet
         self.config, self.seed = config, seed
-        self.plan = _plan(photos, exemplar, display, config, seed)
+        self.tasks = _tasks(photos, exemplar, display, config, seed)
         self.stages = StageFolder(out, self._say)
         self.tools = Tools(shown=not quiet, device=device, exemplar=exemplar,
                            capture=photos if isinstance(photos, Capture) else None,
@@ -176,14 +169,14 @@ class _Job:
 
     def look_ahead(self, outlook: TimeLeft) -> None:
         """Show the time that is left of what is not done yet."""
-        for task in self.plan.tasks.values():
+        for task in self.tasks.values():
             if finished(task, self.out) is not None:
                 outlook.skip(STAGES[task.stage].title)
         self.tools.outlook = outlook
 
     def look_early(self, begun: float, *, only: bool) -> None:
         """Take a first look as soon as that is possible; ``only``: and end the job with it."""
-        tasks, config = self.plan.tasks, self.config
+        tasks, config = self.tasks, self.config
         look = PageLook(self.stages, hash_of(tasks["stylize"].key, config.page), self.exemplar,
                         replace(config.stylize, seed=self.seed), config.page, config.encode, begun,
                         only=only)
@@ -193,20 +186,22 @@ class _Job:
         self.tools.look = look
 
     def run(self) -> dict[str, Any]:
-        look = self.tools.look
-        try:
-            for task in self.plan.tasks.values():
-                if look is not None and finished(task, self.out) is None:
-                    if look.over and look.only:
-                        continue
-                    if task.stage == "stylize" and not look.over:
-                        self._look_at_finished()
-                self.stages.run(task.name, task.key, task.outputs, partial(self._done, task))
-        except LookTaken:
-            pass
+        with contextlib.suppress(LookTaken):
+            run_tasks(self.tasks.values(), Here(self._do))
         run = self._figures()
         write_json(self.out / "run.json", run)
         return run
+
+    def _do(self, task: Task) -> Outcome:
+        """Do a task, unless it was done before or the job is to end with the first look."""
+        look = self.tools.look
+        if look is not None and finished(task, self.out) is None:
+            if look.over and look.only:
+                return Outcome(task.name)
+            if task.stage == "stylize" and not look.over:
+                self._look_at_finished()
+        return Outcome(task.name, figures=self.stages.run(
+            task.record, task.key, task.outputs, partial(self._done, task)))
 
     def _look_at_finished(self) -> None:
         """Take the first look of the finished field: the painting is new, or kernels were late.
@@ -223,7 +218,7 @@ class _Job:
         figures = do_stage(task, self.out, self.stages, self.tools, self.stages.figures)
         if task.stage == "field":
             self._compare_arcs(figures)
-        return {**figures, "peak_memory_bytes": peak_memory_bytes()}
+        return figures
 
     def _compare_arcs(self, figures: dict[str, Any]) -> None:
         """Say so where the display shows more than the photos do."""

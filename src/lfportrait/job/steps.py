@@ -7,7 +7,7 @@ stages there are, and their keys, is in `graph`; how a task of the graph is done
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -132,13 +132,14 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
     return figures, result.as_read()
 
 
-def write_styled(field: VoxelField, capture: Capture, exemplar: Exemplar, target: Path,
-                 config: MakeConfig, seed: int, progress: Progress | None, *, device: str = "auto",
-                 skin: Skin | None = None) -> tuple[dict[str, Any], VoxelField]:
-    """Stylise a field by an exemplar; the figures, and the field as written."""
+def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,
+                 config: MakeConfig, seed: int, progress: Progress | None, *,
+                 device: str = "auto", skin: Skin | None = None,
+                 ) -> tuple[dict[str, Any], VoxelField]:
+    """Stylise a field by exemplars; the figures, and the field as written."""
     from ..stylize import stylize_with_figures
 
-    styled, figures = stylize_with_figures(field, capture, exemplar,
+    styled, figures = stylize_with_figures(field, capture, exemplars,
                                            replace(config.stylize, seed=seed), progress,
                                            device=device, skin=skin)
     styled.save(target)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import functools
 import math
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -23,9 +22,10 @@ from pathlib import Path
 from ..cache import hash_of
 from ..measure import usable_cores
 from ..progress import Progress
+from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
-__all__ = ["FUNCTIONS", "Warmup", "head_kernels", "run_stage", "run_stages"]
+__all__ = ["FUNCTIONS", "Warmup", "head_kernels", "run_stage"]
 
 FUNCTIONS = {"transfer": 44, "reconstruct": 66, "stylize": 43, "encode": 38}
 """Functions that each stage compiles after those before it: a few more or less on other
@@ -89,19 +89,20 @@ _STAGES: dict[str, Callable[[], None]] = {
     "reconstruct": _reconstruct, "transfer": _transfer, "stylize": _stylize, "encode": _encode}
 
 
-def run_stage(name: str) -> None:
-    """Compile a stage's functions in this process, the name of each on a line of its own."""
+def run_stage(name: str, told: Callable[[str], None] = print) -> None:
+    """Compile a stage's functions in this process; ``told`` is called with the name of each."""
     from ..simd.host import watched_compilations
 
-    with watched_compilations(lambda function: print(function, flush=True)):
+    with watched_compilations(told):
         _STAGES[name]()
 
 
-def run_stages() -> None:
-    """Compile the stages that standard input names, a line each; an empty line ends each one's."""
-    for name in sys.stdin:
-        run_stage(name.strip())
-        print(flush=True)
+def serve() -> None:
+    """Compile the stages that are asked for; what is said without a name ends each one's."""
+    pipe = Pipe()
+    while True:
+        run_stage(pipe.requests.get(), pipe.tell)
+        pipe.tell()
 
 
 @functools.cache
@@ -152,7 +153,7 @@ class Warmup:
         self._lock = threading.Lock()
         self._waiting = wanted
         self._done = {name: threading.Event() for name in wanted}
-        self._processes: list[subprocess.Popen[str]] = []
+        self._children: list[Child] = []
         self._threads = [threading.Thread(target=self._work, daemon=True)
                          for _ in range(min(usable_cores(), len(wanted)))]
         for thread in self._threads:
@@ -165,43 +166,30 @@ class Warmup:
 
     def _work(self) -> None:
         """Compile stage after stage in one process; what fails is left to the job."""
-        process = None
+        child = None
         while (name := self._next()) is not None:
-            if process is None or process.poll() is not None:
-                process = self._start()
-            if self._compile(name, process):
+            child = child or self._start()
+            try:
+                child.send(name)
+                while child.receive():
+                    self.compiled += 1
                 _mark(name).parent.mkdir(parents=True, exist_ok=True)
                 _mark(name).touch()
+            except (OSError, EOFError):  # it ended before the stage did
+                child.close()
+                child = None
             self._done[name].set()
-        if process is not None:
-            process.communicate()
+        if child is not None:
+            child.close()
 
-    def _start(self) -> subprocess.Popen[str]:
+    def _start(self) -> Child:
         """A process that compiles stages."""
         # One thread is enough for specimens, and leaves the cores to the compilers.
-        alone = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        process = subprocess.Popen(
-            [sys.executable, "-c", "from lfportrait.job.warmup import run_stages; run_stages()"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            text=True, env={**os.environ, **alone})
+        child = Child("lfportrait.job.warmup:serve", Path(os.devnull),
+                      {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
         with self._lock:
-            self._processes.append(process)
-        return process
-
-    def _compile(self, name: str, process: subprocess.Popen[str]) -> bool:
-        """Have a process compile a stage; False where it ends before the stage does."""
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            process.stdin.write(f"{name}\n")
-            process.stdin.flush()
-        except OSError:
-            return False
-        for function in process.stdout:
-            if not function.strip():
-                return True
-            self.compiled += 1
-        process.wait()
-        return False
+            self._children.append(child)
+        return child
 
     def ready(self, names: Sequence[str]) -> bool:
         """Whether the kernels of stages are compiled."""
@@ -228,8 +216,8 @@ class Warmup:
         # A thread that had taken a stage may be about to start its process.
         while any(thread.is_alive() for thread in self._threads):
             with self._lock:
-                for process in self._processes:
-                    process.terminate()
+                for child in self._children:
+                    child.kill()
             time.sleep(0.01)
 
     def __enter__(self) -> Warmup:

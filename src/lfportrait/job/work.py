@@ -6,7 +6,7 @@ Nothing but the task, the folder of the results and a few tools is known here.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from ..example import Exemplar, Skin
 from ..example.skin import load_skin, save_skin
 from ..field import VoxelField
 from ..files import write_image
+from ..measure import peak_memory_bytes
 from ..progress import Outlook, Progress
 from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_video
 from ..simd.host import compiling_progress
@@ -54,6 +55,8 @@ class Tools:
         Kernels that are being compiled beside.
     capture, exemplar
         Photos and painting that are in memory already, instead of the task's source.
+    others
+        Further paintings that the head is painted in, for mixes of them.
     sheet
         Picture of the photos that were left out; by default in the task's folder.
     look
@@ -71,6 +74,7 @@ class Tools:
     warmup: Warmup | None = None
     capture: Capture | None = None
     exemplar: Exemplar | None = None
+    others: Sequence[Exemplar] = ()
     sheet: Path | None = None
     look: FirstLook | None = None
     outlook: Outlook | None = None
@@ -117,8 +121,9 @@ def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
                              kept=tools.kept)
         else:
             done = _WORK[task.stage](task, results, folder, tools, progress)
-        return {**done, "steps": {name: {"seconds": seconds, "core_seconds": cores}
-                                  for name, (seconds, cores) in progress.costs.items()}}
+        return {**done, "peak_memory_bytes": peak_memory_bytes(), "steps": {
+            name: {"seconds": seconds, "core_seconds": cores}
+            for name, (seconds, cores) in progress.costs.items()}}
 
 
 def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
@@ -181,8 +186,8 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
         skin = (load_skin(results / task.inputs["skin"], task.skin_key)
                 if "skin" in task.inputs else kept_skin(path, real, capture, config.pixels))
     figures, tools.kept["styled"] = write_styled(
-        real, capture, tools.painting(task), target / task.outputs[0], task.config, task.seed,
-        progress, device=tools.device, skin=skin)
+        real, capture, [tools.painting(task), *tools.others], target / task.outputs[0],
+        task.config, task.seed, progress, device=tools.device, skin=skin)
     for name in task.outputs[1:]:
         styled = load_styled(target / task.outputs[0])
         cameras: Camera = sweep_cameras(0.0, 1, _THUMBNAIL, styled)

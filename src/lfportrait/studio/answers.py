@@ -6,7 +6,6 @@ message, one English sentence, where it knows no other.
 
 from __future__ import annotations
 
-import errno
 import math
 import re
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from typing import Any
 from starlette.responses import JSONResponse, Response
 
 from ..errors import UserError
+from ..runner import failure_of
 
 __all__ = [
     "STATUS",
@@ -23,7 +23,6 @@ __all__ = [
     "failed",
     "number",
     "numbers",
-    "on_page",
     "points",
     "text",
     "truth",
@@ -34,7 +33,7 @@ STATUS = {
     "bad_request": 400, "bad_name": 400, "no_session": 401, "refused": 403, "not_found": 404,
     "too_slow": 408, "busy": 409, "exists": 409, "not_ready": 409, "no_length": 411,
     "too_large": 413, "bad_type": 415, "user_error": 422, "bad_hash": 422, "internal": 500,
-    "preview_lost": 503, "disk_full": 507}
+    "preview_lost": 503, "killed": 503, "disk_full": 507}
 """The codes of errors, and the HTTP status of each."""
 
 _LONGEST = 80
@@ -67,37 +66,25 @@ class Refusal(Exception):
         return JSONResponse({"error": self.entry()}, STATUS[self.code])
 
 
-_UNWRITTEN = re.compile(r"can't write (.*): (.*); (?:free some space or )?"
-                        r"choose another output with --out")
-
-
-def on_page(message: str) -> str:
-    """An error's message without advice that is only of use on the command line."""
-    found = _UNWRITTEN.fullmatch(message)
-    return message if found is None else unwritten(*found.groups())
-
-
-def unwritten(path: object, reason: object) -> str:
-    """What is said where a file can't be written."""
-    return (f"can't write {path}: {reason}; see that its folder may be written to, then try it "
-            "once more")
+_UNWRITTEN = re.compile(r"^can't write (.*): (.*); (?:free some space or )?"
+                        r"choose another output with --out$")
 
 
 def failed(error: BaseException) -> Refusal:
-    """Any error as a refusal: the user's, a full disk, or a fault of ours."""
+    """Any error as a refusal (`lfportrait.runner.failure_of`), with advice for the page."""
     if isinstance(error, Refusal):
         return error
-    full = errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)
-    if isinstance(error, OSError) and error.errno in full:
-        return Refusal("disk_full", "the disk is full: make room, then go on; nothing is lost")
+    found = failure_of(error)
     if isinstance(error, UserError):
-        if "No space left" in str(error):
-            return Refusal("disk_full", f"{error}")
-        return Refusal("user_error", on_page(str(error)))
-    if isinstance(error, OSError) and error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return Refusal("user_error", unwritten(error.filename or "a file", error.strerror))
-    return Refusal("internal", f"internal error: {type(error).__name__}: "
-                   f"{' '.join(str(error).split())}")
+        return Refusal(found.code, _UNWRITTEN.sub(
+            r"can't write \1: \2; see that its folder may be written to, then try it once more",
+            found.message))
+    if found.code == "disk_full":
+        return Refusal("disk_full", "the disk is full: make room, then go on; nothing is lost")
+    if found.code == "memory":
+        return Refusal("killed", "the memory is too small: close other programs, or make the field "
+                       "smaller (reconstruct.max_voxels)")
+    return Refusal(found.code, found.message)
 
 
 def _wrong(field: str, words: str) -> Refusal:

@@ -1,33 +1,20 @@
-"""A process of the server's: started, asked, paused and ended with all that it has started.
-
-It has a process group of its own, so that Ctrl-C in the terminal does not reach it and it can be
-paused and ended as a whole.
-"""
+"""A process of the server's, heard in the server's loop."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
-import pickle
-import signal
-import struct
-import sys
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError
 from ..models import OFFLINE
-from .work.pipe import framed
+from ..runner import processes
 
-__all__ = ["CAN_PAUSE", "Child"]
-
-CAN_PAUSE = hasattr(os, "killpg")
-"""Whether this system can stop a process and all that it has started, and let it go on."""
+__all__ = ["Child"]
 
 
-class Child:
-    """One process.
+class Child(processes.Child):
+    """A process that has a group of its own, from now on.
 
     Parameters
     ----------
@@ -40,96 +27,29 @@ class Child:
     """
 
     def __init__(self, entry: str, log: Path, *, offline: bool = True) -> None:
-        self._entry, self._log = entry, log
-        self._settings = {OFFLINE: "1"} if offline else {}
-        self._process: asyncio.subprocess.Process | None = None
-        self.paused = False
-        self._ended = False
-        self._reading = False
+        super().__init__(entry, log, {OFFLINE: "1"} if offline else {}, group=True)
+        self._messages: asyncio.Queue[Any] = asyncio.Queue()
+        loop = asyncio.get_running_loop()
 
-    @property
-    def alive(self) -> bool:
-        """Whether it runs."""
-        return self._process is not None and self._process.returncode is None
+        def heard(message: Any) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(self._messages.put_nowait, message)
 
-    @property
-    def number(self) -> int:
-        """Of the process; 0 where there is none."""
-        return self._process.pid if self._process is not None and self.alive else 0
+        self.listen(heard)
 
-    async def start(self) -> None:
-        """Start it."""
-        module, _, function = self._entry.partition(":")
-        own: dict[str, Any] = {"process_group": 0} if os.name == "posix" else {
-            "creationflags": 0x200}  # CREATE_NEW_PROCESS_GROUP
-        self._log.parent.mkdir(parents=True, exist_ok=True)
-        keep = self._log.is_file() and self._log.stat().st_size < 1 << 20
-        with open(self._log, "ab" if keep else "wb") as log:
-            self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-c", f"from {module} import {function}; {function}()",
-                stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=log,
-                env={**os.environ, **self._settings}, **own)
+    async def tell(self, message: Any) -> None:
+        """Send it a message; what it can't read any more is lost, and `hear` says so."""
+        with contextlib.suppress(OSError):
+            await asyncio.to_thread(self.send, message)
 
-    async def send(self, message: Any) -> None:
-        """Send it a message; what it can't read any more is lost, and `receive` says so."""
-        assert self._process is not None and self._process.stdin is not None
-        with contextlib.suppress(ConnectionError):
-            self._process.stdin.write(framed(message))
-            await self._process.stdin.drain()
-
-    async def receive(self) -> Any:
+    async def hear(self) -> Any:
         """Its next message; None when it has ended."""
-        assert self._process is not None and self._process.stdout is not None
-        self._reading = True
-        try:
-            size = struct.unpack("<I", await self._process.stdout.readexactly(4))[0]
-            return pickle.loads(await self._process.stdout.readexactly(size))
-        except (asyncio.IncompleteReadError, ConnectionError, pickle.UnpicklingError):
-            self._reading = False
+        message = await self._messages.get()
+        if message is None:
             await self.end()
-            return None
-        finally:
-            self._reading = False
-
-    def pause(self, paused: bool) -> None:
-        """Stop it where it is, or let it go on; its memory stays.
-
-        Raises
-        ------
-        UserError
-            On systems that can't.
-        """
-        if not CAN_PAUSE:
-            raise UserError("this system can't pause a process; cancel the job instead: it goes on "
-                            "where its last stage ended")
-        self._signal(signal.SIGSTOP if paused else signal.SIGCONT)
-        self.paused = paused
-
-    def kill(self) -> None:
-        """Kill it and all that it has started."""
-        if self._process is None or self._ended:
-            return
-        self._ended = True
-        if hasattr(os, "killpg"):
-            self._signal(signal.SIGKILL)
-        elif self.alive:
-            self._process.kill()
+        return message
 
     async def end(self) -> None:
         """Kill it and all that it has started, and wait for its end."""
         self.kill()
-        if self._process is None:
-            return
-        await self._process.wait()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
-        if self._process.stdout is not None and not self._reading:
-            # Read to its end, the pipe is closed before the loop is.
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._process.stdout.read(), 1.0)
-
-    def _signal(self, number: int) -> None:
-        assert self._process is not None
-        # Where the process itself is gone, the group may still have members.
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, number)
+        await asyncio.to_thread(self.close)

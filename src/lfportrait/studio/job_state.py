@@ -6,7 +6,6 @@ running.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 from ..errors import UserError
 from ..files import read_json, write_json
 
-__all__ = ["ENDED", "JobState", "StageState", "Times", "load_jobs"]
+__all__ = ["ENDED", "JobState", "StageState", "load_jobs"]
 
 ENDED = ("done", "failed", "cancelled")
 
@@ -198,33 +197,3 @@ def load_jobs(folder: Path) -> list[JobState]:
                 one.state, one.progress = "waiting", None
         found.append(job)
     return sorted(found, key=lambda job: (job.created, job.id))
-
-
-class Times:
-    """How long stages took here, as an estimate for the next ones.
-
-    Parameters
-    ----------
-    path
-        File that keeps them.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        try:
-            found = read_json(path)
-        except UserError:
-            found = {}
-        self._seconds = {str(name): float(value) for name, value in found.items()
-                         if isinstance(value, int | float)} if isinstance(found, dict) else {}
-
-    def need(self, stage: str, usual: float) -> float:
-        """Seconds that a stage will take."""
-        return self._seconds.get(stage, usual)
-
-    def learn(self, stage: str, seconds: float) -> None:
-        """A stage took so long: the newest counts half."""
-        before = self._seconds.get(stage, seconds)
-        self._seconds[stage] = round(0.5 * before + 0.5 * seconds, 2)
-        with contextlib.suppress(UserError):  # a full disk loses an estimate
-            write_json(self._path, self._seconds)

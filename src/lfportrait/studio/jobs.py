@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..runner import Costs, Need
 from .answers import Refusal
 from .child import Child
 from .events import Events
-from .job_state import JobState, StageState, Times, load_jobs
+from .job_state import JobState, StageState, load_jobs
 
 __all__ = ["Jobs"]
 
@@ -54,7 +55,7 @@ class Jobs:
         self._folder, self._events, self._order, self._changed = folder, events, order, changed
         folder.mkdir(parents=True, exist_ok=True)
         self.jobs: dict[str, JobState] = {job.id: job for job in load_jobs(folder)}
-        self._times = Times(folder / "times.json")
+        self._costs = Costs(file=folder / "costs.json")
         self._children: dict[str, Child] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
@@ -219,15 +220,14 @@ class Jobs:
             order = self._order(job)
             child = Child(self.ENTRY, self._folder / f"{job.id}.log",
                           offline=job.kind != "networks")
-            await child.start()
         except (Refusal, UserError, OSError) as error:
             self._fail(job, getattr(error, "code", "user_error"), str(error))
             self._settle(job)
             return
         self._children[job.id] = child
         self._keep(job)
-        await child.send(order)
-        while (message := await child.receive()) is not None:
+        await child.tell(order)
+        while (message := await child.hear()) is not None:
             if self._children.get(job.id) is child:
                 self._hear(job, message[0], message[1:])
             if job.over:
@@ -255,7 +255,8 @@ class Jobs:
             job.stages = []
             for name, usual in facts[0]:
                 one = known.get(name) or StageState(name)
-                one.need = self._times.need(name, usual)
+                self._costs.usual[name] = Need(usual)
+                one.need = self._costs.need(name).seconds
                 job.stages.append(one)
         elif kind == "note":
             if facts[0] not in job.notes:
@@ -278,7 +279,7 @@ class Jobs:
         elif kind == "done":
             stage.state, stage.progress, stage.note = "done", 1.0, ""
             stage.seconds = facts[1]
-            self._times.learn(stage.name, facts[1])
+            self._costs.learn(stage.name, Need(facts[1]))
         elif kind == "skipped":
             stage.state, stage.progress = "skipped", 1.0
 

@@ -69,7 +69,7 @@ class Previews:
     @property
     def process(self) -> int:
         """Number of the process, 0 where there is none."""
-        return self._child.number if self._child is not None else 0
+        return self._child.number if self._child is not None and self._child.alive else 0
 
     @property
     def busy(self) -> bool:
@@ -147,10 +147,11 @@ class Previews:
 
     async def _asked(self, question: _Question) -> None:
         if self._child is None or not self._child.alive:
+            if self._child is not None:
+                await self._child.end()
             self._child = Child("lfportrait.studio.work.resident:serve", self._log)
-            await self._child.start()
-        await self._child.send((question.number, question.name, question.facts))
-        message = await self._child.receive()
+        await self._child.tell((question.number, question.name, question.facts))
+        message = await self._child.hear()
         if message is None:
             text = ("the preview's process was ended from outside, as it happens where memory is "
                     "short; it starts again with the next preview")

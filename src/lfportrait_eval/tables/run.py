@@ -27,6 +27,7 @@ from lfportrait.field import ReconstructConfig, VoxelField
 from lfportrait.files import read_json, write_image
 from lfportrait.measure import machine
 from lfportrait.progress import Progress
+from lfportrait.runner import Costs, Need, failure_of
 from lfportrait.stages import StageFolder, check_writable, finished_record
 from lfportrait.version import __version__
 
@@ -71,7 +72,7 @@ class Teller:
     def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
         self._progress, self._waiting = progress, list(waiting)
         self._total = len(self._waiting)
-        self._took: dict[str, list[float]] = {}
+        self._costs = Costs()
 
     def say(self, text: str) -> None:
         """Show what is being done, behind what is left."""
@@ -91,7 +92,7 @@ class Teller:
     def done(self, cell: CellName, seconds: float) -> None:
         """A cell is done, in so many seconds; one that was done before does not count."""
         if cell in self._waiting:
-            self._took.setdefault(cell[2], []).append(seconds)
+            self._costs.learn(cell[2], Need(seconds))
             self._finish(cell, f"{seconds:.0f} s")
 
     def failed(self, cell: CellName, reason: str) -> None:
@@ -106,11 +107,7 @@ class Teller:
 
     def seconds_left(self) -> float:
         """Estimated time of the waiting cells: by the mean of their method, else of all."""
-        known = [second for row in self._took.values() for second in row]
-        if not known:
-            return 0.0
-        means = {method: sum(row) / len(row) for method, row in self._took.items()}
-        return sum(means.get(cell[2], sum(known) / len(known)) for cell in self._waiting)
+        return sum(self._costs.need(cell[2]).seconds for cell in self._waiting)
 
 
 class _Inside(Progress):
@@ -254,7 +251,7 @@ class _Run:
         floors: dict[str, dict[str, Any]] = {}
         cells: list[Cell] = []
         for source in self.sources:
-            sitter = _Lazily(functools.partial(self._sitter, source))
+            sitter = functools.cache(functools.partial(self._sitter, source))
             floor = self._floor(source, sitter)
             if floor is not None:
                 floors[source.name] = floor
@@ -320,13 +317,13 @@ class _Run:
         capture.save(target)
         return {"photos": len(capture)}
 
-    def _floor(self, source: Source, sitter: _Lazily) -> dict[str, Any] | None:
+    def _floor(self, source: Source, sitter: Callable[[], Sitter]) -> dict[str, Any] | None:
         """What the real field and the photos reach by the measure of consistency.
 
         None where that is not done and nothing new is to be started.
         """
         def found() -> dict[str, Any]:
-            one: Sitter = sitter.get()
+            one = sitter()
             self.teller.say(f"{source.name}: the field before style, the photos")
             start = time.perf_counter()
             skin = one.skin
@@ -348,10 +345,11 @@ class _Run:
             return finished_record(self.out, name, key, [picture])
         return self.folder.run(name, key, [picture], found)
 
-    def _style(self, source: Source, sitter: _Lazily, exemplar: Exemplar,
+    def _style(self, source: Source, sitter: Callable[[], Sitter], exemplar: Exemplar,
                methods: Sequence[str]) -> list[Cell]:
         """All methods for one sitter in one style."""
-        target = _Lazily(lambda: Target(sitter.get(), exemplar, self.sizes.crops, self.seed))
+        target = functools.cache(lambda: Target(sitter(), exemplar, self.sizes.crops,
+                                                self.seed))
         cells = {}
         # The other reference of Table 2 comes first.
         example = False
@@ -377,12 +375,12 @@ class _Run:
         cell = source.name, exemplar.name, method
         try:
             return function()
-        except UserError as error:
-            reason = " ".join(str(error).split())
         except Exception as error:
-            # Hours of work don't end at one cell's fault; it is raised when all is written.
-            self.fault = self.fault or error
-            reason = f"failed: {type(error).__name__}: {' '.join(str(error).split())}"
+            failure = failure_of(error)
+            if failure.code == "internal":
+                # Hours of work don't end at one cell's fault; it is raised when all is written.
+                self.fault = self.fault or error
+            reason = failure.message
         self._missing(source, exemplar, method, reason)
         self.teller.failed(cell, reason)
         return None
@@ -391,13 +389,13 @@ class _Run:
         self.failures.append({"sitter": source.name, "style": exemplar.name, "method": method,
                               "reason": reason})
 
-    def _painted(self, source: Source, sitter: _Lazily, exemplar: Exemplar,
+    def _painted(self, source: Source, sitter: Callable[[], Sitter], exemplar: Exemplar,
                  method: str) -> dict[str, Any]:
         name = f"{source.name}/{exemplar.name}/{method}"
 
         def paint() -> dict[str, Any]:
             views, figures = paint_views(
-                method, sitter.get(), exemplar, self.sizes, self.config.stylize, self.seed,
+                method, sitter(), exemplar, self.sizes, self.config.stylize, self.seed,
                 self.teller.inside(f"{source.name}, {exemplar.name}, {method}"))
             views.save(self.out / "views" / f"{name}.npz")
             write_image(self.out / "pictures" / f"{name}.png", _strip(views))
@@ -407,13 +405,13 @@ class _Run:
                                self._paint_key(source, exemplar, method),
                                [f"views/{name}.npz", f"pictures/{name}.png"], paint)
 
-    def _measured(self, source: Source, exemplar: Exemplar, method: str, target: _Lazily,
-                  example: bool) -> dict[str, Any]:
+    def _measured(self, source: Source, exemplar: Exemplar, method: str,
+                  target: Callable[[], Target], example: bool) -> dict[str, Any]:
         views = self.out / "views" / source.name / exemplar.name
 
         def found() -> dict[str, Any]:
             say = self.teller.inside(f"{source.name}, {exemplar.name}, {method}")
-            return measure(Views.load(views / f"{method}.npz"), target.get(),
+            return measure(Views.load(views / f"{method}.npz"), target(),
                            Views.load(views / "views.npz") if example else None,
                            lambda text: say.update(0, text))
 
@@ -447,19 +445,6 @@ class _Run:
         return write_documents(self.out, facts, cells, floors, speed, study, self.failures,
                                {one.name: one.image for one in self.exemplars} if pictures
                                else None)
-
-
-class _Lazily:
-    """Something that is made when first asked for."""
-
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self._make, self._made = make, None
-
-    def get(self) -> Any:
-        """It."""
-        if self._made is None:
-            self._made = self._make()
-        return self._made
 
 
 def _plain(figures: dict[str, float | None]) -> dict[str, float | None]:

@@ -11,10 +11,8 @@ import pytest
 from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.job.batch import load_jobs, prepare_batch
-from lfportrait.job.batch.costs import Estimates, cores_of_a_task
-from lfportrait.job.batch.driver import _Left
 from lfportrait.job.batch.fingerprints import Fingerprints
-from lfportrait.job.batch.plan import draw_plan
+from lfportrait.job.batch.plan import cores_of_a_task, draw_plan
 from lfportrait.job.graph import STAGES
 from lfportrait.job.steps import source_key
 from lfportrait.states import tells_changes
@@ -46,8 +44,9 @@ def test_one_capture_field_and_skin_serve_all_styles(studio, jobs_text):
         assert set(task.needs) <= seen, "a task comes after those that it needs"
         seen.add(task.name)
     assert {task.stage for task in plan.wanted()} == {"encode", "page"}
-    assert plan.before(["anna/ken/page"]) == {
-        "anna/ken/page", "anna/ken/styled", "anna/skin-48", "anna/field", "anna/capture"}
+    before = {"anna/ken/page", "anna/ken/styled", "anna/skin-48", "anna/field", "anna/capture"}
+    every = {task.name for task in plan.wanted()} - {"anna/ken/page"}
+    assert {task.name for task in plan.to_do(every)} == before
 
 
 @pytest.mark.parametrize("old, new, stages", [
@@ -125,28 +124,6 @@ def test_only_what_leads_to_something_missing_is_done(made, studio, copy):
         "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
 
 
-def test_tasks_wait_for_what_they_need(studio, jobs_text):
-    left = _Left(list(planned(studio, jobs_text).tasks.values()))
-    started = []
-
-    def start():
-        while (task := left.first()) is not None:
-            left.take()
-            started.append(task.name)
-
-    start()
-    assert started == ["anna/capture", "bert/capture"]
-    left.done("bert/capture")
-    start()
-    assert started[2:] == ["bert/field"]
-    assert set(left.failed("bert/field")) == {
-        name for name in planned(studio, jobs_text).tasks if name.startswith("bert/")} - {
-        "bert/capture", "bert/field"}
-    left.done("anna/capture")
-    start()
-    assert started[3:] == ["anna/field"] and len(left) == 10
-
-
 def test_photos_are_read_once(tmp_path, monkeypatch):
     monkeypatch.setattr("lfportrait.states._SOON", -1)  # as if they had been here for long
     (tmp_path / "photos").mkdir()
@@ -189,16 +166,6 @@ def test_a_photo_whose_size_and_time_are_kept_is_another(tmp_path, monkeypatch):
 def test_a_cards_times_tell_nothing(changed):
     assert not tells_changes((1, changed, changed, 1))
     assert tells_changes((1, changed, changed + 1, 1)) == (sys.platform != "win32")
-
-
-def test_estimates_follow_what_was_measured():
-    estimates = Estimates()
-    assert estimates.need("field") == STAGES["field"].need
-    for seconds, memory in ((2.0, 100), (4.0, 300)):
-        estimates.learn("field", {"cost": {"cpu_seconds": seconds, "bytes": 10,
-                                           "peak_memory_bytes": memory}})
-    need = estimates.need("field")
-    assert (need.core_seconds, need.memory, need.disk) == (3.0, 360, 10)
 
 
 @pytest.mark.parametrize("cores, each", [(1, 1), (2, 1), (4, 2), (64, 8)])

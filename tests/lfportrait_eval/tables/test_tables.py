@@ -213,7 +213,7 @@ def test_a_fault_of_ours_is_raised_when_the_rest_is_written(files, tmp_path, bru
     with pytest.raises(RuntimeError, match="a bug"):
         compare(files, tmp_path)
     text = (tmp_path / "tables.md").read_text("utf-8")
-    assert "skin: not measured (ann in warm): failed: RuntimeError: a bug" in text
+    assert "skin: not measured (ann in warm): internal error: RuntimeError: a bug" in text
     assert (tmp_path / "index.html").is_file()
 
 

@@ -1,14 +1,11 @@
-"""Run a batch: plan it, start tasks when their inputs are done, report the results.
+"""Run a batch: plan it, have its tasks run (`lfportrait.runner`), report the results.
 
-There is no schedule but the graph. Of the tasks whose needs are done the first of the plan goes
-first; the plan has sitter after sitter, so that portraits are finished one by one and not all at
-the end.
+The plan has sitter after sitter, so that portraits are finished one by one and not all at the end.
 """
 
 from __future__ import annotations
 
 import contextlib
-import heapq
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -21,21 +18,20 @@ from ...errors import UserError
 from ...example import Exemplar
 from ...files import atomic_write, write_json
 from ...measure import usable_cores
+from ...runner import Outcome, Plan, Runner, finished, run_tasks
 from ...simd.host import compiling_progress
 from ...stages import check_writable
-from ..graph import Plan, Task, finished
+from ..graph import Task
 from ..networks import get_networks, networks_of
 from ..steps import painting_key, source_key
 from ..warmup import Warmup
-from .costs import cores_of_a_task
 from .fingerprints import Fingerprints
 from .index import write_index
 from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked
-from .plan import draw_plan
-from .runners import KERNELS, LocalRunner, Runner
+from .plan import cores_of_a_task, draw_plan
+from .runners import KERNELS, LocalRunner
 from .state import Batch
-from .work import Outcome
 
 __all__ = ["BatchConfig", "batch", "prepare_batch"]
 
@@ -92,7 +88,7 @@ def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bo
     found = Batch(jobs, plan, results, done, prints=prints)
     _ask_for_networks(found, offline, quiet)
     for name in done:
-        found.estimates.learn(plan.tasks[name].stage, finished(plan.tasks[name], results) or {})
+        found.learn(plan.tasks[name].stage, finished(plan.tasks[name], results) or {})
     return found
 
 
@@ -146,63 +142,13 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
         return _Run(found, config, quiet, watchers or [], checked_choice(device)).run()
 
 
-class _Left:
-    """The tasks that are left, those first whose needs are done, in the order of the plan."""
-
-    def __init__(self, tasks: list[Task]) -> None:
-        self._tasks = {task.name: task for task in tasks}
-        self._place = {task.name: place for place, task in enumerate(tasks)}
-        self._lacks = {task.name: {need for need in task.needs if need in self._tasks}
-                       for task in tasks}
-        self._followers: dict[str, list[str]] = {}
-        for task in tasks:
-            for need in self._lacks[task.name]:
-                self._followers.setdefault(need, []).append(task.name)
-        # In order, so a heap already.
-        self._ready = [place for place, task in enumerate(tasks) if not self._lacks[task.name]]
-        self._order = tasks
-
-    def __len__(self) -> int:
-        """Tasks that have not ended."""
-        return len(self._tasks)
-
-    def first(self) -> Task | None:
-        """The first task that can begin."""
-        while self._ready and self._order[self._ready[0]].name not in self._tasks:
-            heapq.heappop(self._ready)
-        return self._order[self._ready[0]] if self._ready else None
-
-    def take(self) -> None:
-        """The first task begins."""
-        heapq.heappop(self._ready)
-
-    def done(self, name: str) -> None:
-        """A task is done: others may be ready."""
-        del self._tasks[name]
-        for other in self._followers.get(name, ()):
-            self._lacks[other].discard(name)
-            if not self._lacks[other] and other in self._tasks:
-                heapq.heappush(self._ready, self._place[other])
-
-    def failed(self, name: str) -> list[str]:
-        """A task failed: those that wait for it, which can't be done now."""
-        del self._tasks[name]
-        lost, left = [], list(self._followers.get(name, ()))
-        while left:
-            other = left.pop()
-            if self._tasks.pop(other, None) is not None:
-                lost.append(other)
-                left += self._followers.get(other, ())
-        return lost
-
-
 class _Run:
     """One run of a batch."""
 
     def __init__(self, found: Batch, config: BatchConfig, quiet: bool,
                  watchers: list[Watcher], device: str) -> None:
-        self.batch, self.config, self.quiet, self.device = found, config, quiet, device
-        self.left = _Left(found.plan.to_do(found.done))
+        self.batch, self.config, self.quiet = found, config, quiet
+        self.left = [replace(task, device=device) for task in found.plan.to_do(found.done)]
         self.ran: Counter[str] = Counter()
         self.journal = Journal(found.results, watchers)
 
@@ -222,13 +168,15 @@ class _Run:
             for name, why in found.plan.refused.items():
                 self.journal.tell("failed", task=name, why=why)
             if runner is not None:
-                self._work(runner)
+                found.lost |= run_tasks(
+                    self.left, runner, self._heard,
+                    lambda task: found.costs.need(task.stage).memory)
             figures = self._figures()
             self.journal.tell("end", done=len(found.done), failed=found.failures())
         self._write(figures)
         return figures
 
-    def _runner(self) -> Runner:
+    def _runner(self) -> Runner[Task]:
         config, results = self.config, self.batch.results
         if config.on != "local":
             from .ray_runner import RayRunner
@@ -244,27 +192,16 @@ class _Run:
                 KERNELS) as warmup:
             warmup.wait(KERNELS, progress)
 
-    def _work(self, runner: Runner) -> None:
-        """Give out tasks and take in outcomes until none is left."""
-        while self.left:
-            while (task := self.left.first()) is not None:
-                memory = self.batch.estimates.need(task.stage).memory
-                if not runner.fits(memory):
-                    break
-                self.left.take()
-                self.journal.tell("started", task=task.name, stage=task.stage)
-                runner.start(replace(task, device=self.device), memory)
-            for outcome in runner.wait(0.5):
-                self._take(outcome)
-
-    def _take(self, outcome: Outcome) -> None:
-        """Note how a task ended."""
-        found, task = self.batch, self.batch.plan.tasks[outcome.task]
+    def _heard(self, task: Task, outcome: Outcome | None) -> None:
+        """Note that a task begins, or how it ended."""
+        found = self.batch
+        if outcome is None:
+            self.journal.tell("started", task=task.name, stage=task.stage)
+            return
         if not outcome.error:
-            figures = outcome.figures or {}
+            figures = outcome.figures
             found.done.add(task.name)
-            self.left.done(task.name)
-            found.estimates.learn(task.stage, figures)
+            found.learn(task.stage, figures)
             self.ran[task.stage] += not outcome.again
             self.journal.tell("done", task=task.name, stage=task.stage, worker=outcome.worker,
                               **figures.get("cost", {}), notes=figures.get("notes", []))
@@ -276,7 +213,6 @@ class _Run:
             faults = found.results / FOLDER / "faults.txt"
             with suppress(OSError), open(faults, "a", encoding="utf-8") as stream:
                 stream.write(f"{task.name}\n{outcome.fault}\n")
-        found.lost |= dict.fromkeys(self.left.failed(task.name), task.name)
 
     def _figures(self) -> dict[str, Any]:
         found = self.batch
@@ -293,7 +229,7 @@ class _Run:
             figures["failed"]["index.html"] = str(error)
 
 
-def _plan_rows(plan: Plan) -> dict[str, Any]:
+def _plan_rows(plan: Plan[Task]) -> dict[str, Any]:
     """What ``lfportrait batch status`` must know of a plan."""
     return {"refused": plan.refused, "tasks": [
         {"name": task.name, "stage": task.stage, "folder": task.folder, "record": task.record,

@@ -12,8 +12,9 @@ from string import Template
 from typing import Any
 from urllib.parse import quote
 
+from ...runner import finished
 from ...version import __version__
-from ..graph import Task, finished
+from ..graph import Task
 from .state import Batch
 
 __all__ = ["write_index"]

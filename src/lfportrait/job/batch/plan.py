@@ -22,8 +22,8 @@ from typing import Any
 from ...errors import UserError
 from ...lightfield import Display, EncodeConfig
 from ...measure import usable_cores
+from ...runner import Plan
 from ..graph import (
-    Plan,
     Task,
     capture_key,
     code_key,
@@ -36,10 +36,10 @@ from ..graph import (
 from ..steps import MakeConfig, fitted, look_at, source_key
 from .jobs_file import Jobs, Panel, Sitter
 
-__all__ = ["draw_plan"]
+__all__ = ["cores_of_a_task", "draw_plan"]
 
 def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
-              fingerprint: Callable[[Path], str] = source_key) -> Plan:
+              fingerprint: Callable[[Path], str] = source_key) -> Plan[Task]:
     """The graph of the jobs of a file.
 
     Parameters
@@ -58,7 +58,7 @@ def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
         except UserError as error:
             return error
 
-    plan = Plan()
+    plan = Plan[Task]()
     # Hashing waits for the disk and does without Python's lock.
     with ThreadPoolExecutor(min(8, usable_cores())) as threads:
         for sitter, source in zip(jobs.sitters.values(), threads.map(look, jobs.sitters.values())):
@@ -68,6 +68,18 @@ def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
             for task in _Portraits(jobs, sitter, paintings, source).tasks():
                 plan.tasks[task.name] = task
     return plan
+
+
+def cores_of_a_task(plan: Plan[Task], cores: int) -> int:
+    """Cores for each task where none are asked for.
+
+    Tasks beside each other on a core each waste least, so they get more only where there are fewer
+    sitters than cores. It follows from the whole plan, not from what is left of it: what is
+    computed depends on the number of threads in its last bits, and a batch that goes on must end
+    with the same files.
+    """
+    sitters = len({task.sitter for task in plan.tasks.values()})
+    return max(1, min(8, cores // max(1, sitters)))
 
 
 class _Portraits:

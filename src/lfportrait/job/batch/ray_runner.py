@@ -15,11 +15,12 @@ from typing import Any
 
 from ...errors import UserError
 from ...measure import usable_cores
-from ..graph import Task, finished
+from ...runner import Outcome, Runner, finished
+from ..graph import Task
 from ..warmup import Warmup
 from .journal import locked_file
 from .runners import ATTEMPTS, KERNELS, thread_settings
-from .work import Outcome, do_task
+from .work import do_task
 
 __all__ = ["RayRunner"]
 
@@ -74,7 +75,7 @@ def _joined(address: str) -> Any:
     return ray
 
 
-class RayRunner:
+class RayRunner(Runner[Task]):
     """A Ray cluster.
 
     Parameters

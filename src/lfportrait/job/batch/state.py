@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ...measure import free_disk_bytes
-from ..graph import STAGES, Plan
-from .costs import Estimates
+from ...runner import Costs, Need, Plan
+from ..graph import STAGES, Task
 from .fingerprints import Fingerprints
 from .jobs_file import Jobs
 
@@ -31,20 +31,26 @@ class Batch:
         Why tasks failed, by name.
     lost
         Tasks that can't be done as one before them failed: the name of that one.
-    estimates
-        What tasks take.
+    costs
+        What tasks of each stage take.
     prints
         Hashes of the photos, to be kept.
     """
 
     jobs: Jobs
-    plan: Plan
+    plan: Plan[Task]
     results: Path
     done: set[str]
     failed: dict[str, str] = field(default_factory=dict)
     lost: dict[str, str] = field(default_factory=dict)
-    estimates: Estimates = field(default_factory=Estimates)
+    costs: Costs = field(default_factory=lambda: Costs(
+        {name: stage.need for name, stage in STAGES.items()}))
     prints: Fingerprints | None = None
+
+    def learn(self, stage: str, figures: dict[str, Any]) -> None:
+        """Take the figures of a task that is done into account."""
+        if "cost" in figures:
+            self.costs.learn(stage, Need.of(figures["cost"]))
 
     def summary(self) -> dict[str, Any]:
         """The figures for ``--json``: tasks by stage, and their estimated needs."""
@@ -53,10 +59,10 @@ class Batch:
         for stage in STAGES:
             every = [task for task in self.plan.tasks.values() if task.stage == stage]
             if every:
-                need = self.estimates.need(stage)
+                need = self.costs.need(stage)
                 count = sum(task.stage == stage for task in left)
                 stages[stage] = {"tasks": len(every), "to_do": count,
-                                 "core_seconds": round(count * need.core_seconds, 1),
+                                 "core_seconds": round(count * need.seconds, 1),
                                  "memory_bytes": need.memory, "disk_bytes": count * need.disk}
         return {"sitters": len(self.jobs.sitters), "styles": len(self.jobs.styles),
                 "displays": len(self.jobs.panels), "tasks": len(self.plan.tasks),

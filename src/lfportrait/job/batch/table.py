@@ -15,9 +15,9 @@ from rich.table import Table
 
 from ...errors import UserError
 from ...files import read_json
+from ...runner import Costs, Need
 from ...stages import finished_record
 from ..graph import STAGES
-from .costs import Estimates
 from .journal import FOLDER, Event, is_running, read_events
 
 __all__ = ["BatchTable", "JsonLines", "batch_status", "dry_table", "duration"]
@@ -64,7 +64,7 @@ class BatchTable:
         self._running: dict[str, str] = {}
         self._done: Counter[str] = Counter()
         self._failed: Counter[str] = Counter()
-        self._estimates = Estimates()
+        self._costs = Costs()
         self._last = time.monotonic()
 
     def __call__(self, event: Event) -> None:
@@ -72,6 +72,8 @@ class BatchTable:
         kind, stage, task = event["event"], event.get("stage", ""), event.get("task", "")
         if kind == "plan":
             self._stages, self._slots = event["stages"], max(1, event["slots"])
+            self._costs = Costs({name: Need(row["core_seconds"] / max(1, row["to_do"]))
+                                 for name, row in self._stages.items()})
             if self._console.is_terminal:
                 self._live = Live(console=self._console, get_renderable=self._table,
                                   refresh_per_second=4)
@@ -82,7 +84,7 @@ class BatchTable:
             self._running.pop(task, None)
             (self._done if kind == "done" else self._failed)[stage] += 1
             if kind == "done":
-                self._estimates.learn(stage, {"cost": event})
+                self._costs.learn(stage, Need.of(event))
             else:
                 self._console.print(f"failed: {task}: {event['why']}", markup=False,
                                     highlight=False)
@@ -102,17 +104,9 @@ class BatchTable:
         row = self._stages[stage]
         return max(0, int(row["to_do"]) - self._done[stage] - self._failed[stage])
 
-    def _need(self, stage: str) -> float:
-        """Core-seconds of a task: what was measured in this run, else what the plan said."""
-        measured = self._estimates.need(stage)
-        row = self._stages[stage]
-        if measured is STAGES[stage].need and row["to_do"]:
-            return float(row["core_seconds"]) / int(row["to_do"])
-        return measured.core_seconds
-
     def seconds_left(self) -> float:
         """Time left, from what tasks took and how many run at once."""
-        total = sum(self._left(stage) * self._need(stage) for stage in self._stages)
+        total = sum(self._left(stage) * self._costs.need(stage).seconds for stage in self._stages)
         return total / self._slots
 
     def _line(self) -> str:
@@ -127,7 +121,7 @@ class BatchTable:
         running = Counter(self._running.values())
         for stage, row in self._stages.items():
             before = int(row["tasks"]) - int(row["to_do"])
-            left = duration(self._left(stage) * self._need(stage) / self._slots)
+            left = duration(self._left(stage) * self._costs.need(stage).seconds / self._slots)
             table.add_row(stage, f"{before + self._done[stage]} of {row['tasks']}",
                           str(running[stage] or ""), str(self._failed[stage] or ""), left)
         return table

@@ -6,50 +6,20 @@ inputs is not done again, so one that is given out twice, because word of it was
 
 from __future__ import annotations
 
-import errno
 import os
 import socket
-import traceback
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...errors import UserError
 from ...measure import cost_of
+from ...runner import Outcome, finished, outcome_of
 from ...stages import StageFolder
-from ..graph import Task, finished
+from ..graph import Task
 from ..work import Tools, do_stage
 
-__all__ = ["Outcome", "do_task"]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a task ended.
-
-    Attributes
-    ----------
-    task
-        Its name.
-    error
-        Cause of the failure, on one line; empty if it is done.
-    figures
-        Of the stage, with ``cost``: seconds, core-seconds, peak memory, bytes written.
-    fault
-        The traceback of an internal error; empty for errors of the user.
-    worker
-        Machine and process that did it.
-    again
-        Whether it had been done before.
-    """
-
-    task: str
-    error: str = ""
-    figures: dict[str, Any] | None = None
-    fault: str = ""
-    worker: str = ""
-    again: bool = False
+__all__ = ["do_task"]
 
 
 def do_task(task: Task, results: Path) -> Outcome:
@@ -71,21 +41,7 @@ def do_task(task: Task, results: Path) -> Outcome:
     before = finished(task, results)
     if before is not None:
         return Outcome(task.name, figures=before, worker=worker, again=True)
-    try:
-        figures = _done(task, results)
-    except UserError as error:
-        return Outcome(task.name, " ".join(str(error).split()), worker=worker)
-    except MemoryError:
-        return Outcome(task.name, "out of memory: let fewer tasks run at once (--workers), or make "
-                       "the field smaller (reconstruct.max_voxels)", worker=worker)
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            return Outcome(task.name, f"no space left on the disk of {results}; free some and run "
-                           "the same command again", worker=worker)
-        return Outcome(task.name, f"internal error: {type(error).__name__}: "
-                       f"{' '.join(str(error).split())}", fault=traceback.format_exc(),
-                       worker=worker)
-    return Outcome(task.name, figures=figures, worker=worker)
+    return outcome_of(task, lambda: _done(task, results), worker)
 
 
 def _done(task: Task, results: Path) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from typing import Any
 
 from ... import models
 from ...measure import free_disk_bytes, usable_cores
+from ...runner import CAN_PAUSE
 from ...version import __version__
 from ..answers import Refusal, text, truth
-from ..child import CAN_PAUSE
 from ..exports import checked_placement
 from ..orders import Order
 from ..projects import Project

@@ -19,10 +19,10 @@ from ...field import VoxelField
 from ...files import atomic_path, read_json, write_image, write_json
 from ...job import (
     MakeConfig,
-    Task,
     Warmup,
     code_key,
     painting_key,
+    portrait_tasks,
     run_figures,
     share_key,
     stage_key,
@@ -30,7 +30,7 @@ from ...job import (
 )
 from ...media.pictures import read_image
 from ...stages import StageFolder, finished_record
-from ...stylize import StyledField, kept_skin, stylize_with_figures
+from ...stylize import StyledField
 from ..orders import Order
 from .jobs import do_task, expected
 from .pictures import coded_picture, head_picture
@@ -51,28 +51,24 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
         if found is not None:
             figures[name] = found
     where = order.inside(order.version)
-    inputs = {**order.inputs(), "styled": f"{where}/styled.npz"}
-    painted = f"painted/{order.style_id}"
-    key = style_key(order.field_key(), config, painting_key(exemplar))
+    exemplars = [exemplar, *(replace(Exemplar.load(path), name=name)
+                             for name, path in sorted(order.more["styles"].items()))]
+    painted, key = _painted(order, config, exemplars)
+    more: dict[str, Any] = {
+        "display": panel, "folders": {"stylize": painted, "encode": where, "share": where},
+        "inputs": {**order.inputs(), "styled": f"{where}/styled.npz"}}
     with Warmup(("transfer", "stylize", "encode")) as warmup:
-        if order.more["styles"]:
-            painted, key = _several(order, teller, exemplar, config, figures, warmup)
-        else:
-            do_task(order, teller, Task(
-                "stylize", "stylize", painted, ("styled.npz",), key, (), config, 0, inputs,
-                source=order.style), "stylize", figures, warmup, exemplar=exemplar)
+        (stylize,) = portrait_tasks({"stylize": key}, config, **more)
+        do_task(order, teller, stylize, figures, warmup, exemplar=exemplar, others=exemplars[1:])
         key = mixed_file(order, key, f"{painted}/styled.npz")
         styled = VoxelField.load(order.version / "styled.npz")
         teller.picture("stylize", head_picture(styled))
         code = code_key(key, config, panel)
-        do_task(order, teller, Task(
-            "encode", "encode", where, ("lightfield.png",), code, (), config, 0, inputs,
-            display=panel), "encode", figures, warmup)
+        encode, share = portrait_tasks({"encode": code, "share": share_key(code, config)}, config,
+                                       **more)
+        do_task(order, teller, encode, figures, warmup)
         teller.picture("encode", coded_picture(read_image(order.version / "lightfield.png")))
-        do_task(order, teller, Task(
-            "share", "share", where, ("portrait.html", "sweep.mp4", "report.html"),
-            share_key(code, config), (), config, 0, inputs, source=order.style, display=panel),
-            "share", figures, warmup, exemplar=exemplar)
+        do_task(order, teller, share, figures, warmup, exemplar=exemplar)
     _photograph(order)
     hero = order.version / "hero.png"
     if hero.is_file():
@@ -90,31 +86,14 @@ def _photograph(order: Order) -> None:
     write_image(order.version / "photo.jpg", capture.image_float(view), quality=92)
 
 
-def _several(order: Order, teller: Teller, exemplar: Exemplar, config: MakeConfig,
-             figures: dict[str, Any], warmup: Warmup) -> tuple[str, str]:
-    """Paint the head in all styles of a mix; the folder of the painted field, and its key."""
-    others = {name: Exemplar.load(path) for name, path in sorted(order.more["styles"].items())}
-    every = [exemplar, *(replace(one, name=name) for name, one in others.items())]
-    key = stage_key("stylize", order.field_key(), config.stylize,
-                    [(one.name, *painting_key(one)) for one in every])
-    folder = f"painted/{order.style_id}-and-{hash_of(sorted(others))[:8]}"
-    stages = StageFolder(order.folder / folder)
-    if finished_record(stages.folder, "stylize", key, ("styled.npz",)) is not None:
-        teller.tell("skipped", "stylize")
-
-    def work() -> dict[str, Any]:
-        with teller.stage("stylize") as progress:
-            warmup.wait(("transfer", "stylize"), progress)
-            file = order.job / "field.npz"
-            field, capture = VoxelField.load(file), Capture.load(order.job / "capture")
-            styled, found = stylize_with_figures(
-                field, capture, every, replace(config.stylize, seed=0), progress,
-                skin=kept_skin(file, field, capture, config.stylize.pixels))
-            styled.save(stages.folder / "styled.npz")
-        return found
-
-    figures["stylize"] = stages.run("stylize", key, ("styled.npz",), work)
-    return folder, key
+def _painted(order: Order, config: MakeConfig, exemplars: list[Exemplar]) -> tuple[str, str]:
+    """The folder of the head that is painted in all styles of a version, and its key."""
+    field = order.field_key()
+    if len(exemplars) == 1:
+        return f"painted/{order.style_id}", style_key(field, config, painting_key(exemplars[0]))
+    names = [one.name for one in exemplars[1:]]
+    return f"painted/{order.style_id}-and-{hash_of(names)[:8]}", stage_key(
+        "stylize", field, config.stylize, [(one.name, *painting_key(one)) for one in exemplars])
 
 
 def _record(order: Order, name: str) -> dict[str, Any] | None:

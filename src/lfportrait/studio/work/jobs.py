@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import traceback
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +12,6 @@ from PIL import Image
 
 from ... import models
 from ...demo import demo_capture
-from ...errors import UserError
 from ...face import is_portrait
 from ...files import write_image, write_json
 from ...job import (
@@ -26,20 +24,20 @@ from ...job import (
     check_photos,
     do_stage,
     field_key,
-    finished,
     get_networks,
     head_kernels,
     head_way,
     look_at,
+    portrait_tasks,
     source_key,
 )
-from ...measure import peak_memory_bytes, usable_cores
+from ...measure import usable_cores
+from ...runner import Pipe, finished
 from ...stages import StageFolder
-from ..answers import on_page
+from ..answers import failed
 from ..orders import Order
 from ..photos import VIDEO_FRAME
 from .pictures import cameras_picture, head_picture, photo_picture, turned
-from .pipe import Pipe
 from .telling import Teller
 
 __all__ = ["do_task", "serve"]
@@ -56,51 +54,30 @@ def serve() -> None:
     teller = Teller(pipe.tell, order.pictures)
     try:
         teller.tell("end", _KINDS[order.kind](order, teller))
-    except UserError as error:
-        full = "No space left" in str(error)
-        teller.tell("failed", "disk_full" if full else "user_error", on_page(str(error)))
-    except MemoryError:
-        teller.tell("failed", "killed", "the memory is too small: close other programs, or make "
-                    "the field smaller (reconstruct.max_voxels)")
-    except OSError as error:
-        if error.errno != errno.ENOSPC:
-            _fault(teller, error)
-        else:
-            teller.tell("failed", "disk_full", "the disk is full: make room, then let the job go "
-                        "on; what is finished is kept")
     except Exception as error:
-        _fault(teller, error)
+        refusal = failed(error)
+        if refusal.code == "internal":
+            traceback.print_exc()
+        teller.tell("failed", refusal.code, refusal.message)
 
 
-def _fault(teller: Teller, error: Exception) -> None:
-    traceback.print_exc()
-    teller.tell("failed", "internal", f"internal error: {type(error).__name__}: "
-                f"{' '.join(str(error).split())}")
-
-
-def do_task(order: Order, teller: Teller, task: Task, name: str, figures: dict[str, Any],
-            warmup: Warmup | None, draw: Callable[[Any], Any] | None = None,
-            **tools: Any) -> bool:
-    """Do a stage, unless it is done; whether it was done now. Its figures are kept by its name."""
+def do_task(order: Order, teller: Teller, task: Task, figures: dict[str, Any],
+            warmup: Warmup, draw: Callable[[Any], Any] | None = None, **tools: Any) -> None:
+    """Do a task, unless it is done; its figures are kept by its name."""
     stages = StageFolder(order.folder / task.folder)
     if finished(task, order.folder) is not None:
         figures[task.record] = stages.run(task.record, task.key, task.outputs, dict)
-        teller.tell("skipped", name)
-        return False
-    own = teller.tools(name, draw, warmup=warmup, **tools)
-
-    def work() -> dict[str, Any]:
-        found = do_stage(task, order.folder, stages, own, figures)
-        return {**found, "peak_memory_bytes": peak_memory_bytes()}
-
-    figures[task.record] = stages.run(task.record, task.key, task.outputs, work)
-    return True
+        teller.tell("skipped", task.record)
+        return
+    own = teller.tools(task.record, draw, warmup=warmup, **tools)
+    figures[task.record] = stages.run(task.record, task.key, task.outputs, partial(
+        do_stage, task, order.folder, stages, own, figures))
 
 
 def expected(*stages: tuple[str, str]) -> list[tuple[str, float]]:
     """Names of stages with the seconds that they take here, before any was measured."""
     cores = usable_cores()
-    return [(name, STAGES[stage].need.core_seconds / cores) for name, stage in stages]
+    return [(name, STAGES[stage].need.seconds / cores) for name, stage in stages]
 
 
 def _head(order: Order, teller: Teller) -> dict[str, Any]:
@@ -121,21 +98,19 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
             _take_embedded(order)
         look_at(order.source)
         get_networks(order.source, None, config.keep_background, offline=True, quiet=True)
-        capture = capture_key(source_key(order.source), config, 0)
-        inputs, figures = order.inputs(), {}  # type: dict[str, str], dict[str, Any]
-        where = order.inside(order.job)
-        do_task(order, teller, Task(
-            "capture", "capture", where, ("capture",), capture, (), config, 0, inputs,
-            source=str(order.source)), "capture", figures, warmup,
-            sheet=order.folder / ".studio" / "photos-left-out.jpg")
+        key, figures = capture_key(source_key(order.source), config, 0), dict[str, Any]()
+        capture, field_task = portrait_tasks(
+            {"capture": key, "reconstruct": field_key(key, config)}, config,
+            folders=dict.fromkeys(("capture", "reconstruct"), order.inside(order.job)),
+            inputs=order.inputs(), source=str(order.source))
+        do_task(order, teller, capture, figures, warmup,
+                sheet=order.folder / ".studio" / "photos-left-out.jpg")
         taken = Capture.load(order.job / "capture")
         teller.picture("capture", photo_picture(taken) if is_portrait(taken)
                        else cameras_picture(taken))
         number = iter(range(1 << 30))
-        do_task(order, teller, Task(
-            "reconstruct", "field", where, ("field.npz",), field_key(capture, config), ("capture",),
-            config, 0, inputs), "reconstruct", figures, warmup,
-            draw=lambda field: head_picture(field, 320, (turned(next(number)),)), look=look)
+        do_task(order, teller, field_task, figures, warmup,
+                draw=lambda field: head_picture(field, 320, (turned(next(number)),)), look=look)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")

@@ -35,11 +35,12 @@ from ...lightfield import (
     write_coded,
 )
 from ...lightfield.screens import Bridge
+from ...runner import Pipe
 from ...share import OpenPage, PageConfig, recolored, write_page
 from ...stylize import StyledField
+from ..answers import failed
 from ..styles import write_picture
 from .paintings import PAINTING_ANSWERS
-from .pipe import Pipe
 from .sitting import Look, Sitting
 
 __all__ = ["serve"]
@@ -188,12 +189,8 @@ def serve() -> None:
         number, name, facts = pipe.requests.get()
         try:
             pipe.tell(number, "ok", own[name](facts))
-        except UserError as error:
-            pipe.tell(number, "user_error", str(error))
-        except MemoryError:
-            pipe.tell(number, "preview_lost", "the memory is too small for a preview")
-        except OSError as error:
-            pipe.tell(number, "disk_full" if error.errno == 28 else "internal", str(error))
         except Exception as error:
-            traceback.print_exc()
-            pipe.tell(number, "internal", f"internal error: {type(error).__name__}: {error}")
+            refusal = failed(error)
+            if refusal.code == "internal":
+                traceback.print_exc()
+            pipe.tell(number, refusal.code, refusal.message)

@@ -1,0 +1,256 @@
+"""Processes of our own: `Child` is the parent's end of one, `Pipe` the child's.
+
+Messages go through the child's standard input and output: pickled, and behind that the arrays as
+they are; only a program and its own children talk this way. What libraries print goes to standard
+error. When the parent is gone, however it ended, standard input ends, and so do the child, whatever
+it does at that moment, and what it has started.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import pickle
+import queue
+import signal
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Any
+
+from ..errors import UserError
+
+__all__ = ["CAN_PAUSE", "Child", "Pipe", "receive", "send"]
+
+CAN_PAUSE = hasattr(os, "killpg")
+"""Whether this system can stop a process and all that it has started, and let it go on."""
+_LOG = 1 << 20
+"""Bytes of a log after which it begins again."""
+_WOKEN_BY = 1
+"""Linux: prctl's number for the signal that a process gets when its parent ends."""
+
+
+def send(stream: IO[bytes], value: Any) -> None:
+    """Write an object; arrays follow it as they are, without a copy."""
+    buffers: list[pickle.PickleBuffer] = []
+    head = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
+    parts = [part.raw() for part in buffers]
+    sizes = [len(head), *(part.nbytes for part in parts)]
+    first = struct.pack(f"<Q{len(sizes)}Q", len(sizes), *sizes) + head
+    for part in (memoryview(first), *parts):
+        while len(part):
+            part = part[stream.write(part):]
+
+
+def receive(stream: IO[bytes]) -> Any:
+    """Read an object that `send` wrote.
+
+    Raises
+    ------
+    EOFError
+        If the other side is gone.
+    """
+    (count,) = struct.unpack("<Q", _exactly(stream, 8))
+    sizes = struct.unpack(f"<{count}Q", _exactly(stream, 8 * count))
+    head = _exactly(stream, sizes[0])
+    return pickle.loads(head, buffers=[_exactly(stream, size) for size in sizes[1:]])
+
+
+def _exactly(stream: IO[bytes], size: int) -> bytearray:
+    """So many bytes, in memory that arrays may write to."""
+    out = bytearray(size)
+    view, got = memoryview(out), 0
+    while got < size:
+        more = stream.readinto(view[got:])  # type: ignore[attr-defined]
+        if not more:
+            raise EOFError("the stream ended")
+        got += more
+    return out
+
+
+def _widen(stream: IO[bytes]) -> None:
+    """Let a pipe hold more at once, where the system can: pictures take half the time."""
+    with contextlib.suppress(ImportError, AttributeError, OSError):
+        import fcntl
+
+        fcntl.fcntl(stream.fileno(), fcntl.F_SETPIPE_SZ, 1 << 20)
+
+
+class Child:
+    """A process that runs one of our functions, from now on.
+
+    Parameters
+    ----------
+    entry
+        Module and function, ``"lfportrait.gpu.worker:main"``; the function makes a `Pipe` first.
+    log
+        File for what it prints; by default that goes where this process prints its errors.
+    settings
+        Environment variables that differ from this process's.
+    group
+        Whether it has a process group of its own: Ctrl-C in the terminal does not reach it, and it
+        is paused and ended with all that it has started.
+    """
+
+    def __init__(self, entry: str, log: Path | None = None,
+                 settings: Mapping[str, str] | None = None, *, group: bool = False) -> None:
+        module, _, function = entry.partition(":")
+        own: dict[str, Any] = {}
+        if group:
+            own = {"process_group": 0} if os.name == "posix" else {
+                "creationflags": 0x200}  # CREATE_NEW_PROCESS_GROUP
+        paths = os.pathsep.join(path for path in sys.path if path)
+        with contextlib.ExitStack() as stack:
+            if log is not None:
+                log.parent.mkdir(parents=True, exist_ok=True)
+                keep = log.is_file() and log.stat().st_size < _LOG
+                own["stderr"] = stack.enter_context(open(log, "ab" if keep else "wb"))
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", f"from {module} import {function}; {function}()"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0,
+                env={**os.environ, "PYTHONPATH": paths, **(settings or {})}, **own)
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._stdin, self._stdout = self._process.stdin, self._process.stdout
+        for stream in (self._stdin, self._stdout):
+            _widen(stream)
+        self._group, self._killed = group and hasattr(os, "killpg"), False
+        self._listener: threading.Thread | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self._process.poll() is None
+
+    @property
+    def number(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    def send(self, message: Any) -> None:
+        """Send it a message.
+
+        Raises
+        ------
+        OSError
+            If it has ended.
+        """
+        send(self._stdin, message)
+
+    def receive(self) -> Any:
+        """Its next message.
+
+        Raises
+        ------
+        EOFError
+            When it has ended.
+        """
+        return receive(self._stdout)
+
+    def listen(self, heard: Callable[[Any], None]) -> None:
+        """Have a thread call ``heard`` with each message, and with None when it has ended."""
+        def work() -> None:
+            with contextlib.suppress(EOFError, OSError):
+                while True:
+                    heard(self.receive())
+            heard(None)
+
+        self._listener = threading.Thread(target=work, daemon=True)
+        self._listener.start()
+
+    def pause(self, paused: bool) -> None:
+        """Stop it where it is, with its group, or let it go on; its memory stays.
+
+        Raises
+        ------
+        UserError
+            On systems that can't.
+        """
+        if not CAN_PAUSE:
+            raise UserError("this system can't pause a process; cancel the job instead: it goes on "
+                            "where its last stage ended")
+        self._signal(signal.SIGSTOP if paused else signal.SIGCONT)
+
+    def kill(self) -> None:
+        """Kill it, whatever it does, with its group."""
+        if self._group and not self._killed:
+            self._signal(signal.SIGKILL)
+        self._killed = True
+        self._process.kill()
+
+    def close(self) -> None:
+        """Kill it, and wait for its end."""
+        self.kill()
+        self._process.wait()
+        if self._listener is not None:
+            self._listener.join()
+        for stream in (self._stdin, self._stdout):
+            with contextlib.suppress(OSError):
+                stream.close()
+
+    def _signal(self, number: int) -> None:
+        # Where the process itself is gone, the group may still have members.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, number)
+
+
+class Pipe:
+    """The pipe to the parent. `tell` may be called from any thread.
+
+    Attributes
+    ----------
+    requests
+        What the parent has sent.
+    """
+
+    def __init__(self) -> None:
+        _end_with_parent()
+        # Ctrl-C is for the parent, whose end is noticed here. What is started from here hears it.
+        signal.signal(signal.SIGINT, lambda *_: None)
+        incoming = os.fdopen(os.dup(0), "rb", buffering=0)
+        self._outgoing = os.fdopen(os.dup(1), "wb", buffering=0)
+        # Nobody else reads what is asked, or prints between the answers.
+        with open(os.devnull, "rb") as nothing:
+            os.dup2(nothing.fileno(), 0)
+        os.dup2(2, 1)
+        self._lock = threading.Lock()
+        self.requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        threading.Thread(target=self._listen, args=(incoming,), daemon=True).start()
+
+    def _listen(self, incoming: IO[bytes]) -> None:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                self.requests.put(receive(incoming))
+        _end()
+
+    def tell(self, *message: Any) -> None:
+        """Send a message, a tuple."""
+        with self._lock:
+            try:
+                send(self._outgoing, message)
+            except OSError:
+                _end()
+
+
+def _end() -> None:
+    """End this process and those that it started, at once."""
+    if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _end_with_parent() -> None:
+    """Linux: a process that is paused goes on when its parent has ended, and finds the pipe ended.
+
+    Elsewhere the system itself wakes and ends paused processes that nobody could wake any more.
+    """
+    if sys.platform != "linux":
+        return
+    parent = os.getppid()
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_WOKEN_BY, signal.SIGCONT)
+    if os.getppid() != parent:
+        _end()
