@@ -33,7 +33,7 @@ from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
-from .plate import fitted_plate, smoothed
+from .plate import fitted_plate, roughly_fitted_plate, smoothed
 from .surface_sweep import SurfaceSweep, cosines_of
 
 __all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
@@ -149,9 +149,9 @@ def find_surface(capture: Capture) -> HeadSurface:
         trust = np.maximum(trust, along)
         target = np.log(np.maximum(distance + offset, 0.05 * generic) / prior)
         outlier = np.ones(trust.shape)
-        for _ in range(3):  # reweighted: outliers lose their say
-            found = prior * np.exp(fitted_plate(target, trust * outlier * body, stiff,
-                                                0.02 * stiff, 1e-5))
+        # Reweighted: outliers lose their say. Which these are a rough plate tells as well.
+        for fit in (roughly_fitted_plate, roughly_fitted_plate, fitted_plate):
+            found = prior * np.exp(fit(target, trust * outlier * body, stiff, 0.02 * stiff, 1e-5))
             outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
         distance = _tapered(chart, np.minimum(found, limit), generic, chin, shown)
     return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras),
@@ -209,7 +209,7 @@ def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Ca
     # Of the body landmarks say nothing.
     loose = np.interp(chart.axis[:, 1], (-0.95, -0.6), (3e-3, 1e-6))[:, None]
     ratio, weight = _ratio_of_landmarks(chart, generic, landmarks)
-    rough = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
+    rough = generic * np.exp(roughly_fitted_plate(ratio, weight, 0.5, 0.01, loose))
     limit = _hull_distance(chart, cameras, mattes, 1.6 * rough)
     rim = _rim(chart, np.fmin(rough, limit), cameras) & np.isfinite(limit)
     rim &= (weight == 0) & (_facing(chart, np.fmin(rough, limit), cameras) < _RIM)
