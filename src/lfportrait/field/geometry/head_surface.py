@@ -30,7 +30,6 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from ...simd.threads import side_by_side
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
 from .plate import fitted_plate, roughly_fitted_plate, smoothed
@@ -93,12 +92,6 @@ class HeadSurface:
         head = self.chart.axis[:, 1] > CHIN
         area = (self.distance ** 2 * np.cos(self.chart.elevation)[:, None])[head]
         return float(area[self.facing[head] > _ALONG].sum() / area.sum())
-
-
-def _at(values: Float64, places: Float64) -> Float64:
-    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
-    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
-    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
 
 
 def span_of(cameras: Camera) -> float:
@@ -309,31 +302,22 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
     Returns
     -------
     distance, clearance
-        float32 [Z, Y, X] each, world units. The distance is below zero inside, and the shorter of
-        those along the chart's rays and through space. The clearance is less where photos look
-        along the surface or do not see it: only guesses could fill it there.
+        float32 [Z, Y, X] each, world units. The distance is that along the chart's rays, below zero
+        inside; near the surface, outside, that through space where it is shorter. The clearance is
+        less where photos look along the surface or do not see it: only guesses could fill it there.
     """
-    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
-               for i in range(3))
-    flat = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale
-
-    def layer(k: int) -> tuple[Float32, Float32]:
-        points = np.column_stack([flat, np.full(len(flat), z[k])])
-        places, away = surface.chart.places(points)
-        beyond = away - _at(surface.distance, places)
-        return (beyond.reshape(len(y), len(x)).astype(np.float32),
-                _at(margin, places).reshape(len(y), len(x)).astype(np.float32))
-
-    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-        layers = list(workers.map(layer, range(len(z))))
-    along, clearance = (np.stack([item[part] for item in layers]) for part in (0, 1))
+    along, clearance = surface.chart.outside(surface.distance, margin, shape, center, radius)
     spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
     inside = along < 0
-    if inside.all() or not inside.any():
+    if not inside.any():
         return along, clearance
-    out, within = side_by_side(
-        lambda points: ndimage.distance_transform_edt(points, spacing).astype(np.float32),
-        (~inside, inside))
-    return np.where(inside, np.maximum(along, -within), np.minimum(along, out)), clearance
+    # Space further away is empty whatever its distance.
+    margin_points = np.ceil(float(margin.max()) / spacing).astype(int) + 2
+    ends = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    near = tuple(slice(max(0, int(end[0]) - more), int(end[-1]) + more + 1)
+                 for end, more in zip(ends, margin_points))
+    out = ndimage.distance_transform_edt(~inside[near], spacing).astype(np.float32)
+    np.minimum(along[near], out, out=along[near], where=~inside[near])
+    return along, clearance
