@@ -26,7 +26,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
-TESTS = Path(__file__).resolve().parent
 FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_portrait.py",
          "job/batch/test_ray.py", "share/page/test_in_browser.py",
          "example/worn/test_spectacles.py", "example/worn/test_hat.py",
@@ -47,18 +46,65 @@ FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_po
          "example/test_painted_turned.py", "job/test_style_check.py", "field/test_head_surface.py",
          "field/test_raycast.py", "field/gpu/training/test_training.py",
          "lfportrait_eval/tables/test_tables.py")
-"""Files that take long, longest first, so that no process sits on one when the others are done.
+"""Files that take long, longest first, for a first run: later ones know what each took (`SECONDS`).
 The two that the processes begin with need no kernels but those that were compiled before them."""
+SECONDS = "lfportrait/seconds"
+"""Where pytest's cache keeps how long each file took when all tests were run last."""
+
+
+def file_of(nodeid: str) -> str:
+    """A test's file, by its name under ``tests``."""
+    return nodeid.partition("::")[0].removeprefix("tests/")
+
+
+def seconds_of_files(config: pytest.Config) -> dict[str, float]:
+    """How long each file takes, by its name under ``tests``; by its place in `FIRST` if unknown."""
+    guessed = {name: float(len(FIRST) - number) for number, name in enumerate(FIRST)}
+    cache = getattr(config, "cache", None)  # a run may go without
+    return guessed | (cache.get(SECONDS, {}) if cache is not None else {})
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put the long files first (xdist hands out files in this order), and leave slow tests out."""
-    place = {TESTS / name: number for number, name in enumerate(FIRST)}
-    items.sort(key=lambda item: place.get(item.path, len(place)))
+    """Put the long files first, and leave slow tests out.
+
+    xdist hands out files in this order: no process sits on a long one when the others are done.
+    """
+    seconds = seconds_of_files(config)
+    items.sort(key=lambda item: -seconds.get(file_of(item.nodeid), 0.0))
     if os.environ.get("LFPORTRAIT_SLOW") != "1":
         slow = [item for item in items if item.get_closest_marker("slow")]
         items[:] = [item for item in items if not item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=slow)
+
+
+class Clock:
+    """Notes how long each file takes, for the order of the next run.
+
+    Only where all tests are run, by several processes: what else a run has in mind, it leaves some
+    of a file's tests out.
+    """
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.config = config
+        self.seconds: dict[str, float] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        name = file_of(report.nodeid)
+        self.seconds[name] = self.seconds.get(name, 0.0) + report.duration
+
+    def pytest_sessionfinish(self, exitstatus: int) -> None:
+        if exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+            self.config.cache.set(SECONDS, {name: round(seconds, 1)
+                                            for name, seconds in self.seconds.items()})
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Watch the clock in the process that hands out the tests."""
+    option = config.option
+    if (config.args_source is pytest.Config.ArgsSource.TESTPATHS
+            and getattr(option, "numprocesses", None) and getattr(config, "cache", None)
+            and not (option.keyword or option.markexpr or option.lf or option.maxfail)):
+        config.pluginmanager.register(Clock(config))
 
 
 @pytest.fixture(autouse=True, scope="session")

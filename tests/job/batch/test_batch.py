@@ -21,9 +21,9 @@ import torch
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
-from lfportrait.job.batch import batch, batch_status
+from lfportrait.job.batch import batch, batch_status, load_jobs
 from lfportrait.job.batch import driver as driver_module
-from lfportrait.job.batch.runners import thread_settings
+from lfportrait.job.pipeline import make
 
 from .conftest import digests, of_anna
 from .inline import Inline
@@ -32,15 +32,19 @@ STAGES = {"capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page"
 
 
 @pytest.fixture
-def inline(monkeypatch):
-    monkeypatch.setattr(driver_module, "LocalRunner", Inline)
-    # As many threads as a worker has: torch adds up in another order with more of them.
+def one_thread():
+    """As many threads as a worker has: torch adds up in another order with more of them."""
     before = numba.get_num_threads(), torch.get_num_threads()
     numba.set_num_threads(1)
     torch.set_num_threads(1)
     yield
     numba.set_num_threads(before[0])
     torch.set_num_threads(before[1])
+
+
+@pytest.fixture
+def inline(one_thread, monkeypatch):
+    monkeypatch.setattr(driver_module, "LocalRunner", Inline)
 
 
 def started(events):
@@ -60,21 +64,10 @@ def test_each_stage_is_done_once_and_all_files_are_there(made):
     assert [row["state"] for row in figures["jobs"]] == ["done"] * 12
 
 
-MAKE = """
-import sys
-from pathlib import Path
-from lfportrait.job.batch import load_jobs
-from lfportrait.job.pipeline import make
-studio, out = map(Path, sys.argv[1:])
-config = load_jobs(studio / "jobs.toml").parameters("anna", "ken", "desk")
-make(studio / "sittings" / "anna", studio / "ken.png", out, studio / "tiny.toml", config)
-"""
-
-
-def test_the_files_are_those_of_make(made, studio, tmp_path):
-    # The last bits depend on the threads: a task here has one.
-    subprocess.run([sys.executable, "-c", MAKE, studio, tmp_path / "out"], check=True,
-                   env={**os.environ, **thread_settings(1)})
+def test_the_files_are_those_of_make(made, studio, tmp_path, one_thread):
+    config = load_jobs(studio / "jobs.toml").parameters("anna", "ken", "desk")
+    make(studio / "sittings" / "anna", studio / "ken.png", tmp_path / "out", studio / "tiny.toml",
+         config)
     for one, other in (("field.npz", "field.npz"), ("styled.npz", "ken/styled.npz"),
                        ("lightfield.png", "ken/desk.png"), ("portrait.html", "ken/portrait.html")):
         assert (tmp_path / "out" / one).read_bytes() == (

@@ -29,35 +29,38 @@ PUT = """async (sets) => {
 }"""
 
 
+@pytest.fixture(scope="module")
+def opened(browser, page):
+    """The page for all tests: each puts color sets of its own behind those that are there."""
+    with Opened(browser, page) as each:
+        each.loaded()
+        yield each
+
+
 @pytest.mark.parametrize("mix", [
     {"strength": 0.6}, {"identity": 0.7}, {"keep_colors": True},
     {"regions": {"hair": 2.0, "skin": 0.3}}, {"strength": 0.0}], ids=lambda mix: next(iter(mix)))
-def test_a_mix_is_what_the_renderer_shows(browser, page, head, mix):
+def test_a_mix_is_what_the_renderer_shows(opened, page, head, mix):
     other = recolored(OpenPage.of(page.read_bytes()), head.mix(**mix))
     cameras = orbit_cameras(5, SIZE, head)
-    with Opened(browser, page) as each:
-        each.loaded()
-        first = each.run(PUT, [other])
-        each.run("(n) => lfportrait.renderer.show(n, n, 0, true)", first)
-        for view in (0, 2):
-            seen = head.mix(**mix).render(cameras, view, background=0.0, anisotropic=False)
-            drawn = each.view(cameras, view)[..., :3]
-            assert decibels(drawn, np.clip(seen.color, 0, 1)) > 42
-        assert each.complaints == []
+    first = opened.run(PUT, [other])
+    opened.run("(n) => lfportrait.renderer.show(n, n, 0, true)", first)
+    for view in (0, 2):
+        seen = head.mix(**mix).render(cameras, view, background=0.0, anisotropic=False)
+        drawn = opened.view(cameras, view)[..., :3]
+        assert decibels(drawn, np.clip(seen.color, 0, 1)) > 42
+    assert opened.complaints == []
 
 
-def test_between_two_mixes_lies_the_mix_between(browser, page, head):
+def test_between_two_mixes_lies_the_mix_between(opened, page, head):
     """What a slider shows while it is moved: seeing adds colors up, so that it is nearly exact."""
     ends = [recolored(OpenPage.of(page.read_bytes()), head.mix(regions={"skin": value}))
             for value in (0.0, 2.0)]
     cameras = orbit_cameras(5, SIZE, head)
-    with Opened(browser, page) as each:
-        each.loaded()
-        first = each.run(PUT, ends)
-        each.run("(n) => lfportrait.renderer.show(n, n + 1, 0.25, true)", first)
-        seen = head.mix(regions={"skin": 0.5}).render(cameras, 1, background=0.0,
-                                                      anisotropic=False)
-        assert decibels(each.view(cameras, 1)[..., :3], np.clip(seen.color, 0, 1)) > 36
+    first = opened.run(PUT, ends)
+    opened.run("(n) => lfportrait.renderer.show(n, n + 1, 0.25, true)", first)
+    seen = head.mix(regions={"skin": 0.5}).render(cameras, 1, background=0.0, anisotropic=False)
+    assert decibels(opened.view(cameras, 1)[..., :3], np.clip(seen.color, 0, 1)) > 36
 
 
 def test_a_coarser_page_takes_none(head, tmp_path):
