@@ -127,7 +127,7 @@ def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, viole
 
 
 def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet, monkeypatch):
-    monkeypatch.setattr("lfportrait.stylize.on_skin.RELAXATION", 1.0)
+    monkeypatch.setattr(on_skin, "RELAXATION", 1.0)
     config = replace(SMALL, steps=0, fit_iterations=6)
     errors = stylize_with_figures(head, capture, violet, config)[1]["fit"]["rmse"]
     assert errors[-1] < 0.9 * errors[0]

@@ -161,7 +161,7 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         exemplar = demo_exemplar()
     assert capture.landmarks is not None
     by_views = by_views or StylizeConfig(method="paper", size=320, views=5, pitches=(8.0,), steps=6)
-    steps = by_views.steps
+    steps = by_views.refinements
     config = StylizeConfig(steps=steps)
     if pixels is not None:
         config = replace(config, pixels=pixels)
