@@ -30,7 +30,6 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from ...simd.threads import side_by_side
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
 from .plate import fitted_plate, roughly_fitted_plate, smoothed
@@ -303,18 +302,22 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
     Returns
     -------
     distance, clearance
-        float32 [Z, Y, X] each, world units. The distance is below zero inside, and the shorter of
-        those along the chart's rays and through space. The clearance is less where photos look
-        along the surface or do not see it: only guesses could fill it there.
+        float32 [Z, Y, X] each, world units. The distance is that along the chart's rays, below zero
+        inside; near the surface, outside, that through space where it is shorter. The clearance is
+        less where photos look along the surface or do not see it: only guesses could fill it there.
     """
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale
     along, clearance = surface.chart.outside(surface.distance, margin, shape, center, radius)
     spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
     inside = along < 0
-    if inside.all() or not inside.any():
+    if not inside.any():
         return along, clearance
-    out, within = side_by_side(
-        lambda points: ndimage.distance_transform_edt(points, spacing).astype(np.float32),
-        (~inside, inside))
-    return np.where(inside, np.maximum(along, -within), np.minimum(along, out)), clearance
+    # Space further away is empty whatever its distance.
+    margin_points = np.ceil(float(margin.max()) / spacing).astype(int) + 2
+    ends = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    near = tuple(slice(max(0, int(end[0]) - more), int(end[-1]) + more + 1)
+                 for end, more in zip(ends, margin_points))
+    out = ndimage.distance_transform_edt(~inside[near], spacing).astype(np.float32)
+    np.minimum(along[near], out, out=along[near], where=~inside[near])
+    return along, clearance
