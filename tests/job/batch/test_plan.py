@@ -125,6 +125,19 @@ def test_only_what_leads_to_something_missing_is_done(made, studio, copy):
         "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
 
 
+def test_heads_are_fitted_to_faces_where_the_file_does_not_say_otherwise(studio, jobs_text,
+                                                                         tmp_path):
+    folder = shutil.copytree(studio, tmp_path / "studio")
+
+    def ways(text):
+        (folder / "jobs.toml").write_text(text)
+        found = prepare_batch(folder / "jobs.toml", tmp_path / "results", made_from="face")
+        return {found.jobs.parameters(name).made_from for name in found.jobs.sitters}
+
+    assert ways(jobs_text) == {"face"}
+    assert ways('defaults.from = "photos"\n' + jobs_text) == {"photos"}
+
+
 def test_tasks_wait_for_what_they_need(studio, jobs_text):
     left = _Left(list(planned(studio, jobs_text).tasks.values()))
     started = []
