@@ -69,7 +69,9 @@ def pictured(true: HeadPrior, view: View, shape: Float64, random: np.random.Gene
     # Shoulders: below the neck's end all is person.
     rows = np.arange(SIZE)[:, None]
     matte[np.broadcast_to(rows > pixels[:, 1].max() - 6, matte.shape)] = 1
-    landmarks = pixels[true.landmarks] + random.normal(size=(68, 2))
+    landmarks = pixels[true.landmarks]
+    landmarks = 2 * landmarks - true.vertices_seen(landmarks)  # where detectors put them
+    landmarks += random.normal(size=(68, 2))
     return Picture((SIZE, SIZE), landmarks, None, signed_distance(matte.astype(np.float32)),
                    np.zeros((SIZE, SIZE), np.float32))
 
@@ -142,8 +144,8 @@ def main(heads: int, name: str) -> None:
         points += (local[true.landmarks[17:]] - points[mine.landmarks[17:]]).mean(axis=0)
         straight = turned_back(points, points[mine.landmarks[17:]], local[true.landmarks[17:]])
         turned = [fit.views[0].angles[one] - view.angles[one] for one in ("yaw", "pitch")]
-        found.append((*off(true, view, shape, mine, points), *off(true, view, shape, mine, straight),
-                      *np.abs(turned)))
+        found.append((*off(true, view, shape, mine, points),
+                      *off(true, view, shape, mine, straight), *np.abs(turned)))
         print(f"{number}: " + " ".join(f"{one:.1f}" for one in found[-1]), flush=True)
     means, worst = np.mean(found, axis=0), np.max(found, axis=0)
     print(f"{heads} heads, {mine.name}; millimetres, the worst head in brackets:")

@@ -52,8 +52,9 @@ FOUND, ALIKE = 0.012, 40.0
 """Deviation of a place that is found again in another photo, over the distance of the eyes; so many
 of them, all together, count as independent."""
 TURNED = 10.0
-"""Landmarks and outline of a photo in which places are found are so many times less exact: detectors
-see a turned face as turned less, and its outline is of ears and skull, which modes know less."""
+"""Landmarks and outline of a photo in which places are found are so many times less exact:
+detectors see a turned face as turned less, and its outline is of ears and skull, which modes know
+less."""
 MOST_DEVIATIONS = 3.0
 """No coefficient of identity goes further."""
 WORST = 0.09
