@@ -138,8 +138,9 @@ class BatchCommand(Common):
         if self.out is None:
             raise UserError(f"--out is missing: lfportrait batch {self.jobs} --out results/")
         if self.dry_run:
-            figures = dry_figures(prepare_batch(self.jobs, self.out, offline=self.offline,
-                                                quiet=self.quiet))
+            figures = dry_figures(prepare_batch(
+                self.jobs, self.out, made_from=self.config.made_from, offline=self.offline,
+                quiet=self.quiet))
             print(dry_table(figures, usable_cores()))
             return figures
         table = BatchTable()

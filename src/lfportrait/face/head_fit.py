@@ -21,8 +21,8 @@ from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
 from .limits import MOST_TURNED
 
-__all__ = ["HeadFit", "Picture", "View", "across_jaw", "check_faces", "deviations_of", "fit_head",
-           "jaw_vertices", "outline_errors", "outline_vertices", "unfit"]
+__all__ = ["Found", "HeadFit", "Picture", "View", "across_jaw", "check_faces", "deviations_of",
+           "fit_head", "jaw_vertices", "outline_errors", "outline_vertices", "refit", "unfit"]
 
 Float64 = NDArray[np.float64]
 
@@ -48,6 +48,13 @@ EXPRESSION = 0.35
 OUTLINE = 0.008
 """Deviation of the matte's outline, over the distance of the eyes."""
 ROUNDS = 14
+FOUND, ALIKE = 0.012, 40.0
+"""Deviation of a place that is found again in another photo, over the distance of the eyes; so many
+of them, all together, count as independent."""
+TURNED = 10.0
+"""Landmarks and outline of a photo in which places are found are so many times less exact:
+detectors see a turned face as turned less, and its outline is of ears and skull, which modes know
+less."""
 MOST_DEVIATIONS = 3.0
 """No coefficient of identity goes further."""
 WORST = 0.09
@@ -97,6 +104,22 @@ class Picture:
     def face_width(self) -> float:
         """Distance of the jaw's ends in pixels."""
         return float(np.linalg.norm(self.landmarks[16] - self.landmarks[0]))
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a photo shows vertices, besides landmarks.
+
+    Attributes
+    ----------
+    vertices
+        int64 [M].
+    places
+        float64 [M, 2] in pixels.
+    """
+
+    vertices: NDArray[np.int64]
+    places: Float64
 
 
 @dataclass(frozen=True)
@@ -241,6 +264,27 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
     return fit
 
 
+def refit(fit: HeadFit, pictures: list[Picture], found: list[list[Found]], rounds: int = 4,
+          ) -> HeadFit:
+    """Fit a head further, to what photos show of each other's places, too.
+
+    Parameters
+    ----------
+    fit
+        The head so far.
+    pictures
+        Its photos.
+    found
+        For each photo where it shows vertices.
+    rounds
+        Steps.
+    """
+    solver = _Solver(fit.prior, pictures, None, fit)
+    solver.found = found
+    solver.solve(rounds, outlines=True)
+    return solver.result()
+
+
 def unfit(fit: HeadFit, pictures: list[Picture]) -> list[int]:
     """Photos besides the first that the head of all does not fit."""
     return [index for index, (pixels, picture) in enumerate(zip(fit.pixels, pictures, strict=True))
@@ -261,13 +305,16 @@ def _check_fit(fit: HeadFit, pictures: list[Picture], names: list[str]) -> None:
 class _Solver:
     """The state of one fit: Gauss-Newton over all photos at once."""
 
-    def __init__(self, prior: HeadPrior, pictures: list[Picture], distance: float | None) -> None:
+    def __init__(self, prior: HeadPrior, pictures: list[Picture], distance: float | None,
+                 start: HeadFit | None = None) -> None:
         pictures = [replace(one, landmarks=prior.vertices_seen(one.landmarks)) for one in pictures]
         self.prior, self.pictures, self.distance = prior, pictures, distance
-        self.identity = np.zeros(len(prior.identity))
+        self.identity = np.zeros(len(prior.identity)) if start is None else start.identity
         self.cost = np.inf
         self.jaw = [prior.landmarks[:17].copy() for _ in pictures]
-        self.views = [_first_view(prior, picture, distance) for picture in pictures]
+        self.views = ([_first_view(prior, picture, distance) for picture in pictures]
+                      if start is None else list(start.views))
+        self.found: list[list[Found]] = [[] for _ in pictures]
 
     def result(self) -> HeadFit:
         pixels = []
@@ -290,6 +337,7 @@ class _Solver:
                 rows = [self._landmark_rows(index, vertices)]
                 if outlines and self.pictures[index].inside is not None:
                     rows.append(self._outline_rows(index, vertices, normals))
+                rows += [self._found_rows(index, vertices, one) for one in self.found[index]]
                 blocks.append(tuple(np.concatenate(part) for part in zip(*rows, strict=True)))
             self._step(blocks)
 
@@ -351,6 +399,8 @@ class _Solver:
         """Rows of the landmarks: two each, and one across the outline for the jaw's."""
         view, picture = self.views[index], self.pictures[index]
         noise = NOISE * picture.eyes
+        if index and self.found[index]:
+            noise *= TURNED
         inner = np.repeat(self.prior.landmarks[17:], 2)
         chosen = np.concatenate([self.jaw[index], inner])
         # Positive where the jaw's halves face the camera: sin(yaw), by the sides.
@@ -362,6 +412,15 @@ class _Solver:
         numbers = np.r_[0:17, np.repeat(np.arange(17, 68), 2)]
         away = view.project(points) - picture.landmarks[numbers]
         return (*self._rows(index, chosen, points, along), (away * along).sum(axis=1))
+
+    def _found_rows(self, index: int, vertices: Float64, found: Found) -> tuple[Float64, ...]:
+        """Rows of vertices that a photo shows besides landmarks: two each."""
+        view = self.views[index]
+        noise = FOUND * _eyes_of(view, self.prior) * np.sqrt(max(len(found.vertices) / ALIKE, 1.0))
+        chosen = np.repeat(found.vertices, 2)
+        along = np.tile(np.eye(2) / noise, (len(found.vertices), 1))
+        away = (view.project(vertices[found.vertices]) - found.places).ravel() / noise
+        return (*self._rows(index, chosen, vertices[chosen], along), away)
 
     def _slide_jaw(self, index: int, vertices: Float64, normals: Float64) -> None:
         """For each of the jaw's landmarks the vertex of the present outline that is nearest."""
@@ -384,8 +443,16 @@ class _Solver:
         # Neighbours err alike: all together count as some ten.
         noise = OUTLINE * picture.eyes * np.sqrt(max(count / 10.0, 1.0))
         noise = noise * np.where(hair > 0.5, VAGUE_HAIR, 1.0)
+        if index and self.found[index]:
+            noise = noise * TURNED
         along = slope / noise[:, None]
         return (*self._rows(index, rim, vertices[rim], along), away / noise)
+
+
+def _eyes_of(view: View, prior: HeadPrior) -> float:
+    """Pixels that the outer corners of the mean head's eyes are apart if seen squarely."""
+    corners = prior.mean[prior.landmarks[[36, 45]]].astype(np.float64)
+    return float(np.linalg.norm(corners[1] - corners[0]) * view.focal / view.shift[2])
 
 
 def jaw_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,

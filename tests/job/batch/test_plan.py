@@ -124,6 +124,19 @@ def test_only_what_leads_to_something_missing_is_done(made, studio, copy):
         "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
 
 
+def test_heads_are_fitted_to_faces_where_the_file_does_not_say_otherwise(studio, jobs_text,
+                                                                         tmp_path):
+    folder = shutil.copytree(studio, tmp_path / "studio")
+
+    def ways(text):
+        (folder / "jobs.toml").write_text(text)
+        found = prepare_batch(folder / "jobs.toml", tmp_path / "results", made_from="face")
+        return {found.jobs.parameters(name).made_from for name in found.jobs.sitters}
+
+    assert ways(jobs_text) == {"face"}
+    assert ways('defaults.from = "photos"\n' + jobs_text) == {"photos"}
+
+
 def test_photos_are_read_once(tmp_path, monkeypatch):
     monkeypatch.setattr("lfportrait.states._SOON", -1)  # as if they had been here for long
     (tmp_path / "photos").mkdir()

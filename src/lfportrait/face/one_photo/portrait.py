@@ -23,12 +23,22 @@ from ...field import ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..detect import detect_faces, face_yaw
-from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_head, unfit
+from ..head_fit import (
+    HeadFit,
+    Picture,
+    View,
+    check_faces,
+    deviations_of,
+    fit_head,
+    refit,
+    unfit,
+)
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..limits import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .depth import Sensed, sensed_depth
 from .lattice import shell_of
+from .matches import found_again
 from .paint import Shot, painted
 from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
 from .samples import MeshSamples, depth_maps
@@ -40,6 +50,8 @@ __all__ = ["portrait_capture", "portrait_field"]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
+AGREED = 3
+"""How often several photos are compared and the head is fitted to what they share."""
 _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
 
@@ -89,6 +101,9 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
             _leave_out(seen[index].photo.name, "its face is not that of the others, or covered")
         seen = [one for index, one in enumerate(seen) if index not in bad]
         fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
+    for _ in range(AGREED if len(seen) > 1 else 0):
+        fit = refit(fit, [one.picture for one in seen],
+                    found_again(fit, [one.picture for one in seen], [one.shown for one in seen]))
     capture = _captured(fit, seen)
     figures = {**fit.figures(), "hair": [bool(one.hair.any()) for one in seen]}
     if progress is not None:
@@ -138,6 +153,7 @@ class _Seen:
             self.matte = np.asarray(refine_matte(shown, person_matte(shown)), np.float32)
             self.given = False
         landmarks = check_faces(detect_faces(shown), photo.name)
+        self.shown = shown
         self.hair = _hair_of(shown, self.matte, landmarks)
         height, width = self.matte.shape
         self.picture = Picture((width, height), landmarks, photo.focal,
@@ -156,7 +172,9 @@ def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
 def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
     """The capture of fitted photos; the world is the first one's head."""
     base = fit.views[0]
-    vertices = warped_together(fit, [one.picture for one in seen])
+    pictures = [one.picture for one in seen]
+    vertices = warped_together(fit, pictures,
+                               found_again(fit, pictures, [one.shown for one in seen]))
     # Landmarks lie where detectors see them, and as deep as they would be triangulated.
     points = vertices[fit.prior.landmarks].copy()
     if fit.prior.lean is not None:
@@ -224,7 +242,8 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     pictures = [_pictured(capture, view) for view in range(len(capture))]
     picture, camera = pictures[0], capture.cameras[0]
     note("laying the head over its photo")
-    local = warped_together(fit, pictures)
+    found = found_again(fit, pictures, [_shown(capture, view) for view in range(len(capture))])
+    local = warped_together(fit, pictures, found)
     # Metres in the first camera's frame -> the portrait frame.
     vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
     assert picture.hair is not None and capture.alphas is not None
@@ -283,6 +302,15 @@ def _kept_fit(capture: Capture) -> HeadFit:
                    deviations_of(identity))
 
 
+def _shown(capture: Capture, view: int) -> NDArray[np.uint8]:
+    """A photo of a saved capture as networks see it: on grey where its matte was given."""
+    assert capture.alphas is not None
+    if capture.figures.get("mattes") != "given":
+        return np.ascontiguousarray(capture.images[view])
+    share = capture.alphas[view][..., None].astype(np.float32) / np.float32(255)
+    return np.rint(capture.images[view] * share + _GROUND * (1 - share)).astype(np.uint8)
+
+
 def _pictured(capture: Capture, view: int) -> Picture:
     """A photo of a saved capture as the fit takes it."""
     assert capture.alphas is not None
@@ -291,9 +319,6 @@ def _pictured(capture: Capture, view: int) -> Picture:
     landmarks = (camera.project(np.asarray(capture.landmarks, np.float64))[0][0] if kept is None
                  else np.array(kept))
     matte = alpha.astype(np.float32) / 255
-    share = matte[..., None]
-    shown = np.rint(capture.images[view] * share + _GROUND * (1 - share)).astype(np.uint8)
-    hair = _hair_of(shown if capture.figures.get("mattes") == "given" else
-                    np.ascontiguousarray(capture.images[view]), matte, landmarks)
+    hair = _hair_of(_shown(capture, view), matte, landmarks)
     return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
                    float(camera.focal[0, 0]), signed_distance(matte), hair)

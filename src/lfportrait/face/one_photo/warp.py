@@ -5,12 +5,15 @@ Moved in the picture's plane alone, by a thin-plate spline; with one photo, dept
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import RBFInterpolator
 
 from ..head_fit import (
+    Found,
     HeadFit,
     Picture,
     View,
@@ -65,7 +68,8 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
     return out
 
 
-def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
+def warped_together(fit: HeadFit, pictures: list[Picture],
+                    found: list[list[Found]] | None = None) -> Float64:
     """A head in the first camera's frame, moved so that it meets all photos.
 
     Every photo says how far a vertex moves in its own plane, and the more the more squarely it
@@ -77,6 +81,9 @@ def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
         The head.
     pictures
         Its photos.
+    found
+        For each photo what it shows of the first one's places (`found_again`): there its
+        landmarks say nothing.
 
     Returns
     -------
@@ -97,7 +104,8 @@ def warped_together(fit: HeadFit, pictures: list[Picture]) -> Float64:
         for number, (view, picture) in enumerate(zip(fit.views, pictures, strict=True)):
             shown = points + (fit.vertices(number) - start)
             local = view.to_camera(shown)
-            move = _moves(fit.prior, view, shown, picture) * local[:, 2:] / view.focal
+            seen = found[number] if found is not None and number else []
+            move = (_moves(fit.prior, view, shown, picture, seen) * local[:, 2:] / view.focal)
             cosine = -(outward @ view.rotation.T)[:, 2]
             weight = np.clip((cosine + 0.3) / 0.8, 0.02, 1.0)[:, None]
             plane = view.rotation[:2]
@@ -124,13 +132,17 @@ def _neighbors(prior: HeadPrior) -> sparse.csr_array:
     return sparse.csr_array(sparse.diags_array(1.0 / links.sum(axis=1)) @ links)
 
 
-def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) -> Float64:
+def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
+           found: Sequence[Found] = ()) -> Float64:
     """How far vertices [N, 3] are to move in a photo, pixels [N, 2]."""
     seen = view.project(vertices)
     landmarks = prior.vertices_seen(picture.landmarks)
     normals = with_normals(vertices, prior.triangles)
     inner = prior.landmarks[17:]
     from_, by = [seen[inner]], [landmarks[17:] - seen[inner]]
+    if found:
+        from_ = [seen[one.vertices] for one in found]
+        by = [one.places - places for one, places in zip(found, from_, strict=True)]
     if picture.inside is not None:
         rim = outline_vertices(view, prior, vertices, normals, neck=True)
         away, slope, hair = outline_errors(picture, seen[rim], view)
@@ -139,9 +151,10 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
         chosen = _spread(seen[rim], OUTLINES)
         from_.append(seen[rim[chosen]])
         by.append(-away[chosen, None] * slope[chosen])
-    chin, move = _chin(prior, view, vertices, normals, picture)
-    from_.append(seen[chin])
-    by.append(move)
+    if not found:
+        chin, move = _chin(prior, view, vertices, normals, picture)
+        from_.append(seen[chin])
+        by.append(move)
     middle, size = seen.mean(axis=0), float(np.ptp(seen, axis=0).max())
     corners = middle + 1.5 * size * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)
                                               if x or y])

@@ -21,6 +21,7 @@ from ...measure import usable_cores
 from ...runner import Outcome, Plan, Runner, finished, run_tasks
 from ...simd.host import compiling_progress
 from ...stages import check_writable
+from ..few_photos import MadeFrom
 from ..graph import Task
 from ..networks import get_networks, networks_of
 from ..steps import painting_key, source_key
@@ -48,9 +49,13 @@ class BatchConfig:
     cores: int = 0
     """Cores per task; 0: one, or more if there are fewer sitters than cores. Results depend on it
     in their last bits."""
+    made_from: MadeFrom = "auto"
+    """Fit a head to the face (face), or find cameras by what the photos share (photos), for all
+    sitters of which the jobs file says neither; auto: as `lfportrait make` does."""
 
 
-def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bool = True) -> Batch:
+def prepare_batch(path: Path, results: Path, *, made_from: MadeFrom = "auto",
+                  offline: bool = False, quiet: bool = True) -> Batch:
     """Read a jobs file, plan its tasks and find the finished ones; nothing is written.
 
     Parameters
@@ -59,6 +64,8 @@ def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bo
         The file (`load_jobs`).
     results
         Folder for all results.
+    made_from
+        As `BatchConfig.made_from`.
     offline
         Download no networks.
     quiet
@@ -71,6 +78,8 @@ def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bo
         they are in ``plan.refused``.
     """
     jobs = load_jobs(path)
+    if jobs.config.made_from == "auto":
+        jobs = replace(jobs, config=replace(jobs.config, made_from=made_from))
     check_writable(results)
     paintings = {}
     for style in jobs.styles.values():
@@ -137,7 +146,7 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
         Tasks, what failed and why (``failed``), what was done in this run (``ran``), ``jobs``.
     """
     config = config or BatchConfig()
-    found = prepare_batch(path, results, offline=offline, quiet=quiet)
+    found = prepare_batch(path, results, made_from=config.made_from, offline=offline, quiet=quiet)
     with locked(results):
         return _Run(found, config, quiet, watchers or [], checked_choice(device)).run()
 
