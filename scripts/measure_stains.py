@@ -1,6 +1,6 @@
-"""Count stains on painted heads: paint of another material on cheek, jaw and throat, and bad eyes.
+"""Count stains on painted heads: paint of other materials on cheek, jaw and throat; bad eyes.
 
-    python scripts/measure_stains.py JOB... --style PAINTING [--style PAINTING ...] [--sheets FOLDER]
+    python scripts/measure_stains.py JOB... --style PAINTING [--style ...] [--sheets FOLDER]
 
 A JOB is the folder of a finished one (``capture/``, ``field.npz``); its head is painted after each
 PAINTING and looked at on its surface. Printed for each pair:
@@ -25,12 +25,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, label
+from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
 from lfportrait.capture import Capture
 from lfportrait.example import Exemplar, Painting, Skin, SkinPainter
-from lfportrait.example.guides.labels import polygon
+from lfportrait.example.even_eyes import eye_contrast
 from lfportrait.example.painter.kept import known_shares
 from lfportrait.example.painter.picture_materials import CLOTHES, EARS, GROUND, HAIR, NECK, SKIN
 from lfportrait.field import VoxelField
@@ -43,7 +43,7 @@ Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 BORDER = 0.06
-"""Places so near to anything but bare skin are not looked at, over the height from brows to chin."""
+"""So near to anything but bare skin nothing is looked at; over the height from brows to chin."""
 LOW, ASIDE = (0.12, 1.35), 75.0
 """Cheek, jaw and throat lie between these (brows 0, chin 1), at most so many degrees aside."""
 STROKE, AROUND = 0.015, 0.12
@@ -55,11 +55,16 @@ UNLIKE = 8.0
 ODD, LEAST_ODD = 1.3, 9.0
 """A blotch is this much further from what is around it than 99 % of the painter's skin, and so far
 at least (Lab)."""
+EYES = slice(36, 42), slice(42, 48)
+"""Landmarks of both."""
 NOTICED = 0.002
 """One notices a patch that is larger than this share of the face's bare skin."""
 SMEARED, UNEVEN = 0.5, 0.45
-"""Eyes with less of the painting's contrast, or that differ by more of the better one's, are bad."""
-SAMPLES = 4000
+"""Eyes with less of the painting's contrast, or that differ by more of the better one, are bad."""
+EVERY = 2
+"""Every so many pixels of the atlas are looked at."""
+SAMPLES = 3000
+"""Colors of a material that paint is compared with."""
 
 
 @dataclass
@@ -75,7 +80,7 @@ class Stains:
     eyes
         Contrast over the painting's better eye, picture's left eye first.
     where
-        bool [H, W] of the atlas: what was counted.
+        bool [H / EVERY, W / EVERY] of the atlas: what was counted.
     """
 
     foreign: float
@@ -101,9 +106,9 @@ def to_lab(color: Float32) -> Float32:
 def blurred(planes: Float32, inside: Bools, sigma: float) -> Float32:
     """Planes [h, w, C] blurred by what is inside alone."""
     weight = inside.astype(np.float32)
-    total = np.maximum(gaussian_filter(weight, sigma, truncate=3.0), np.float32(1e-3))
-    return np.stack([gaussian_filter(planes[..., n] * weight, sigma, truncate=3.0) / total
-                     for n in range(planes.shape[-1])], axis=-1)
+    total = np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), np.float32(1e-3))
+    soft = cv2.GaussianBlur(planes * weight[..., None], (0, 0), sigma)
+    return np.asarray(soft / total[..., None], np.float32)
 
 
 def looked_at(skin: Skin) -> Bools:
@@ -156,32 +161,22 @@ class Palette:
         return np.asarray(tree.query(lab, k=[max(1, int(COMMON * tree.n))])[0][:, 0], np.float64)
 
 
-def contrast(image: Float32, outline: Float64) -> float:
-    """Contrast of light and dark between the lids, an outline [6, 2] in pixels of an image."""
-    middle = outline.mean(axis=0)
-    opening = polygon(image.shape, middle + 0.92 * (outline - middle)) > 0.5
-    luma = gaussian_filter(image @ np.array([0.299, 0.587, 0.114], np.float32),
-                           0.03 * float(np.linalg.norm(outline[3] - outline[0])))
-    if opening.sum() < 12:
-        return 0.0
-    low, high = np.quantile(luma[opening], (0.12, 0.85))
-    return float(high - low)
-
-
 def measured(painting: Painting, painter: SkinPainter, palette: Palette, part: Bools) -> Stains:
     """What one notices on a painted head; ``part`` bool [N] is what is looked at."""
     skin = painting.skin
-    shape, height = skin.atlas.depth.shape, skin.plane.height * skin.pixels
+    shape, height = skin.atlas.depth.shape, skin.plane.height * skin.pixels / EVERY
     there = np.zeros(shape, bool)
     there.reshape(-1)[skin.index[part]] = True
-    lab = to_lab(painting.color)
+    there = there[::EVERY, ::EVERY]
+    lab = to_lab(np.ascontiguousarray(painting.color[::EVERY // painting.step,
+                                                     ::EVERY // painting.step]))
     soft = blurred(lab, there, STROKE * height)[there]
-    odd = np.zeros(shape, bool)
+    odd = np.zeros(there.shape, bool)
     odd[there] = np.linalg.norm(
         soft - blurred(lab, there, AROUND * height)[there], axis=1) > palette.odd
     to_skin = palette.away(soft, "skin")
     to_other = np.min([palette.away(soft, name) for name in ("hair", "clothes", "ground")], axis=0)
-    foreign = np.zeros(shape, bool)
+    foreign = np.zeros(there.shape, bool)
     foreign[there] = (to_skin > to_other) & (to_skin > UNLIKE)
     either = foreign | odd
     number, _ = label(either)
@@ -195,13 +190,13 @@ def measured(painting: Painting, painter: SkinPainter, palette: Palette, part: B
 def _eyes(painting: Painting, painter: SkinPainter) -> tuple[float, float]:
     """Contrast of both eyes, over that of the painting's better one as it was given."""
     skin, given = painting.skin, painter.given
-    theirs = [contrast(given.image / np.float32(255), given.landmarks[eye])
-              for eye in (slice(36, 42), slice(42, 48))]
+    theirs = [eye_contrast(given.image, given.landmarks[eye])
+              for eye in EYES]
     points = skin.plane.landmarks
     places, _ = skin.atlas.locate(points.astype(np.float32), 0.1, 0.1)
-    ours = [contrast(painting.color, places[eye].astype(np.float64) / painting.step)
+    ours = [eye_contrast(painting.color, places[eye].astype(np.float64) / painting.step)
             if np.isfinite(places[eye]).all() else np.nan
-            for eye in (slice(36, 42), slice(42, 48))]
+            for eye in EYES]
     best = max(*theirs, 1e-3)
     return ours[0] / best, ours[1] / best
 
@@ -211,7 +206,7 @@ def sheet(painting: Painting, found: Stains) -> Float32:
     x0, y0, x1, y1, dx, dy = painting.skin.atlas.boxes[0].tolist()
     part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
     plain = painting.color[part]
-    where = found.where[part].astype(np.uint8)
+    where = np.kron(found.where, np.ones((EVERY, EVERY), bool))[part].astype(np.uint8)
     edge = (cv2.dilate(where, np.ones((3, 3), np.uint8)) - where) > 0
     marked = plain.copy()
     marked[edge] = (0, 1, 0)
