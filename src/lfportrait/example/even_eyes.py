@@ -38,6 +38,8 @@ LIGHT, DARK = 0.85, 0.12
 """Quantiles of the tones between the lids that stand for white and iris."""
 WITHIN = 0.92
 """What is looked at is this much smaller than the lids' outline: not the lashes."""
+CLOSED = 0.06
+"""Lids that leave less open than this, over the square of an eye's width, are closed."""
 FINE = 0.03
 """Blur of what is looked at, over an eye's width: finer strokes are the painter's hand."""
 REACH = 0.72, 0.40, 0.46
@@ -53,14 +55,14 @@ LIFTED = 0.3
 def with_even_eyes(exemplar: Exemplar) -> Exemplar:
     """The exemplar with both eyes as clear as the better one; itself where they nearly are.
 
-    Faces that are turned stay as they are: their far eye is narrow.
+    Faces that are turned stay as they are: their far eye is narrow. So does an eye that is closed.
     """
     if abs(exemplar.pose().yaw) >= FRONTAL:
         return exemplar
     outlines = [np.asarray(exemplar.landmarks[eye], np.float64) for eye in EYES]
     clear = [eye_contrast(exemplar.image, outline) for outline in outlines]
     weak = int(np.argmin(clear))
-    if clear[1 - weak] < SEEN or clear[weak] > EVEN * clear[1 - weak]:
+    if min(clear) == 0 or clear[1 - weak] < SEEN or clear[weak] > EVEN * clear[1 - weak]:
         return exemplar
     image = _as_the_other(exemplar.image, outlines[weak], outlines[1 - weak])
     return replace(exemplar, image=image, opened=exemplar)
@@ -88,7 +90,7 @@ def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
         luma /= np.float32(255)
     luma = np.asarray(cv2.GaussianBlur(luma, (0, 0), max(FINE * size, 0.3)), np.float32)
     opening = polygon(part.shape, middle - low + WITHIN * (outline - middle)) > 0.5
-    if opening.sum() < 12:
+    if opening.sum() < max(CLOSED * size ** 2, 12):
         return 0.0
     dark, light = np.quantile(luma[opening], (DARK, LIGHT))
     return float(light - dark)
