@@ -50,6 +50,8 @@ STROKE, AROUND = 0.015, 0.12
 """Sigmas of the blurs that leave out single strokes, and that say what is around; as `BORDER`."""
 COMMON = 0.01
 """A color is one of a material if so large a share of it is nearer."""
+CHEEKS = 0.62
+"""The painting's skin is that of its face down to here (brows 0, chin 1)."""
 UNLIKE = 8.0
 """Paint (Lab) no further from the painting's skin than this is no other material's."""
 ODD, LEAST_ODD = 1.3, 9.0
@@ -78,7 +80,7 @@ class Stains:
     noticed
         Patches of both that one notices.
     eyes
-        Contrast over the painting's better eye, picture's left eye first.
+        Contrast over the painting's better eye, picture's left eye first; NaN if it is shut.
     where
         bool [H / EVERY, W / EVERY] of the atlas: what was counted.
     """
@@ -93,7 +95,7 @@ class Stains:
     def bad_eyes(self) -> int:
         """Eyes that are smeared or pale."""
         low = sum(eye < SMEARED for eye in self.eyes)
-        uneven = abs(self.eyes[0] - self.eyes[1]) > UNEVEN * max(self.eyes)
+        uneven = abs(self.eyes[0] - self.eyes[1]) > UNEVEN * max(self.eyes)  # no if one is shut
         return max(low, int(uneven))
 
 
@@ -144,6 +146,10 @@ class Palette:
         for name, materials in (("skin", [SKIN, NECK, EARS]), ("hair", [HAIR]),
                                 ("clothes", [CLOTHES]), ("ground", [GROUND])):
             inside = shares[..., materials].sum(axis=-1) > 0.6
+            if name == "skin":
+                # A beard, or shade that was taken for a neck, is no skin.
+                down = transfer.regions.frame.local(inside.shape)[1]
+                inside &= (transfer.face > 128) & (down < CHEEKS)
             if inside.sum() < 200:
                 continue
             soft = blurred(lab, inside, STROKE * height)
@@ -188,15 +194,15 @@ def measured(painting: Painting, painter: SkinPainter, palette: Palette, part: B
 
 
 def _eyes(painting: Painting, painter: SkinPainter) -> tuple[float, float]:
-    """Contrast of both eyes, over that of the painting's better one as it was given."""
+    """Contrast of both eyes, over that of the painting's better one; NaN of those that are shut."""
     skin, given = painting.skin, painter.given
     theirs = [eye_contrast(given.image, given.landmarks[eye])
               for eye in EYES]
     points = skin.plane.landmarks
     places, _ = skin.atlas.locate(points.astype(np.float32), 0.1, 0.1)
     ours = [eye_contrast(painting.color, places[eye].astype(np.float64) / painting.step)
-            if np.isfinite(places[eye]).all() else np.nan
-            for eye in EYES]
+            if np.isfinite(places[eye]).all() and not shut else np.nan
+            for eye, shut in zip(EYES, painter.exemplar.lids)]
     best = max(*theirs, 1e-3)
     return ours[0] / best, ours[1] / best
 
