@@ -165,9 +165,9 @@ def _beard(small: SmallPicture, skin: Float32, neck: Float32) -> tuple[Float32, 
     """Shares of ``skin`` and ``neck`` [h, w] that are a beard.
 
     Chin and upper lip under a beard are alike, and both are of another hue than the cheeks; shade
-    is not, and paint that differs from chin to lip is none. Or both are of the hair's color rather
-    than of the cheeks'. What is more like that chin than like the cheeks is beard; below the chin
-    only if that is hair, as a neck's shade is no beard's.
+    is not, and paint that differs from chin to lip is none. What is more like that chin than like
+    the cheeks is beard. Below the chin that is so where chin and lip are of the hair's color, as a
+    neck's shade is no beard's.
     """
     points, plain = small.points, small.cheeks
     chin = _between(small, points[57], points[8], (0.25, 0.9), 0.6)
@@ -187,7 +187,7 @@ def _beard(small: SmallPicture, skin: Float32, neck: Float32) -> tuple[Float32, 
     to_plain, to_chin = (skin_distance(colors, part[chosen]) for part in (plain, chin))
     beard[chosen] = np.clip(0.5 + (to_plain - to_chin) / 0.4, 0, 1)
     beard = small.whole(beard * low)
-    return skin * max(sure, hairy) * beard, neck * hairy * beard
+    return skin * sure * beard, neck * hairy * beard
 
 
 def _of_hair(small: SmallPicture, plain: NDArray[np.bool_], chin: NDArray[np.bool_],
