@@ -48,12 +48,6 @@ BEARD = 0.7, 1.0
 """Chin and lip so far from the cheeks' hue, over its spread, begin to be bearded, and are."""
 MOUSTACHE = 0.4, 0.7
 """The same of the lip's way to the chin, over the way to the cheeks: it is, and it is not."""
-OF_HAIR = 0.45, 0.7
-"""So much of chin and lip is nearer to the hair's color than to the cheeks' where a dark beard may
-be, and where one is. Of seven old masters and thirteen exemplars one, who has a black beard, has
-0.81; the others have 0.3 at most."""
-DEEP = 0.35
-"""A beard of the hair's color is darker than all but this share of the cheeks."""
 EAR, EAR_BEGINS = (-0.15, 0.75), 0.9
 """Ears lie between these (brows 0, chin 1), and this far from the middle, over half the width."""
 FEW = 30
@@ -161,51 +155,28 @@ def _overlooked(small: SmallPicture, skin: Float32) -> Float32:
     return skin * small.whole(hair)
 
 
-def _beard(small: SmallPicture, skin: Float32, neck: Float32) -> tuple[Float32, Float32]:
-    """Shares of ``skin`` and ``neck`` [h, w] that are a beard.
+def _beard(small: SmallPicture, skin: Float32) -> Float32:
+    """Shares of ``skin`` [h, w] that are a beard.
 
     Chin and upper lip under a beard are alike, and both are of another hue than the cheeks; shade
     is not, and paint that differs from chin to lip is none. What is more like that chin than like
-    the cheeks is beard. Below the chin that is so where chin and lip are of the hair's color, as a
-    neck's shade is no beard's.
+    the cheeks is beard.
     """
     points, plain = small.points, small.cheeks
     chin = _between(small, points[57], points[8], (0.25, 0.9), 0.6)
     lip = _between(small, points[33], points[51], (0.2, 0.85), 1.2)
-    low = small.part(small.down) > CHEEKS[1] - 0.05
-    low &= (small.part(skin) > 0.02) | (small.part(neck) > 0.02)
-    none = np.zeros_like(skin)
+    low = (small.part(small.down) > CHEEKS[1] - 0.05) & (small.part(skin) > 0.02)
     if min(part.sum() for part in (plain, chin, lip)) < FEW:
-        return none, none
+        return np.zeros_like(skin)
     chosen = low | plain | chin | lip
     colors = small.blurred(LIKE_SKIN[0][0] / 2)[chosen]
     sure = _bearded(*(colors[part[chosen]] for part in (plain, chin, lip)))
-    hairy = _of_hair(small, plain, chin, lip)
-    if max(sure, hairy) == 0:
-        return none, none
+    if sure == 0:
+        return np.zeros_like(skin)
     beard = np.zeros(low.shape, np.float32)
     to_plain, to_chin = (skin_distance(colors, part[chosen]) for part in (plain, chin))
-    beard[chosen] = np.clip(0.5 + (to_plain - to_chin) / 0.4, 0, 1)
-    beard = small.whole(beard * low)
-    return skin * sure * beard, neck * hairy * beard
-
-
-def _of_hair(small: SmallPicture, plain: NDArray[np.bool_], chin: NDArray[np.bool_],
-             lip: NDArray[np.bool_]) -> float:
-    """How surely chin and upper lip are of the hair's color, and dark."""
-    from skimage.color import rgb2lab
-
-    hair = small.part(small.labels[..., PICTURE_LABELS.index("hair")]) > 200
-    if hair.sum() < FEW:
-        return 0.0
-    image = np.clip(small.blurred(LIKE_SKIN[0][0] / 2), 0, 1)
-    cheeks, locks, *low = (rgb2lab(image[part]) for part in (plain, hair, chin, lip))
-    to_cheeks, to_locks = ([np.linalg.norm(part - np.median(one, axis=0), axis=1) for part in low]
-                           for one in (cheeks, locks))
-    share = min(float(np.mean(there < here)) for here, there in zip(to_cheeks, to_locks))
-    if max(float(np.median(part[:, 0])) for part in low) > np.quantile(cheeks[:, 0], DEEP):
-        return 0.0
-    return float(np.clip((share - OF_HAIR[0]) / (OF_HAIR[1] - OF_HAIR[0]), 0, 1))
+    beard[chosen] = sure * np.clip(0.5 + (to_plain - to_chin) / 0.4, 0, 1)
+    return skin * small.whole(beard * low)
 
 
 def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
@@ -267,10 +238,9 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     shares[..., HAIR] += covered
     shares[..., SKIN] -= covered
     if strict:
-        for material, beard in zip((SKIN, NECK), _beard(small, shares[..., SKIN],
-                                                        shares[..., NECK])):
-            shares[..., FEATURES] += beard
-            shares[..., material] -= beard
+        beard = _beard(small, shares[..., SKIN])
+        shares[..., FEATURES] += beard
+        shares[..., SKIN] -= beard
         shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
     part_headwear(small, shares)
