@@ -198,10 +198,11 @@ def _eyes(painting: Painting, painter: SkinPainter) -> tuple[float, float]:
     skin, given = painting.skin, painter.given
     theirs = [eye_contrast(given.image, given.landmarks[eye])
               for eye in EYES]
-    points = skin.plane.landmarks
-    places, _ = skin.atlas.locate(points.astype(np.float32), 0.1, 0.1)
-    ours = [eye_contrast(painting.color, places[eye].astype(np.float64) / painting.step)
-            if np.isfinite(places[eye]).all() and not shut else np.nan
+    # Where the front chart shows them: a landmark may lie a little off the surface.
+    pixels, _ = skin.atlas.cameras[0].project(np.nan_to_num(skin.plane.landmarks))
+    places = pixels[0] + skin.atlas.boxes[0, 4:]
+    ours = [eye_contrast(painting.color, places[eye] / painting.step)
+            if not shut else np.nan
             for eye, shut in zip(EYES, painter.exemplar.lids)]
     best = max(*theirs, 1e-3)
     return ours[0] / best, ours[1] / best
