@@ -140,7 +140,7 @@ class Palette:
     def __init__(self, painter: SkinPainter) -> None:
         exemplar, transfer = painter.exemplar, painter.transfer
         shares = known_shares(exemplar, transfer.regions, transfer.labels)
-        lab = to_lab(exemplar.image / np.float32(255))
+        lab = to_lab(np.asarray(exemplar.image / np.float32(255), np.float32))
         height = transfer.regions.frame.height
         self._trees = {}
         for name, materials in (("skin", [SKIN, NECK, EARS]), ("hair", [HAIR]),
