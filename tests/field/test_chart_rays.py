@@ -83,3 +83,49 @@ def test_no_lattice_point_between_two_surfaces_is_missed(seed, turned):
     found = set(map(tuple, cells))
     assert len(found) == len(cells)
     assert set(map(tuple, empty[wanted])) <= found <= set(map(tuple, empty))
+
+
+@pytest.mark.parametrize("frame", [None, FRAME])
+def test_lattice_points_are_looked_up_as_a_plain_interpolation_does(frame):
+    one, generator = chart(frame), np.random.default_rng(3)
+    distance, margin = generator.uniform(0.2, 0.9, (2, 24, 30))
+    shape, center, radius = (13, 17, 15), np.array([0.1, -0.05, 0.02]), np.array([1.1, 1.4, 1.2])
+    beyond, margins = one.outside(distance, margin, shape, center, radius)
+    assert beyond.shape == margins.shape == shape and beyond.dtype == np.float32
+    for place in np.ndindex(shape):
+        point = center + radius * (2 * (np.array(place[::-1]) + 0.5) / shape[::-1] - 1)
+        places, distances = plain_places(one, point[None])
+        (row, column), away = places[:, 0], distances[0]
+        row = np.clip(row, 0, 23)
+        low, left = min(int(row), 22), int(column)
+        for values, found, sign in ((distance, beyond, -1.0), (margin, margins, 1.0)):
+            corners = values[low:low + 2][:, [left % 30, (left + 1) % 30]]
+            wanted = ([1 - row + low, row - low] @ corners
+                      @ [1 - column + left, column - left])
+            got = found[place] - (away if sign < 0 else 0.0)
+            assert got == pytest.approx(sign * wanted, abs=2e-6)
+
+
+def plain_places(one, points):
+    """`Chart.places`, in NumPy."""
+    if one.frame is not None:
+        points = points @ one.frame[:3, :3].T + one.frame[:3, 3]
+    x, z = (points[:, k] - np.interp(points[:, 1], one.axis[:, 1], one.axis[:, k]) for k in (0, 2))
+    y = np.maximum(points[:, 1] - one.axis[-1, 1], 0.0)
+    flat = np.hypot(x, z)
+    step = one.elevation[-1] - one.elevation[-2]
+    rows = np.where(y > 0, one.level - 1 + np.arctan2(y, flat) / step,
+                    (points[:, 1] - one.axis[0, 1]) / one.cell)
+    column = (np.arctan2(x, z) - one.angle[0]) / (one.angle[1] - one.angle[0])
+    return np.stack([rows, column % len(one.angle)]), np.hypot(flat, y) / one.scale
+
+
+@pytest.mark.parametrize("frame", [None, FRAME])
+def test_places_are_those_of_plain_numpy(frame):
+    one = chart(frame)
+    points = np.random.default_rng(4).uniform(-1.6, 1.6, (500, 3))
+    points[0] = 0.02, 0.0, 0.0
+    for got, wanted in zip(one.places(points), plain_places(one, points), strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-9)
+    places, away = one.places(np.zeros((0, 3)))
+    assert places.shape == (2, 0) and away.shape == (0,)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,18 +27,22 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..progress import Progress
+from ..simd.threads import side_by_side
 from ..temporary import temporary_folder
 from .calibration.database import Scene, lens_groups, room_for, sensor_turns
 from .calibration.features import (
     Features,
     Matches,
+    camera_stands_still,
     camera_stood_still,
     enough,
     likely_pairs,
+    likeness,
     match_features,
     neighbouring_pairs,
     sift_features,
     without_still,
+    worth_placing,
 )
 from .calibration.lens_terms import adjust, starting_model
 from .calibration.mapping import place_photos
@@ -58,6 +62,8 @@ _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps 
 
 _MOST_AGAIN = 800
 """Pairs of photos that are compared once more, in full, where photos are left out."""
+_DENSE = 1.2
+"""Degrees between neighbours up to which photos between them show nothing more."""
 
 Float = NDArray[np.float64]
 
@@ -99,6 +105,9 @@ class CalibrateConfig:
     blur_threshold: float = 0.4
     """Leave out blurred photos: those with less than this share of their neighbours' fine detail in
     any direction, at most a quarter of all; 0 keeps all."""
+    every_photo: bool = False
+    """Place every photo, also those of a dense sweep that lie between others and show nothing more.
+    """
     holdout: int = 8
     """Hold out every Nth photo for testing the reconstruction; 0 = none."""
     seed: tyro.conf.Suppress[int] = 0
@@ -108,28 +117,32 @@ class CalibrateConfig:
 def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
               say: Callable[[str], None], contrast: float = 1.0) -> list[Features]:
     """Features of every photo as its sensor saw it; none where the photo is transparent."""
-    found = []
-    for number, (photo, turn) in enumerate(zip(photos, turns)):
-        say(f"features in photo {number + 1} of {len(photos)}")
-        image = np.ascontiguousarray(np.rot90(photo.image, turn))
+    def of(number: int) -> Features:
+        image = np.ascontiguousarray(np.rot90(photos[number].image, turns[number]))
         mask = None
         if image.shape[2] == 4:
             # Not at the rim, where the features would be of the picture behind.
             mask = np.asarray(cv2.erode(image[..., 3], np.ones((5, 5), np.uint8)), np.uint8)
-        found.append(sift_features(image, config.features, mask, 0.02 * contrast))
+        return sift_features(image, config.features, mask, 0.02 * contrast)
+
+    found: list[Features] = []
+    while len(found) < len(photos):
+        say(f"features in photo {len(found) + 1} of {len(photos)}")
+        found += side_by_side(of, range(len(found), min(len(found) + 8, len(photos))))
     return found
 
 
-def _matches(features: list[Features], config: CalibrateConfig, say: Callable[[str], None],
+def _pairs(count: int, alike: NDArray[np.int64] | None, config: CalibrateConfig,
+           ) -> list[tuple[int, int]]:
+    """The pairs of so many photos that are worth comparing."""
+    if config.matching == "exhaustive":
+        return [(i, j) for i in range(count) for j in range(i + 1, count)]
+    return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
+
+
+def _matches(features: list[Features], pairs: list[tuple[int, int]], say: Callable[[str], None],
              ) -> dict[tuple[int, int], Matches]:
-    """Matches of all pairs that are worth comparing."""
-    count = len(features)
-    if config.matching == "sequential" or (config.matching == "auto" and count > 200):
-        pairs = neighbouring_pairs(count)
-    elif config.matching == "exhaustive":
-        pairs = [(i, j) for i in range(count) for j in range(i + 1, count)]
-    else:
-        pairs = likely_pairs(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
+    """Matches of pairs of photos."""
     found = {}
     for number, (i, j) in enumerate(pairs):
         if number % 20 == 0:
@@ -138,9 +151,19 @@ def _matches(features: list[Features], config: CalibrateConfig, say: Callable[[s
     return enough(found)
 
 
-def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
-                 work: Path) -> tuple[dict[str, tuple[Float, Lens]], dict[str, Any]]:
+@dataclass(frozen=True)
+class _Placed:
     """Pose (camera-to-world) and lens of every registered photo by its name, and figures."""
+
+    cameras: dict[str, tuple[Float, Lens]] = field(default_factory=dict)
+    figures: dict[str, Any] = field(default_factory=dict)
+    spacing: float = np.inf
+    """Degrees between a camera and the next one, seen from the points; the median."""
+
+
+def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
+                 work: Path) -> tuple[_Placed, list[str]]:
+    """The cameras, and the names of photos that were left out because they add nothing."""
     import pycolmap
 
     def say(note: str) -> None:
@@ -154,9 +177,36 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
     pycolmap.set_random_seed(config.seed)
     turns = sensor_turns(photos)
-    groups = lens_groups(photos, turns, config.shared_camera)
     features = _features(photos, turns, config, say)
-    matches = _matches(features, config, say)
+    alike = None
+    if config.matching == "auto" and len(photos) <= 200:
+        alike = likeness(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
+
+    def place(some: NDArray[np.int64]) -> _Placed:
+        pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)], config)
+        folder = work / f"of{len(some)}"
+        folder.mkdir()
+        return _place(pycolmap, [photos[i] for i in some], [turns[i] for i in some],
+                      [features[i] for i in some], pairs, config, folder, say, announce)
+
+    every = np.arange(len(photos))
+    some = every if alike is None or config.every_photo else worth_placing(alike)
+    # Before a camera that stands still all photos are alike, however far the person turned.
+    if len(some) < len(photos) and not camera_stands_still(features):
+        placed = place(some)
+        if len(placed.cameras) == len(some) and placed.spacing < _DENSE:
+            announce(f"{len(some)} of {len(photos)} photos are used: the others lie between them "
+                     "and show nothing more")
+            return placed, [photos[i].name for i in np.setdiff1d(every, some)]
+    return place(every), []
+
+
+def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[Features],
+           pairs: list[tuple[int, int]], config: CalibrateConfig, work: Path,
+           say: Callable[[str], None], announce: Callable[[str], None]) -> _Placed:
+    """Place photos by the matches of these pairs."""
+    groups = lens_groups(photos, turns, config.shared_camera)
+    matches = _matches(features, pairs, say)
     stood_still = camera_stood_still(features, matches)
     if stood_still:
         announce("the camera did not move: features that do not move either are ignored")
@@ -184,7 +234,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
             if len(second.photos) > len(placing.photos):
                 placing, scene = second, closer
     if placing.model is None:
-        return {}, {}
+        return _Placed()
     say("refining the cameras")
     model = adjust(pycolmap, placing.model, config.camera_model,
                    lambda rough: scene.triangulated(pycolmap, placing.groups, rough))
@@ -201,7 +251,17 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
                "reprojection_error_px": float(model.compute_mean_reprojection_error()),
                "lens_model": " ".join(sorted(models)), "lenses": len(set(groups)),
                "placed": placing.how}
-    return found, figures
+    return _Placed(found, figures, _spacing(model))
+
+
+def _spacing(model: Any) -> float:
+    """Median angle between a camera and the next one, in degrees, seen from among the points."""
+    middle = np.median([point.xyz for point in model.points3D.values()], axis=0)
+    ways = np.array([image.projection_center() - middle for image in model.images.values()
+                     if image.has_pose])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    nearest = np.partition(ways @ ways.T, -2, axis=1)[:, -2]
+    return float(np.degrees(np.median(np.arccos(np.clip(nearest, -1.0, 1.0)))))
 
 
 def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int],
@@ -243,7 +303,8 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
         The photos that could be placed, undistorted, in the portrait frame guessed from the cameras
         (`portrait_frame_from_cameras`; `portrait_frame_from_landmarks` is better once the face is
         known). ``capture.figures``: ``photos``, ``registered``, ``left_out`` (could not be placed),
-        ``blurred`` (not tried), ``points``, ``reprojection_error_px``, ``focal_px``.
+        ``blurred`` and ``spare`` (not tried; these lie between others of a dense sweep),
+        ``points``, ``reprojection_error_px``, ``focal_px``.
 
     Raises
     ------
@@ -266,7 +327,9 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
         raise UserError(f"{path} has only {len(loaded)} usable "
                         f"{'photo' if len(loaded) == 1 else 'photos'}; {_ADVICE}")
     with temporary_folder(room_for(len(loaded))) as work:
-        found, figures = _reconstruct(loaded, config, progress, work)
+        placed, spare = _reconstruct(loaded, config, progress, work)
+    found, figures = placed.cameras, placed.figures
+    loaded = [photo for photo in loaded if photo.name not in spare]
     left_out = [photo.name for photo in loaded if photo.name not in found]
     if len(found) < max(3, 0.4 * len(loaded)):
         how_many = f"only {len(found)}" if found else "none"
@@ -285,7 +348,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     capture = Capture(**assemble(poses, lenses, [photo.image for photo in kept],
                                 [photo.name for photo in kept], None, config.holdout,
                                 depths=[photo.depth for photo in kept])._asdict())
-    figures.update(photos=count, registered=len(kept), left_out=left_out, blurred=soft,
+    figures.update(photos=count, registered=len(kept), left_out=left_out, blurred=soft, spare=spare,
                    focal_px=float(np.median([lens.focal[0] for lens in lenses])))
     return replace(capture, frame=capture.frame @ similarity, figures=figures)
 

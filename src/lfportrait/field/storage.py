@@ -35,6 +35,7 @@ from ..stages import check_writable
 from ..version import __version__
 from .backdrop import Backdrop
 from .background import Background
+from .kernels.halves import floats_of, halves
 from .pieces import read_array, write_array
 from .texture import SurfaceTexture
 
@@ -131,12 +132,8 @@ def _write(field: FieldData, path: Any, deflated: Collection[str], more: dict[st
             # svox2's kernels take the table in C order alone.
             "links": _turned(field.links),
             "density_data": field.density[:, None].astype(np.float32),
-            "sh_data": _halves(field.sh.reshape(len(field.sh), -1)),
+            "sh_data": halves(field.sh.reshape(len(field.sh), -1)),
             **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *_NOISY, *deflated))
-
-
-def _halves(sh: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
-    return np.clip(sh, -6e4, 6e4).astype(np.float16)
 
 
 def read_back(field: FieldData) -> Loaded:
@@ -151,7 +148,7 @@ def read_back(field: FieldData) -> Loaded:
         drop = replace(drop, light=drop.light.astype(np.float64),
                        points=drop.points.astype(np.float32))
     return (np.maximum(field.links, -1, dtype=np.int32),
-            np.ascontiguousarray(field.density, np.float32), _halves(field.sh).astype(np.float32),
+            np.ascontiguousarray(field.density, np.float32), floats_of(halves(field.sh)),
             field.center.astype(np.float32).astype(np.float64),
             field.radius.astype(np.float32).astype(np.float64),
             field.frame.astype(np.float64), behind, texture, drop, float(field.cone))
@@ -222,7 +219,7 @@ def load_field(path: Any) -> Loaded:
     if links.max(initial=-1) >= len(density):
         raise UserError(f"{path} is damaged: its links point beyond its {len(density)} voxels")
     # Half floats are slow to look at.
-    sh = sh.astype(np.float32)
+    sh = floats_of(sh) if sh.dtype == np.float16 else sh.astype(np.float32)
     if not (np.isfinite(density).all() and np.isfinite(sh).all()):
         raise UserError(f"{path} is damaged: it holds values that are not finite")
     center, radius = arrays["center"], arrays["radius"]

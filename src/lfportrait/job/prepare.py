@@ -189,6 +189,11 @@ def _placed_photos(photos: Path, config: CalibrateConfig, few: bool, progress: P
     return capture, figures
 
 
+def _tried(capture: Capture) -> int:
+    """How many photos calibration tried to place, or left out as blurred."""
+    return int(capture.figures.get("photos", 0)) - len(capture.figures.get("spare", ()))
+
+
 def _few_placed(photos: Path, config: CalibrateConfig, progress: Progress | None) -> Capture:
     """A few photos with the cameras that structure from motion finds; raises `NotTogether`."""
     with warnings.catch_warnings(record=True) as caught:
@@ -197,7 +202,7 @@ def _few_placed(photos: Path, config: CalibrateConfig, progress: Progress | None
             capture = calibrate(photos, config, progress)
         except UserError as error:
             raise NotTogether(error) from error
-    count = capture.figures.get("photos", 0)
+    count = _tried(capture)
     if len(capture) < _PLACED * count:
         raise NotTogether(UserError(f"only {len(capture)} of the {count} photos in {photos} could "
                                     "be placed together"))
@@ -252,7 +257,7 @@ def _least_by_face(capture: Capture, landmarks: dict[str, Any], need_face: bool)
         wrong = need_face or landmarks.get("views", 0) > 0
     if wrong:
         return 0.5 * len(capture)
-    few = len(capture) < _PLACED * capture.figures.get("photos", 0)
+    few = len(capture) < _PLACED * _tried(capture)
     return len(capture) + 1 if few else None
 
 

@@ -24,16 +24,16 @@ _COSTS = {
     "capture": {
         "start": ("megapixels placed", 0.02, 0.03),
         "reading photos": ("megapixels", 0.02, 0.01),
-        "features in photo": ("megapixels", 0.022, 0.136),
-        "comparing photos": ("pairs", 0.00026, 0.0013),
+        "features in photo": ("megapixels", 0.005, 0.15),
+        "comparing photos": ("pairs", 0.00013, 0.0006),
         "comparing photos in full: pair": ("photos", 0.006, 0.03),
-        "checking matches": ("photos", 0.007, 0.12),
+        "checking matches": ("photos", 0.005, 0.05),
         "placing photo": ("pairs", 0.0016, 0.0),
         "refining the cameras": ("pairs", 0.0014, 0.0),
         "looking for the face": ("searches", 1.6, 0.0),
         "fitting the head": ("fits", 0.7, 0.0),
         "cutting out the person": ("photos to cut", 0.01, 0.0),
-        "checking whether the head moved": ("photos to place and cut", 0.02, 0.072),
+        "checking whether the head moved": ("photos to place and cut", 0.01, 0.03),
         "cutting out the person: the room behind": ("photos to cut", 0.0, 0.15),
         "cutting out the person: edges": ("megapixels to cut", 0.003, 0.08),
         "cutting out the person: votes of the views": ("photos to cut", 0.004, 0.09),
@@ -47,7 +47,7 @@ _COSTS = {
 """Cost of each step by the stage's title and what its notes begin with: what it grows with
 (`_amounts`), seconds on one core and core-seconds on all cores a unit of it. A step without a name
 begins where the counts of the one before end."""
-_TRAINING = {"start": (0.6, 0.6), "surface": (5.5, 7.5), "rays": (0.5, 3.0), "finer": (2.0, 4.0),
+_TRAINING = {"start": (0.6, 0.6), "surface": (3.0, 5.5), "rays": (0.5, 3.0), "finer": (2.0, 4.0),
              "look": (2.5, 12.0), "end": (3.5, 8.0), "test": (0.5, 0.0)}
 """The same of the training; of a million rays at 256 points. Only narrow arcs have a surface."""
 _FITTED = {"laying the head over its photo": 0.2, "hair and body from the outline": 0.15,

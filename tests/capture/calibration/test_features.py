@@ -7,6 +7,7 @@ from lfportrait.capture.calibration.features import (
     Features,
     camera_stood_still,
     likely_pairs,
+    likeness,
     match_features,
     neighbouring_pairs,
     sift_features,
@@ -71,11 +72,11 @@ def walk(count: int) -> list[Features]:
 
 
 def test_likely_pairs_are_those_that_overlap():
-    found = likely_pairs(walk(31))
+    found = likely_pairs(likeness(walk(31)))
     assert {(i, i + 1) for i in range(29)} <= set(found)
     assert len(found) < 0.8 * 30 * 29 / 2
     assert found == sorted(found)
-    few = likely_pairs(walk(6))
+    few = likely_pairs(likeness(walk(6)))
     assert few == [(i, j) for i in range(5) for j in range(i + 1, 5)]
 
 

@@ -13,18 +13,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...simd.threads import side_by_side
 from ..photos import Photo
-from .features import FEWEST, Features, Matches, enough
+from .features import FEWEST, Features, Matches
+from .two_views import TwoViews, two_views
 
 __all__ = ["Scene", "lens_groups", "room_for", "sensor_turns"]
 
-_ROUGH = 8.0
-"""Pixels that a match may lie off a rough geometry: twice as many as COLMAP allows."""
 USUAL_FOCAL = 1.2
 """Focal length over the longer side where nothing is known: 43 mm on film."""
 
@@ -58,15 +56,6 @@ def lens_groups(photos: Sequence[Photo], turns: Sequence[int], shared: bool) -> 
         key = (width, height, photo.lens) if shared else index
         groups.append(seen.setdefault(key, len(seen)))
     return groups
-
-
-def _rough_inliers(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which matches [M] one fundamental matrix explains within a few pixels; always the same."""
-    try:
-        mask = cv2.findFundamentalMat(one, other, cv2.USAC_FAST, _ROUGH, 0.999, 500)[1]
-    except cv2.error:  # places that determine nothing: left to the full check
-        return np.ones(len(one), bool)
-    return np.zeros(len(one), bool) if mask is None else np.asarray(mask.ravel() > 0)
 
 
 @dataclass
@@ -117,16 +106,6 @@ class Scene:
             cameras.append(camera)
         return cameras
 
-    def _plausible(self) -> dict[tuple[int, int], Matches]:
-        """The matches that some epipolar geometry explains roughly, by pairs of photos.
-
-        OpenCV's estimator finds in half a millisecond that nothing explains most of a pair's
-        matches, for which COLMAP's takes up to thirty. What it leaves COLMAP checks in full.
-        """
-        pairs = list(self.matches.items())
-        rough = side_by_side(lambda item: _rough_inliers(*self._places(*item)), pairs)
-        return enough({pair: own[inside] for (pair, own), inside in zip(pairs, rough)})
-
     def _places(self, pair: tuple[int, int], own: Matches) -> list[NDArray[np.float32]]:
         """Where both photos of a pair have its matches, two times float32 [M, 2]."""
         return [np.ascontiguousarray(self.features[number].places[own[:, side], :2])
@@ -149,13 +128,32 @@ class Scene:
                 frame.add_data_id(image.data_id)
                 base.write_frame(frame)
                 base.write_keypoints(image.image_id, own.places)
-            for (i, j), pairs in self._plausible().items():
-                base.write_matches(i + 1, j + 1, pairs)
-        options = pycolmap.TwoViewGeometryOptions()
-        options.ransac.random_seed = self.seed
-        # Enough for a third of right matches; pairs with fewer take a second each for nothing.
-        options.ransac.max_num_trials = 2000
-        pycolmap.geometric_verification(path, two_view_geometry_options=options)
+            for (i, j), geometry in self._geometries(groups).items():
+                matches, found = self.matches[i, j], pycolmap.TwoViewGeometry()
+                found.config = getattr(pycolmap.TwoViewGeometryConfiguration, geometry.kind)
+                found.F, found.E, found.H = (geometry.fundamental, geometry.essential,
+                                             geometry.homography)
+                found.inlier_matches = matches[geometry.inliers]
+                base.write_matches(i + 1, j + 1, matches)
+                base.write_two_view_geometry(i + 1, j + 1, found)
+
+    def _geometries(self, groups: Sequence[int]) -> dict[tuple[int, int], TwoViews]:
+        """What explains the matches, by the pairs of photos of which something does."""
+        lenses: list[tuple[float, tuple[int, int]] | None] = []
+        for number in range(max(groups) + 1):
+            members = [index for index, group in enumerate(groups) if group == number]
+            focal, noted = self._focal(members, None)
+            lenses.append((focal, self.sizes[members[0]]) if noted else None)
+
+        def geometry(item: tuple[tuple[int, int], Matches]) -> TwoViews | None:
+            one, other = (lenses[groups[number]] for number in item[0])
+            first, second = self._places(*item)
+            return two_views(first, second, FEWEST,
+                             None if one is None or other is None else (one, other))
+
+        pairs = list(self.matches.items())
+        found = side_by_side(geometry, pairs)
+        return {pair: own for (pair, _), own in zip(pairs, found) if own is not None}
 
     def database(self, pycolmap: Any, groups: Sequence[int], model: str,
                  focal: float | None = None) -> Path:

@@ -25,12 +25,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...simd.threads import side_by_side
 from ...temporary import temporary_folder
 from ..camera import Camera
 from ..capture import Capture
 from ..frame import pose_corrections, without_drift
 from .database import Scene, room_for
-from .features import Features, enough, likely_pairs, match_features, sift_features
+from .features import (
+    Features,
+    enough,
+    likely_pairs,
+    likeness,
+    match_features,
+    sift_features,
+)
 from .mapping import place_photos
 
 __all__ = ["HeadMotion", "follow_head", "place_by_head"]
@@ -46,9 +54,9 @@ _MOVED, _PIXELS = 2.0, 0.5
 this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels. A head that moves
 by 0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 4, 7, 10 times, 0.5, 1.1, 2.2, 2.9 pixels; cameras
 that follow it are off by 0.2 to 0.35 degrees in all four."""
-_SAMPLE, _CLEARLY = 32, 0.8
+_SAMPLE, _CLEARLY = 20, 0.8
 """Photos that are asked first, spread over the capture, and the part of the bounds below which they
-say that the head held still: then the others, three times as many, need not be asked."""
+say that the head held still: then the others need not be asked."""
 _ENOUGH, _NEARER = 0.8, 0.5
 """Part of the photos that the head alone must place, and what may be left of its matches' distance
 then."""
@@ -122,9 +130,9 @@ def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
 
 
 def _scene(capture: Capture, mattes: list[NDArray[np.float32]], work: Path, seed: int) -> Scene:
-    features = [_seen(capture, view, matte) for view, matte in enumerate(mattes)]
+    features = side_by_side(lambda view: _seen(capture, view, mattes[view]), range(len(mattes)))
     matches = {(i, j): match_features(features[i].descriptors, features[j].descriptors)
-               for i, j in likely_pairs(features)}
+               for i, j in likely_pairs(likeness(features))}
     cameras = capture.cameras
     return Scene([(int(w), int(h)) for w, h in zip(cameras.width, cameras.height)],
                  [float(focal) for focal in cameras.focal[:, 0]], features,

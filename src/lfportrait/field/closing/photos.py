@@ -23,7 +23,7 @@ PHOTOS = 40
 
 
 class Photos:
-    """What the training photos see of a field: its depth in each of them.
+    """What the training photos see of a field: its depth in each of ``most`` of them.
 
     Attributes
     ----------
@@ -35,10 +35,10 @@ class Photos:
         Those that are asked, with pixels about as wide as a voxel.
     """
 
-    def __init__(self, field: VoxelField, capture: Capture) -> None:
+    def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS) -> None:
         self.voxel = float(field.spacing.mean())
         views = capture.training()
-        views = views[np.linspace(0, len(views) - 1, min(PHOTOS, len(views))).astype(int)]
+        views = views[np.linspace(0, len(views) - 1, min(most, len(views))).astype(int)]
         self.enough = min(3, 1 + len(views) // 20)
         self.cameras = capture.cameras[views].scaled(
             float(np.clip(capture.cameras.pixel / self.voxel, 0.1, 1.0)))

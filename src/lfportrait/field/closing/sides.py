@@ -34,6 +34,8 @@ __all__ = ["close_sides"]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+PHOTOS = 24
+"""Photos of an arc, at most, that are asked what they see: with 40 a head is 0.1 dB better."""
 SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
 WELL = 0.35
@@ -91,7 +93,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     """
     chart, voxel = surface.chart, float(field.spacing.mean())
     distance, colors = read_surface(field, chart, cut)
-    photos = Photos(field, capture)
+    photos = Photos(field, capture, PHOTOS)
     finite = np.isfinite(distance)
     known = finite & (surface.facing > SQUARE)
     known &= np.abs(distance - surface.distance) < APART / chart.scale

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..grid import VoxelField
 from ..harmonics import C0
-from ..kernels.chart_rays import march_chart, mark_between
+from ..kernels.chart_rays import march_chart, mark_between, outside_chart, place_points
 from ..trimming import Cut
 
 __all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]
@@ -82,18 +83,18 @@ class Chart:
 
     def places(self, points: Float64) -> tuple[Float64, Float64]:
         """(row, column) of points [N, 3], [2, N], and their distances from the axis, [N]."""
-        if self.frame is not None:
-            points = points @ self.frame[:3, :3].T + self.frame[:3, 3]
-        rows = (points[:, 1] - self.axis[0, 1]) / self.cell
-        x, z = (points[:, k] - np.interp(points[:, 1], self.axis[:, 1], self.axis[:, k])
-                for k in (0, 2))
-        y = np.maximum(points[:, 1] - self.axis[-1, 1], 0.0)
-        flat = np.hypot(x, z)
-        elevation = np.arctan2(y, flat)
-        step = self.elevation[-1] - self.elevation[-2]
-        rows = np.where(y > 0, self.level - 1 + elevation / step, rows)
-        column = (np.arctan2(x, z) - self.angle[0]) / (self.angle[1] - self.angle[0])
-        return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y) / self.scale
+        places, away = np.empty((2, len(points))), np.empty(len(points))
+        place_points(np.ascontiguousarray(points, np.float64), *self._layout, places, away)
+        places[1] %= len(self.angle)
+        return places, away / self.scale
+
+    @property
+    def _layout(self) -> tuple[Any, ...]:
+        """The chart as its kernels take it."""
+        frame = np.eye(4) if self.frame is None else self.frame
+        return (frame[:3].astype(np.float64), self.axis, self.cell, self.level,
+                self.elevation[-1] - self.elevation[-2],
+                np.array([self.angle[0], self.angle[1] - self.angle[0]]))
 
     def cells_between(self, field: VoxelField, low: Float64, high: Float64, corners: Float64,
                       ) -> NDArray[np.int64]:
@@ -129,6 +130,31 @@ class Chart:
         mark_between(field.links, first, field.bounds[0] + 0.5 * field.spacing, field.spacing,
                      frame[:3].astype(np.float64), self.axis[:top], self.cell, *bounds, marks)
         return np.argwhere(marks)[:, ::-1] + first
+
+
+    def outside(self, distance: Float64, margin: Float64, shape: tuple[int, int, int],
+                center: Float64, radius: Float64,
+                ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """How far lattice points lie outside of a surface along the rays, and a margin there.
+
+        Parameters
+        ----------
+        distance, margin
+            float64 [V, U] each, world units.
+        shape, center, radius
+            Lattice points along z, y, x, and their box, float64 [3] each (x, y, z).
+
+        Returns
+        -------
+        beyond, margins
+            float32 [Z, Y, X] each, interpolated between four rays.
+        """
+        beyond, margins = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        spacing = 2.0 * np.asarray(radius, np.float64) / shape[::-1]
+        outside_chart(np.asarray(center, np.float64) - radius + 0.5 * spacing, spacing, self.scale,
+                      *self._layout, np.ascontiguousarray(distance),
+                      np.ascontiguousarray(margin), beyond, margins)
+        return beyond, margins
 
 
 def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:

@@ -30,10 +30,9 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from ...simd.threads import side_by_side
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
-from .plate import fitted_plate, smoothed
+from .plate import fitted_plate, roughly_fitted_plate, smoothed
 from .surface_sweep import SurfaceSweep, cosines_of
 
 __all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
@@ -95,12 +94,6 @@ class HeadSurface:
         return float(area[self.facing[head] > _ALONG].sum() / area.sum())
 
 
-def _at(values: Float64, places: Float64) -> Float64:
-    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
-    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
-    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
-
-
 def span_of(cameras: Camera) -> float:
     """Degrees about the vertical axis that the cameras leave least room beside."""
     angle = np.sort(np.degrees(np.arctan2(cameras.position[:, 0], cameras.position[:, 2])))
@@ -149,9 +142,9 @@ def find_surface(capture: Capture) -> HeadSurface:
         trust = np.maximum(trust, along)
         target = np.log(np.maximum(distance + offset, 0.05 * generic) / prior)
         outlier = np.ones(trust.shape)
-        for _ in range(3):  # reweighted: outliers lose their say
-            found = prior * np.exp(fitted_plate(target, trust * outlier * body, stiff,
-                                                0.02 * stiff, 1e-5))
+        # Reweighted: outliers lose their say. Which these are a rough plate tells as well.
+        for fit in (roughly_fitted_plate, roughly_fitted_plate, fitted_plate):
+            found = prior * np.exp(fit(target, trust * outlier * body, stiff, 0.02 * stiff, 1e-5))
             outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
         distance = _tapered(chart, np.minimum(found, limit), generic, chin, shown)
     return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras),
@@ -209,7 +202,7 @@ def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Ca
     # Of the body landmarks say nothing.
     loose = np.interp(chart.axis[:, 1], (-0.95, -0.6), (3e-3, 1e-6))[:, None]
     ratio, weight = _ratio_of_landmarks(chart, generic, landmarks)
-    rough = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
+    rough = generic * np.exp(roughly_fitted_plate(ratio, weight, 0.5, 0.01, loose))
     limit = _hull_distance(chart, cameras, mattes, 1.6 * rough)
     rim = _rim(chart, np.fmin(rough, limit), cameras) & np.isfinite(limit)
     rim &= (weight == 0) & (_facing(chart, np.fmin(rough, limit), cameras) < _RIM)
@@ -309,31 +302,22 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
     Returns
     -------
     distance, clearance
-        float32 [Z, Y, X] each, world units. The distance is below zero inside, and the shorter of
-        those along the chart's rays and through space. The clearance is less where photos look
-        along the surface or do not see it: only guesses could fill it there.
+        float32 [Z, Y, X] each, world units. The distance is that along the chart's rays, below zero
+        inside; near the surface, outside, that through space where it is shorter. The clearance is
+        less where photos look along the surface or do not see it: only guesses could fill it there.
     """
-    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
-               for i in range(3))
-    flat = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale
-
-    def layer(k: int) -> tuple[Float32, Float32]:
-        points = np.column_stack([flat, np.full(len(flat), z[k])])
-        places, away = surface.chart.places(points)
-        beyond = away - _at(surface.distance, places)
-        return (beyond.reshape(len(y), len(x)).astype(np.float32),
-                _at(margin, places).reshape(len(y), len(x)).astype(np.float32))
-
-    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-        layers = list(workers.map(layer, range(len(z))))
-    along, clearance = (np.stack([item[part] for item in layers]) for part in (0, 1))
+    along, clearance = surface.chart.outside(surface.distance, margin, shape, center, radius)
     spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
     inside = along < 0
-    if inside.all() or not inside.any():
+    if not inside.any():
         return along, clearance
-    out, within = side_by_side(
-        lambda points: ndimage.distance_transform_edt(points, spacing).astype(np.float32),
-        (~inside, inside))
-    return np.where(inside, np.maximum(along, -within), np.minimum(along, out)), clearance
+    # Space further away is empty whatever its distance.
+    margin_points = np.ceil(float(margin.max()) / spacing).astype(int) + 2
+    ends = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    near = tuple(slice(max(0, int(end[0]) - more), int(end[-1]) + more + 1)
+                 for end, more in zip(ends, margin_points))
+    out = ndimage.distance_transform_edt(~inside[near], spacing).astype(np.float32)
+    np.minimum(along[near], out, out=along[near], where=~inside[near])
+    return along, clearance

@@ -9,13 +9,12 @@ get theirs in the same way, from a field that never saw them.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Capture, refine_matte
+from ...simd.threads import side_by_side
 from ..grid import VoxelField
 
 __all__ = ["along_edges", "refined_mattes"]
@@ -24,8 +23,6 @@ Plane = NDArray[np.float32]
 
 _AGREE = 0.8
 """Overlap with a rough outline below which a photo's edges are not followed."""
-_TOGETHER = 8
-"""Photos whose planes are in memory at a time."""
 
 
 def along_edges(image: NDArray[np.uint8], coarse: Plane, cell: int) -> tuple[Plane, bool]:
@@ -77,16 +74,15 @@ def refined_mattes(field: VoxelField, capture: Capture) -> list[NDArray[np.uint8
         V mattes, uint8 [H, W]; a photo's own where its edges contradict the field.
     """
     assert capture.alphas is not None
-    mattes: list[NDArray[np.uint8]] = []
-    with ThreadPoolExecutor(2) as workers:
-        for first in range(0, len(capture), _TOGETHER):
-            some = range(first, min(first + _TOGETHER, len(capture)))
-            rough = [_opacity(field, capture, view) for view in some]
-            laid = workers.map(lambda job: along_edges(*job),
-                               [(capture.images[view], *one) for view, one in zip(some, rough)])
-            mattes += [np.asarray(255.0 * matte + 0.5, np.uint8) if follows
-                       else capture.alphas[view] for view, (matte, follows) in zip(some, laid)]
-    return mattes
+    given = capture.alphas
+    bricks = field.bricks  # which all views share
+    assert len(bricks.links)
+
+    def refined(view: int) -> NDArray[np.uint8]:
+        matte, follows = along_edges(capture.images[view], *_opacity(field, capture, view))
+        return np.asarray(255.0 * matte + 0.5, np.uint8) if follows else given[view]
+
+    return side_by_side(refined, range(len(capture)))
 
 
 def _opacity(field: VoxelField, capture: Capture, view: int) -> tuple[Plane, int]:
@@ -94,6 +90,6 @@ def _opacity(field: VoxelField, capture: Capture, view: int) -> tuple[Plane, int
     camera = capture.cameras[view]
     distance = float(np.linalg.norm(camera.position[0] - field.center))
     voxel = float(field.spacing.max()) * float(camera.focal.max()) / distance
-    small = field.render(camera.scaled(min(1.0, 1.0 / voxel)), 0, background=0.0).alpha
+    small = field.depth(camera.scaled(min(1.0, 1.0 / voxel)))[0]
     large = cv2.resize(small, capture.images[view].shape[1::-1], interpolation=cv2.INTER_LINEAR)
     return np.clip(large, 0.0, 1.0).astype(np.float32), max(2, round(0.5 * voxel))

@@ -24,6 +24,7 @@ from scipy import ndimage
 
 from ...simd.decorators import lean_kernel
 from ...simd.threads import shared
+from .halves import halves
 
 __all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width"]
 
@@ -31,8 +32,6 @@ BRICK = 4
 """Cells along a brick's edge."""
 SLOTS = 128
 """Lattice points that a brick has room for: 5^3 rounded up."""
-_TOGETHER = 8192
-"""Rows that are rounded together: they fit into the cache."""
 
 
 def row_width(basis: int) -> int:
@@ -80,10 +79,7 @@ class Bricks:
         count, columns = len(self.sh), 3 * self.basis
         rows = np.zeros((count + 1) * self.width + 32, np.float16)
         view = rows[:count * self.width].reshape(count, self.width)
-        values = self.sh.reshape(count, columns)
-        for since in range(0, count, _TOGETHER):
-            part = slice(since, since + _TOGETHER)
-            view[part, :columns] = np.clip(values[part], -60000, 60000)
+        view[:, :columns] = halves(self.sh).reshape(count, columns)
         return rows.view(np.uint16)
 
     @functools.cached_property
@@ -211,7 +207,7 @@ def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
     count = len(sh)
     table, brick_links = brick_table(links, count)
     values = np.zeros(count + 1, np.float16)
-    values[:count] = np.clip(density, -6e4, 6e4)
+    values[:count] = halves(density)
     packed = np.zeros(len(brick_links) + 2, np.uint16)
     packed[:-2] = values.view(np.uint16)[brick_links]
     return Bricks(table, brick_links, packed, sh,

@@ -1,13 +1,13 @@
-"""March the rays of a chart to the surface of a field; find the lattice points about a chart."""
+"""Rays of a chart, marched to the surface of a field; lattice points looked up in a chart."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...simd.decorators import lean_kernel
+from ...simd.decorators import identified, lean, lean_kernel
 from ...simd.threads import shared
 
-__all__ = ["march_chart", "mark_between"]
+__all__ = ["march_chart", "mark_between", "outside_chart", "place_points"]
 
 
 @shared("origins")
@@ -114,3 +114,96 @@ def mark_between(since, until, links, first, origin, spacing, frame, axis, cell,
                 over = max(up - axis[last, 1], 0.0)
                 away = np.sqrt(east * east + front * front + over * over)
                 marks[k, j, i] = low[row] < away < high[row]
+
+
+@identified("chart place")
+@lean
+def _place(x, y, z, frame, axis, cell, level, step, angles):
+    """Row (not bounded) and column (not around) of a point, and its distance from the axis.
+
+    In units of ``axis``; the other arguments are as for `outside_chart`.
+    """
+    top, last = level - 1, len(axis) - 1
+    up = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z + frame[1, 3]
+    height = (up - axis[0, 1]) / cell
+    at = min(max(height, 0.0), float(top))
+    row = min(int(at), max(top - 1, 0))
+    share, following = at - row, min(row + 1, top)
+    east = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z + frame[0, 3]
+            - axis[row, 0] - share * (axis[following, 0] - axis[row, 0]))
+    front = (frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z + frame[2, 3]
+             - axis[row, 2] - share * (axis[following, 2] - axis[row, 2]))
+    flat, over = np.sqrt(east * east + front * front), max(up - axis[last, 1], 0.0)
+    if over > 0.0:
+        height = top + np.arctan2(over, flat) / step
+    column = (np.arctan2(east, front) - angles[0]) / angles[1]
+    return height, column, np.sqrt(flat * flat + over * over)
+
+
+@shared("points")
+@lean_kernel
+def place_points(since, until, points, frame, axis, cell, level, step, angles, places, away):
+    """Where points are in a chart.
+
+    Parameters
+    ----------
+    points
+        float64 [N, 3], world units.
+    frame, axis, cell, level, step, angles
+        As for `outside_chart`.
+    places
+        float64 [2, N], written: row, and column (which may lie below 0).
+    away
+        float64 [N], written: distance from the axis, in its units.
+    """
+    for n in range(since, until):
+        places[0, n], places[1, n], away[n] = _place(
+            points[n, 0], points[n, 1], points[n, 2], frame, axis, cell, level, step, angles)
+
+
+@shared("beyond")
+@lean_kernel
+def outside_chart(since, until, origin, spacing, scale, frame, axis, cell, level, step, angles,
+                  distance, margin, beyond, clearance):
+    """How far the points of a lattice lie outside of a chart's surface, along its rays.
+
+    Parameters
+    ----------
+    origin, spacing
+        float64 [3] each, position of lattice point 0 and their distances, world units.
+    scale, frame
+        Units of the chart's frame in one world unit, and float64 [3, 4], to that frame.
+    axis
+        float64 [V, 3], where the rays of each row end.
+    cell, level, step
+        Distance of rows, number of those whose rays are horizontal, and radians from one of the
+        others to the next.
+    angles
+        float64 [2], of column 0, and from one column to the next; columns go around.
+    distance, margin
+        float64 [V, U] each, world units: the surface, and what is looked up beside it.
+    beyond, clearance
+        float32 [Z, Y, X] each, written: distance of each point from the surface, below zero inside,
+        and the margin.
+    """
+    rows, columns = distance.shape
+    for k in range(since, until):
+        z = origin[2] + spacing[2] * k
+        for j in range(beyond.shape[1]):
+            y = origin[1] + spacing[1] * j
+            for i in range(beyond.shape[2]):
+                x = origin[0] + spacing[0] * i
+                height, column, out = _place(x, y, z, frame, axis, cell, level, step, angles)
+                height = min(max(height, 0.0), float(rows - 1))
+                low, left = min(int(height), max(rows - 2, 0)), int(np.floor(column))
+                up_share, right_share = height - low, column - left
+                high, right = min(low + 1, rows - 1), (left + 1) % columns
+                left %= columns
+                weights = ((1.0 - up_share) * (1.0 - right_share), (1.0 - up_share) * right_share,
+                           up_share * (1.0 - right_share), up_share * right_share)
+                away = (weights[0] * distance[low, left] + weights[1] * distance[low, right]
+                        + weights[2] * distance[high, left] + weights[3] * distance[high, right])
+                beyond[k, j, i] = out / scale - away
+                clearance[k, j, i] = (
+                    weights[0] * margin[low, left] + weights[1] * margin[low, right]
+                    + weights[2] * margin[high, left] + weights[3] * margin[high, right])
