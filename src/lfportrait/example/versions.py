@@ -1,7 +1,8 @@
 """What is painted from: the version of a painting that fits a sitter.
 
 Spectacles are taken off, a turned face is seen from the front where that is nearer to the sitter,
-the forehead is bared, eyes that look apart look the same way, and are shut where the sitter's are.
+the forehead is bared, an eye that cannot be made out is painted as the other one is, eyes that look
+apart look the same way, and are shut where the sitter's are.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..face import FacePose
+from .even_eyes import with_even_eyes
 from .exemplar import Exemplar
 from .gaze import with_parallel_eyes
 from .lids import Lids, asked_lids, closed
@@ -51,7 +53,7 @@ def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes
     UserError
         As `suited`.
     """
-    chosen = with_parallel_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
+    chosen = _with_both_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
     return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
 
 
@@ -76,7 +78,11 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
         As `frontalised`.
     """
     front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
-    return closed(with_parallel_eyes(front), lids)
+    return closed(_with_both_eyes(front), lids)
+
+
+def _with_both_eyes(exemplar: Exemplar) -> Exemplar:
+    return with_parallel_eyes(with_even_eyes(exemplar))
 
 
 def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:

@@ -113,7 +113,13 @@ def test_what_no_photo_shows_is_unseen(field, skin, points):
     seen = Skin.of(field, HEAD_LANDMARKS, front, PIXELS, networks=False)
     assert seen.seen[(points[:, 2] > 0.3) & (points[:, 1] > -0.2)].min() > 0.9
     assert seen.seen[points[:, 2] < -0.5].max() == 0
-    assert np.allclose(seen.contours, skin.contours * seen.seen)
+    # Grain at a graze is no structure: where photos look along a surface it counts less than that.
+    assert (seen.contours <= skin.contours * seen.seen + 1e-6).all()
+    grazed = (seen.seen > 0.2) & (seen.seen < 0.8)
+    assert grazed.any() and seen.contours[grazed].max() == 0
+    assert np.abs(seen.detail[grazed]).max() < 1e-6
+    facing = (points[:, 2] > 0.3) & (np.abs(points[:, 0]) < 0.2)
+    assert np.isclose(seen.contours, skin.contours)[facing].mean() > 0.8
 
 
 def test_the_network_tells_hair_and_what_it_does_not_see_follows(field, points, monkeypatch):

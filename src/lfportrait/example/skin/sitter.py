@@ -64,6 +64,8 @@ BEARD = -0.45, -1.5
 OTHER = 2.3
 """A crown of hair is further than this from the face's colors, in standard deviations."""
 
+SEEN, CLEAR = (0.1, 0.4), (0.35, 0.75)
+"""Cosines to the best photo between which a place begins to be seen and is, and its detail does."""
 GRAPH = 0.025
 """Side of the cells that regions are decided in as a whole, over the face's height."""
 UNSURE = 0.01
@@ -90,7 +92,7 @@ class Skin:
         int32 [N], flat index in the atlas of each owning pixel.
     tone, detail, appearance
         float32 [N]: luma blurred (`BLUR`); what that leaves out; the same without the photo's
-        grain.
+        grain. The latter two are weaker where photos saw a place at a graze (`CLEAR`).
     contours
         float32 [N] in [0, 1]: photo edge strength (edges, patterns) at a place.
     hair
@@ -154,7 +156,8 @@ class Skin:
         index = np.flatnonzero(atlas.own).astype(np.int32)
         points = atlas.points.reshape(-1, 3)[index]
         normals = atlas.shape.at(points)
-        seen = _seen(points, normals, cameras)
+        facing = _facing(points, normals, cameras)
+        seen, clear = _ramp(facing, SEEN), _ramp(facing, CLEAR)
         flat = plane.unwrap(points).astype(np.float32)
         colors = atlas.color.reshape(-1, 3)[index]
         known = _hair_in_front(atlas, index) if networks else None
@@ -170,8 +173,9 @@ class Skin:
             hair = _as_a_whole(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
-        return Skin(atlas, plane, pixels, index, tone, detail, appearance,
-                    contours * seen, hair, clothes, ears, seen,
+        # What photos saw at a graze is grain and smears: painted it would be stipple.
+        return Skin(atlas, plane, pixels, index, tone, detail * clear, appearance * clear,
+                    contours * np.minimum(seen, clear), hair, clothes, ears, seen,
                     normals[:, 2] > -0.2, _row_places(field, atlas))
 
     @functools.cached_property
@@ -424,10 +428,15 @@ def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, 
     return out if hair is None else out * (1 - hair)
 
 
-def _seen(points: Float32, normals: Float32, cameras: Camera | None) -> Float32:
-    """How frontally the best of the cameras saw each place, by the large shape alone, [N]."""
+def _facing(points: Float32, normals: Float32, cameras: Camera | None) -> Float32:
+    """Cosine at which the best of the cameras saw each place, by the large shape alone, [N]."""
     if cameras is None or not len(cameras):
         return np.ones(len(points), np.float32)
     out = np.empty(len(points), np.float32)
     best_facing(points, normals, cameras.position[::max(1, len(cameras) // 40)], out)
-    return np.clip((out - np.float32(0.1)) / np.float32(0.3), 0, 1)
+    return out
+
+
+def _ramp(values: Float32, ends: tuple[float, float]) -> Float32:
+    """0 up to the first of the ends, 1 from the second on, float32 [N]."""
+    return np.asarray(np.clip((values - ends[0]) / (ends[1] - ends[0]), 0, 1), np.float32)
