@@ -8,6 +8,8 @@ optical flow (DIS; Kroeger et al. 2016).
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -80,9 +82,9 @@ def _matched(fit: HeadFit, pictures: list[Picture], images: list[Bytes], other: 
     place = lies(np.stack([columns, rows], axis=-1).reshape(-1, 2)).reshape(*size[::-1], 2)
     mask = _covered(fit, seen, one - low - 0.5, size) & np.isfinite(place).all(axis=-1)
     place = np.nan_to_num(place, nan=-9.0).astype(np.float32)
-    first = cv2.remap(grey[0], (columns + low[0]).astype(np.float32),
-                      (rows + low[1]).astype(np.float32), cv2.INTER_LINEAR)
-    laid = cv2.remap(grey[1], place, None, cv2.INTER_LINEAR)
+    here = np.stack([columns + low[0], rows + low[1]], axis=-1).astype(np.float32)
+    first, laid = (np.asarray(cv2.remap(photo, at, None, cv2.INTER_LINEAR), np.float32)
+                   for photo, at in zip(grey, (here, place), strict=True))
     flow, like = _flow(first, laid, mask)
     inner = cv2.erode(mask.astype(np.uint8), np.ones((7, 7))) > 0
     numbers = np.flatnonzero(seen)
@@ -156,10 +158,11 @@ def _flow(one: Float32, two: Float32, mask: Bools) -> tuple[Float32, Float32]:
     even = [_evened(each, mask) for each in (one, two)]
     finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     finder.setUseSpatialPropagation(True)
-    flow = finder.calc(*(np.asarray(np.clip(127 + 40 * each, 0, 255), np.uint8)
-                         for each in even), None)
+    first, second = (np.asarray(np.clip(127 + 40 * each, 0, 255), np.uint8) for each in even)
+    flow = np.asarray(finder.calc(first, second, np.zeros((*one.shape, 2), np.float32)), np.float32)
     rows, columns = np.mgrid[:one.shape[0], :one.shape[1]].astype(np.float32)
-    back = cv2.remap(two, columns + flow[..., 0], rows + flow[..., 1], cv2.INTER_LINEAR)
+    back = np.asarray(cv2.remap(two, columns + flow[..., 0], rows + flow[..., 1],
+                                cv2.INTER_LINEAR), np.float32)
     weight = _blurred(mask.astype(np.float32))
     means = [_blurred(each * mask) / np.maximum(weight, 1e-6) for each in (one, back)]
     parts = [each - mean for each, mean in zip((one, back), means, strict=True)]
@@ -170,7 +173,7 @@ def _flow(one: Float32, two: Float32, mask: Bools) -> tuple[Float32, Float32]:
     return flow, np.where(plain, np.float32(0), like).astype(np.float32)
 
 
-def _blurred(values: Float32) -> Float32:
+def _blurred(values: NDArray[np.floating[Any]]) -> Float32:
     return np.asarray(cv2.GaussianBlur(values, (WINDOW, WINDOW), 0), np.float32)
 
 
