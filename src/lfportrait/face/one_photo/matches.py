@@ -82,10 +82,8 @@ def _matched(fit: HeadFit, pictures: list[Picture], images: list[Bytes], other: 
     place = lies(np.stack([columns, rows], axis=-1).reshape(-1, 2)).reshape(*size[::-1], 2)
     mask = _covered(fit, seen, one - low - 0.5, size) & np.isfinite(place).all(axis=-1)
     place = np.nan_to_num(place, nan=-9.0).astype(np.float32)
-    here = np.stack([columns + low[0], rows + low[1]], axis=-1).astype(np.float32)
-    first, laid = (np.asarray(cv2.remap(photo, at, None, cv2.INTER_LINEAR), np.float32)
-                   for photo, at in zip(grey, (here, place), strict=True))
-    flow, like = _flow(first, laid, mask)
+    first = _at(grey[0], np.stack([columns + low[0], rows + low[1]], axis=-1))
+    flow, like = _flow(first, _at(grey[1], place), mask)
     inner = cv2.erode(mask.astype(np.uint8), np.ones((7, 7))) > 0
     numbers = np.flatnonzero(seen)
     at = np.rint(one[numbers] - low - 0.5).astype(int)
@@ -142,6 +140,12 @@ def _grey(image: Bytes, scale: float) -> Float32:
     """A photo [h, w] in [0, 1], smaller, its light evened over the width of half a face."""
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32) / np.float32(255)
+
+
+def _at(grey: Float32, places: NDArray[np.floating[Any]]) -> Float32:
+    """A photo [H, W] at pixels (x, y) [h, w, 2], [h, w]."""
+    x, y = (np.ascontiguousarray(places[..., axis], np.float32) for axis in (0, 1))
+    return np.asarray(cv2.remap(grey, x, y, cv2.INTER_LINEAR), np.float32)
 
 
 def _covered(fit: HeadFit, seen: Bools, places: Float64, size: NDArray[np.int_]) -> Bools:
