@@ -74,6 +74,8 @@ class SweepConfig:
 
     size: int = 512
     """Width and height in pixels."""
+    frames: int = 90
+    """Number of frames of one loop."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,6 @@ from .paths import good_cone, sweep_frames
 from .splats import SPLAT_WRITERS, field_splats, framed, is_down
 from .video import write_video
 
-SWEEP = 90
-"""Frames of a sweep."""
 _SEEN_LEVEL, _SEEN_SMOOTH = 0.15, 0.8
 """Of a surface with a texture. A ray that grazes a head goes a long way through its soft outer
 layer: of all levels this one has the outline that the field shows, and thin ears remain."""
@@ -161,7 +159,7 @@ def write_sweep(field: VoxelField, path: Path, parameters: SweepConfig,
                 context: ExportContext) -> dict[str, Any]:
     """The video in which the head turns as far as the panel's views go."""
     cone = good_cone(field, Display.resolve(context.display).cone)
-    write_video(path, sweep_frames(field, cone, SWEEP, parameters.size,
+    write_video(path, sweep_frames(field, cone, parameters.frames, parameters.size,
                                    background=context.encode.background, ground=context.encode))
     return {}
 

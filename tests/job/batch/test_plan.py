@@ -134,7 +134,7 @@ def test_heads_are_fitted_to_faces_where_the_file_does_not_say_otherwise(studio,
         return {found.jobs.parameters(name).made_from for name in found.jobs.sitters}
 
     assert ways(jobs_text) == {"face"}
-    assert ways('defaults.from = "photos"\n' + jobs_text) == {"photos"}
+    assert ways(jobs_text.replace("[defaults]", '[defaults]\nfrom = "photos"')) == {"photos"}
 
 
 def test_photos_are_read_once(tmp_path, monkeypatch):

@@ -184,7 +184,7 @@ def test_a_lost_gpu_leaves_the_cpus_picture(adapter, monkeypatch):
     monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: process)
     process.call("tests.gpu.work:echo")
     process._child.kill()
-    process._child.wait()
+    process._child._process.wait()
     field = head_field(24)
     # One is started again by itself.
     assert psnr(encode(field, PANEL, device="gpu") / 255, encode(field, PANEL, device="cpu") / 255
@@ -213,7 +213,7 @@ sizes = []
 for number in range(101):
     code_on_gpu(own, field, job, 0.01)
     if number in (20, 100):
-        sizes.append(memory.resident(own._child.pid))
+        sizes.append(memory.resident(own._child.number))
 print(*sizes)
 """
     code = code.replace("import psutil_free as memory\n", """
