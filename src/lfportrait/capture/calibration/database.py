@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...simd.threads import side_by_side
 from ..photos import Photo
 from .features import FEWEST, Features, Matches
-from .two_views import TwoViews, two_views
+from .two_views import Lens, TwoViews, two_views
 
 __all__ = ["Scene", "lens_groups", "room_for", "sensor_turns"]
 
@@ -142,7 +142,7 @@ class Scene:
 
     def _geometries(self, groups: Sequence[int]) -> dict[tuple[int, int], TwoViews]:
         """What explains the matches, by the pairs of photos of which something does."""
-        lenses: list[tuple[float, tuple[int, int]] | None] = []
+        lenses: list[Lens | None] = []
         for number in range(max(groups) + 1):
             members = [index for index, group in enumerate(groups) if group == number]
             focal, noted = self._focal(members, None)

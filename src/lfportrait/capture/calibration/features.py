@@ -157,7 +157,10 @@ def camera_stood_still(features: list[Features], matches: dict[tuple[int, int], 
 
 
 def camera_stands_still(features: list[Features]) -> bool:
-    """The same, asked of a few pairs of photos before all are compared."""
+    """Whether photos are of one camera on a tripod (`camera_stood_still`), by a few pairs of them.
+
+    This is known before all pairs are compared; only the largest features are.
+    """
     count = len(features)
     pairs = [(i, (i + count // 3) % count) for i in range(0, count, max(1, count // _ASKED))]
     large = [replace(own, places=own.places[own.large], descriptors=own.descriptors[own.large])
@@ -193,8 +196,8 @@ def likeness(features: list[Features], on_progress: Callable[[int, int], None] |
              ) -> NDArray[np.int64]:
     """How many of their largest features two photos share, of all pairs.
 
-    Half of these features are compared first: only where they do not show that two photos are
-    alike, all of them are, and count half.
+    Half of these features are compared first. Only where they do not show that two photos are alike
+    all of them are, which tells whether they may be.
 
     Parameters
     ----------
@@ -206,8 +209,8 @@ def likeness(features: list[Features], on_progress: Callable[[int, int], None] |
     Returns
     -------
     alike
-        int64 [V, V], symmetric, 0 on the diagonal; as many as would be found among all of the
-        largest features, where so many were compared.
+        int64 [V, V], symmetric, 0 on the diagonal: matches among half of the largest features;
+        where these are fewer than `_ALIKE`, those among all of them, up to that.
     """
     count = len(features)
     alike = np.zeros((count, count), np.int64)
@@ -237,8 +240,7 @@ def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
     half as like 35 others as to the one that it is most like. Fields of 56 of them, or of 42, are
     as good, inside the arc and beyond it, as fields of all. Photos from all around a head have 10
     such others, of an arc with 1.75 degrees between two photos 13: all of these count. So do all of
-    a sweep before a plain wall, with few features: 56 of 64 frames gave a focal length that was off
-    by 6 percent instead of 4.
+    a sweep before a plain wall: with few features each photo helps to find the focal length.
 
     Parameters
     ----------

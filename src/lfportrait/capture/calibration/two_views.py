@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TwoViews", "two_views"]
+__all__ = ["Lens", "TwoViews", "two_views"]
 
 _ROUGH = 8.0
 """Pixels that a match may lie off a rough geometry: more than it may in the end."""
@@ -34,6 +34,8 @@ _SHARE = 0.25
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
+Lens = tuple[float, tuple[int, int]]
+"""Focal length in pixels, and size (width, height) of the photo."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,7 @@ def _plausible(one: Float32, other: Float32) -> Bools:
 
 
 def two_views(one: Float32, other: Float32, fewest: int,
-              lenses: tuple[tuple[float, tuple[int, int]], tuple[float, tuple[int, int]]]
-              | None = None) -> TwoViews | None:
+              lenses: tuple[Lens, Lens] | None = None) -> TwoViews | None:
     """The geometry that explains the matches of two photos; always the same for the same matches.
 
     Parameters
@@ -91,7 +92,7 @@ def two_views(one: Float32, other: Float32, fewest: int,
     fewest
         Matches that must be explained.
     lenses
-        Focal length in pixels and size (width, height) of both photos, if these are known.
+        Of both photos, if these are known.
 
     Returns
     -------
@@ -125,8 +126,7 @@ def two_views(one: Float32, other: Float32, fewest: int,
                     homography if kind == "PLANAR_OR_PANORAMIC" else zero)
 
 
-def _by_lenses(one: Float32, other: Float32,
-               lenses: tuple[tuple[float, tuple[int, int]], tuple[float, tuple[int, int]]],
+def _by_lenses(one: Float32, other: Float32, lenses: tuple[Lens, Lens],
                ) -> tuple[NDArray[np.float64], Bools]:
     """The essential matrix of known lenses, and its inliers."""
     planes = [(places - np.array(size, np.float64) / 2) / focal
