@@ -132,6 +132,8 @@ class Opened:
     """
 
     def __init__(self, browser, path: Path, *, width=240, height=160, live=True, **context):
+        # A head that sways is drawn all the while, by the processor.
+        context.setdefault("reduced_motion", "reduce")
         self.options = {"viewport": {"width": width, "height": height}, **context}
         self.context = CONTEXTS.take(browser, **self.options)
         self.page = self.context.new_page()

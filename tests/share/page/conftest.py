@@ -3,6 +3,7 @@
 import pytest
 
 from lfportrait.share import PageConfig, write_page
+from tests.share.page.browser import Opened
 from tests.share.page.portraits import painted_head, pure_head
 
 
@@ -28,6 +29,14 @@ def page(head, small_posters, tmp_path_factory):
     write_page(head, path, PageConfig(title="Anna </script> @script@", artist="A & B",
                                       date="May 2026"))
     return path
+
+
+@pytest.fixture(scope="package")
+def opened(browser, page):
+    """The page for all tests that leave it as it is, or put further color sets behind its own."""
+    with Opened(browser, page) as each:
+        each.loaded()
+        yield each
 
 
 @pytest.fixture(scope="session")

@@ -15,12 +15,6 @@ from tests.share.page.portraits import stroke_texture
 SIZE = 128
 
 
-@pytest.fixture(scope="module")
-def opened(browser, page):
-    with Opened(browser, page) as each:
-        yield each
-
-
 def looks(field, opened, views=range(5)):
     """The page's and the renderer's pictures of some views, on black, and opacities."""
     cameras = orbit_cameras(5, SIZE, field)
@@ -224,7 +218,7 @@ def test_a_slider_mixes_pictures_of_its_ends(browser, page):
 
 def test_it_sways_unless_motion_is_not_wanted(browser, page):
     count = "() => lfportrait.viewer.drawn"
-    with Opened(browser, page) as each:
+    with Opened(browser, page, reduced_motion="no-preference") as each:
         each.loaded()
 
         def drawn_in(milliseconds):

@@ -17,10 +17,9 @@ CELLS = ((-0.25, -0.3, 0.1, 0.28, 0.25, 0.0), (0.2, -0.3, 0.25, 0.2, -0.25, 0.1)
 
 
 @pytest.fixture(scope="module")
-def opened(browser, page):
-    with Opened(browser, page) as each:
-        each.show(0, 1, 1)
-        yield each
+def opened(opened):
+    opened.show(0, 1, 1)
+    return opened
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.share import OpenPage, PageConfig, orbit_cameras, recolored, write_page
-from tests.share.page.browser import Opened, decibels
+from tests.share.page.browser import decibels
 
 SIZE = 128
 
@@ -27,14 +27,6 @@ PUT = """async (sets) => {
   renderer.slots = [null, null];
   return first;
 }"""
-
-
-@pytest.fixture(scope="module")
-def opened(browser, page):
-    """The page for all tests: each puts color sets of its own behind those that are there."""
-    with Opened(browser, page) as each:
-        each.loaded()
-        yield each
 
 
 @pytest.mark.parametrize("mix", [

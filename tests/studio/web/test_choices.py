@@ -3,7 +3,7 @@
 import pytest
 
 from tests.job.test_pipeline import PANEL
-from tests.studio.web.conftest import Opened, picture
+from tests.studio.web.conftest import picture
 
 
 def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
@@ -133,68 +133,64 @@ def test_a_removed_version_gives_way_to_another_one(opened):
     assert shown == [["one"], False], "shown again, and nothing of the other is written into it"
 
 
-def test_the_faces_of_a_painting_that_comes_are_looked_for(browser, studio, tmp_path):
+def test_the_faces_of_a_painting_that_comes_are_looked_for(opened, tmp_path):
     """Several: it is asked which one. None: it is said."""
     face = [[60.0 + n, 80.0 + n] for n in range(68)]
     count = 0
-    with Opened(browser, studio, "style/ben") as each:
-        each.page.route("**/picture?*size=0*", lambda route: route.fulfill(
-            body=(tmp_path / f"new{count}.png").read_bytes(), content_type="image/png"))
-        each.page.route("**/faces?*", lambda route: route.fulfill(json={
-            "faces": [{"number": n + 1, "box": [20 + 80 * n, 20, 60, 80], "landmarks": face}
-                      for n in range(count)], "width": 200, "height": 200,
-            "chosen": 1 if count else None}))
-        for count in range(3):
-            picture(40 + count, 200).save(tmp_path / f"new{count}.png")
-            each.page.set_input_files("#painting-files", [tmp_path / f"new{count}.png"])
-            if count == 2:
-                each.page.wait_for_selector("dialog[open] .face-box")
-                assert each.page.locator(".face-box").count() == 2
-                assert each.page.locator(".face-box[aria-pressed=true]").inner_text() == "1"
-                each.page.keyboard.press("Escape")
-            else:
-                word = "is in the gallery" if count else "No face was found in new"
-                each.page.wait_for_selector(f".toast:has-text('new{count}') >> text={word}")
-            own = next(one["id"] for one in each.ask("GET", "/api/styles?project=ben")["styles"]
-                       if one["name"] == f"new{count}")
-            each.ask("DELETE", f"/api/styles/{own}?project=ben")
+    opened.go("style/ben")
+    opened.page.route("**/picture?*size=0*", lambda route: route.fulfill(
+        body=(tmp_path / f"new{count}.png").read_bytes(), content_type="image/png"))
+    opened.page.route("**/faces?*", lambda route: route.fulfill(json={
+        "faces": [{"number": n + 1, "box": [20 + 80 * n, 20, 60, 80], "landmarks": face}
+                  for n in range(count)], "width": 200, "height": 200,
+        "chosen": 1 if count else None}))
+    for count in range(3):
+        picture(40 + count, 200).save(tmp_path / f"new{count}.png")
+        opened.page.set_input_files("#painting-files", [tmp_path / f"new{count}.png"])
+        if count == 2:
+            opened.page.wait_for_selector("dialog[open] .face-box")
+            assert opened.page.locator(".face-box").count() == 2
+            assert opened.page.locator(".face-box[aria-pressed=true]").inner_text() == "1"
+            opened.page.keyboard.press("Escape")
+        else:
+            word = "is in the gallery" if count else "No face was found in new"
+            opened.page.wait_for_selector(f".toast:has-text('new{count}') >> text={word}")
+        own = next(one["id"] for one in opened.ask("GET", "/api/styles?project=ben")["styles"]
+                   if one["name"] == f"new{count}")
+        opened.ask("DELETE", f"/api/styles/{own}?project=ben")
 
 
-def test_a_video_can_be_removed_and_photos_come_instead(browser, studio, tmp_path):
+def test_a_video_can_be_removed_and_photos_come_instead(opened, tmp_path):
     (tmp_path / "turn.mp4").write_bytes(b"no film, but of its kind")
     picture(50).save(tmp_path / "one.png")
-    with Opened(browser, studio) as each:
-        sitter = each.ask("POST", "/api/projects", {"name": "Vera", "demo": False})["id"]
-        each.reload()
-        each.go(f"photos/{sitter}")
-        page = each.page
-        page.set_input_files("#photo-files", [tmp_path / "turn.mp4"])
-        page.wait_for_selector(".shot-card")
-        page.set_input_files("#photo-files", [tmp_path / "one.png"])
-        page.wait_for_selector(".note.bad:has-text('remove what is there')")
-        page.get_by_role("button", name="Remove turn.mp4").click()
-        each.until("() => !document.querySelector('.shot-card')")
-        page.set_input_files("#photo-files", [tmp_path / "one.png"])
-        page.wait_for_selector(".shot-card:has-text('one.png')")
+    sitter = opened.sitter("Vera")
+    opened.go(f"photos/{sitter}")
+    page = opened.page
+    page.set_input_files("#photo-files", [tmp_path / "turn.mp4"])
+    page.wait_for_selector(".shot-card")
+    page.set_input_files("#photo-files", [tmp_path / "one.png"])
+    page.wait_for_selector(".note.bad:has-text('remove what is there')")
+    page.get_by_role("button", name="Remove turn.mp4").click()
+    opened.until("() => !document.querySelector('.shot-card')")
+    page.set_input_files("#photo-files", [tmp_path / "one.png"])
+    page.wait_for_selector(".shot-card:has-text('one.png')")
 
 
-def test_stop_stops_what_was_read_ahead(browser, studio, tmp_path):
+def test_stop_stops_what_was_read_ahead(opened, tmp_path):
     for number in range(8):
         picture(60 + number).save(tmp_path / f"{number}.png")
-    with Opened(browser, studio) as each:
-        sitter = each.ask("POST", "/api/projects", {"name": "Stella", "demo": False})["id"]
-        each.reload()
-        each.go(f"photos/{sitter}")
-        held = []
-        each.page.route("**/uploads/*", lambda route: held.append(route))
-        each.page.set_input_files("#photo-files", sorted(tmp_path.iterdir()))
-        while len(held) < 4:
-            each.page.wait_for_timeout(20)
-        each.page.click("text=Stop")
-        for route in held:
-            route.abort()
-        each.page.wait_for_timeout(300)
-        assert len(held) == 4 and each.ask("GET", f"/api/projects/{sitter}/photos")["photos"] == []
+    sitter = opened.sitter("Stella")
+    opened.go(f"photos/{sitter}")
+    held = []
+    opened.page.route("**/uploads/*", lambda route: held.append(route))
+    opened.page.set_input_files("#photo-files", sorted(tmp_path.iterdir()))
+    while len(held) < 4:
+        opened.page.wait_for_timeout(20)
+    opened.page.click("text=Stop")
+    for route in held:
+        route.abort()
+    opened.page.wait_for_timeout(300)
+    assert len(held) == 4 and opened.ask("GET", f"/api/projects/{sitter}/photos")["photos"] == []
 
 
 def test_a_batch_takes_each_sitter_in_the_style_of_its_version(opened):

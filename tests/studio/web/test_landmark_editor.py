@@ -7,19 +7,17 @@ from tests.studio.web.conftest import Opened
 
 
 @pytest.fixture(scope="module")
-def painting(browser, studio):
-    """The sitter's own painting: its id, and its points."""
-    with Opened(browser, studio) as each:
-        styles = each.ask("GET", "/api/styles?project=ben")["styles"]
-        own = next(style["id"] for style in styles if style["kind"] == "project")
-        return own, each.ask("GET", f"/api/styles/{own}/landmarks?project=ben")["points"]
+def page(opened_here):
+    """The page, which the tests here go through one after the other."""
+    return opened_here
 
 
 @pytest.fixture(scope="module")
-def page(browser, studio):
-    """A page for all tests: opening one takes longer than most of them."""
-    with Opened(browser, studio) as each:
-        yield each
+def painting(page):
+    """The sitter's own painting: its id, and its points."""
+    styles = page.ask("GET", "/api/styles?project=ben")["styles"]
+    own = next(style["id"] for style in styles if style["kind"] == "project")
+    return own, page.ask("GET", f"/api/styles/{own}/landmarks?project=ben")["points"]
 
 
 @pytest.fixture
@@ -103,16 +101,16 @@ def test_a_point_is_dragged_and_written_into_the_file_that_the_commands_read(edi
     np.testing.assert_allclose(np.loadtxt(beside), after, atol=0.06)
 
 
-@pytest.mark.parametrize(("key", "by"), [
-    ("ArrowLeft", [-1, 0]), ("ArrowDown", [0, 1]), ("Shift+ArrowRight", [10, 0]),
-    ("Shift+ArrowUp", [0, -10])])
-def test_arrows_move_by_one_pixel_and_with_shift_by_ten(editor, key, by):
+def test_arrows_move_by_one_pixel_and_with_shift_by_ten(editor):
     before = points(editor)
     editor.page.locator(".mark[data-number='57']").focus()
-    editor.page.keyboard.press(key)
-    after = points(editor)
-    assert moved(before, after) == [57]
-    np.testing.assert_allclose((after - before)[57], by, atol=0.11)
+    for key, by in (("ArrowLeft", [-1, 0]), ("ArrowDown", [0, 1]), ("Shift+ArrowRight", [10, 0]),
+                    ("Shift+ArrowUp", [0, -10])):
+        editor.page.keyboard.press(key)
+        after = points(editor)
+        assert moved(before, after) == [57]
+        np.testing.assert_allclose((after - before)[57], by, atol=0.11)
+        before = after
 
 
 def test_tab_goes_from_point_to_point(editor):
@@ -126,16 +124,16 @@ def test_tab_goes_from_point_to_point(editor):
     editor.page.locator(".loupe").wait_for()
 
 
-@pytest.mark.parametrize(("number", "part"), [
-    (39, range(36, 42)), (66, range(48, 68)), (8, range(17)), (24, range(22, 27))])
-def test_a_part_moves_as_a_whole(editor, number, part):
-    before = points(editor)
-    editor.page.click("text=Part")
-    editor.page.locator(f".mark[data-number='{number}']").focus()
-    editor.page.keyboard.press("Shift+ArrowDown")
-    after = points(editor)
-    assert moved(before, after) == list(part)
-    np.testing.assert_allclose((after - before)[list(part)], [[0, 10]] * len(part), atol=0.11)
+def test_a_part_moves_as_a_whole(editor):
+    for number, part in ((39, range(36, 42)), (66, range(48, 68)), (8, range(17)),
+                         (24, range(22, 27))):
+        before = points(editor)
+        editor.page.click(".segments >> text=Part")
+        editor.page.locator(f".mark[data-number='{number}']").focus()
+        editor.page.keyboard.press("Shift+ArrowDown")
+        after = points(editor)
+        assert moved(before, after) == list(part)
+        np.testing.assert_allclose((after - before)[list(part)], [[0, 10]] * len(part), atol=0.11)
     editor.page.click(".segments >> text=Face")
     editor.page.locator(f".mark[data-number='{number}']").focus()
     editor.page.keyboard.press("ArrowLeft")
@@ -296,14 +294,14 @@ def test_two_fingers_enlarge_and_do_not_move_a_point(browser, studio, painting):
         np.testing.assert_allclose(points(phone), before)
 
 
-@pytest.mark.parametrize("language", ["en", "de"])
-def test_the_painting_stays_where_it_is_when_a_point_is_taken(browser, studio, painting, language):
+def test_the_painting_stays_where_it_is_when_a_point_is_taken(browser, studio, painting):
+    """In German, whose words are longer."""
     place = """() => {
       const { offsetTop, offsetLeft, offsetWidth, offsetHeight } =
         document.querySelector(".viewport");
       return [offsetTop, offsetLeft, offsetWidth, offsetHeight];
     }"""
-    with Opened(browser, studio, locale=language) as each:
+    with Opened(browser, studio, locale="de") as each:
         for width in (1280, 950, 390):
             each.page.set_viewport_size({"width": width, "height": 800})
             each.go(f"style/ben/{painting[0]}/landmarks")

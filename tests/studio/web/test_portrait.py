@@ -2,17 +2,16 @@
 
 import pytest
 
-from tests.studio.web.conftest import Opened
-
 INNER = "(n) => document.querySelectorAll('.stage iframe:not(.coming)')[n].contentWindow.lfportrait"
 
 
 @pytest.fixture(scope="module")
-def portrait(browser, studio):
-    with Opened(browser, studio, width=900, height=700) as each:
-        each.go("portrait/anna")
-        each.page.wait_for_selector(".stage iframe:not(.coming)", timeout=120000)
-        yield each
+def portrait(opened_here):
+    """The page with the portrait, which the tests here go through one after the other."""
+    opened_here.page.set_viewport_size({"width": 900, "height": 700})
+    opened_here.go("portrait/anna")
+    opened_here.page.wait_for_selector(".stage iframe:not(.coming)", timeout=120000)
+    return opened_here
 
 
 def test_the_version_of_the_commands_is_shown_in_our_viewer(portrait):

@@ -4,8 +4,6 @@ import re
 
 import pytest
 
-from tests.studio.web.conftest import Opened
-
 JOB = {"id": "j-1", "kind": "head", "project": "ben", "name": "ben", "version": None,
        "export": None, "state": "running", "place": 0, "progress": 0.5, "left": 0, "notes": [],
        "error": None, "result": None}
@@ -17,10 +15,9 @@ def stage(name, state, left, seconds=0.0):
 
 
 @pytest.fixture(scope="module")
-def page(browser, studio):
-    """One page for all that is computed of a job that is handed over, and kept nowhere."""
-    with Opened(browser, studio) as each:
-        yield each
+def page(opened_here):
+    """The page, for all that is computed of a job that is handed over, and kept nowhere."""
+    return opened_here
 
 
 def words(page, job, *moments, again=()):

@@ -8,8 +8,7 @@ from tests.studio.web.conftest import Opened, picture
 @pytest.fixture
 def sitter(opened):
     """A new sitter's photo screen."""
-    opened.id = opened.ask("POST", "/api/projects", {"name": "cleo", "demo": False})["id"]
-    opened.until("""async (id) => (await import("/static/state.js")).project(id)?.id""", opened.id)
+    opened.id = opened.sitter("cleo")
     opened.go(f"photos/{opened.id}")
     yield opened
     # What has come is looked at by itself, in a job that may begin at any moment: one that works
