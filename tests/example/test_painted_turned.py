@@ -12,24 +12,24 @@ from lfportrait.stylize import StylizeConfig, stylize
 from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
 from modelled_head import SITTER, head_field, landmarks, painted_exemplar, studio_cameras
 
-STYLE, SIZE = "impression", 240
+STYLE, SIZE, PIXELS = "impression", 180, 144.0
 
 
 @pytest.fixture(scope="module")
 def head():
-    cameras, points = studio_cameras(128, 12), landmarks(SITTER)
+    cameras, points = studio_cameras(96, 12), landmarks(SITTER)
     field = head_field(cameras=cameras)
-    images = [np.zeros((128, 128, 3), np.uint8)] * 12
+    images = [np.zeros((96, 96, 3), np.uint8)] * 12
     capture = Capture(cameras, images, None, [str(n) for n in range(12)], np.zeros(12, bool),
                       np.eye(4), points)
-    return field, capture, Skin.of(field, points, cameras, 192.0)
+    return field, capture, Skin.of(field, points, cameras, PIXELS)
 
 
 def painted(head, turn):
     field, capture, skin = head
-    exemplar = (painted_exemplar(STYLE, 288, 384, turn=turn) if turn
-                else demo_exemplar(STYLE, 288, 384))
-    config = StylizeConfig(preview=True, pixels=192.0)
+    exemplar = (painted_exemplar(STYLE, 216, 288, turn=turn) if turn
+                else demo_exemplar(STYLE, 216, 288))
+    config = StylizeConfig(preview=True, pixels=PIXELS)
     return exemplar, stylize(field, capture, exemplar, config, skin=skin)
 
 
