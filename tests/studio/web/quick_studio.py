@@ -1,13 +1,14 @@
 """The studio as its command starts it, but its built-in paintings are small.
 
 What is found out of a painting takes seconds at full size, in each test file again. And the browser
-may keep the page's fifty files: they are asked for again by a hundred pages.
+may keep the page's fifty files: they are asked for again by a hundred pages. Photos are not looked
+at by themselves, which is a process for each sitter that a test leaves; `test_jobs` has that.
 """
 
 from starlette.datastructures import MutableHeaders
 
 from lfportrait.cli import program
-from lfportrait.studio import app, previews
+from lfportrait.studio import app, desk, previews
 from lfportrait.studio.guard import Guard
 
 
@@ -44,4 +45,5 @@ def serve():
 if __name__ == "__main__":
     previews.Child = QuickChild
     app.Guard = KeepingGuard
+    desk._QUIET = 3600.0
     program()
