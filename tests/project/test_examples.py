@@ -16,7 +16,6 @@ import make_examples
 from lfportrait import models
 from lfportrait.demo import demo_exemplar
 from tests.job.batch.inline import Inline
-from tests.share.page.browser import Opened
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = make_examples.examples()
@@ -110,13 +109,6 @@ def test_eyes_see_different_pictures(first):
         run("04_display", first)
     eyes = lf.read_image(first / "display.png").astype(int)
     assert np.abs(eyes[:90, :160] - eyes[90:, :160]).max() > 30
-
-
-def test_the_page_of_the_first_example_opens(first, browser):
-    cameras = lf.orbit_cameras(3, 96, lf.StyledField.load(first / "styled.npz"))
-    with Opened(browser, first / "portrait.html") as page:
-        assert page.complaints == []
-        assert page.view(cameras, 0)[..., :3].std() > 0.1
 
 
 @pytest.mark.parametrize("one", EXAMPLES, ids=NAMES)
