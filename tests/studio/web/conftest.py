@@ -74,10 +74,12 @@ class Studio:
         With the key of the run.
     folder
         Of the projects.
+    first
+        What lay there when it started (`files_in`).
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        self.folder, self.first = folder, files_in(folder)
         self.process: subprocess.Popen[str] | None = None
         self.start()
 
@@ -117,25 +119,8 @@ def files_in(folder: Path) -> dict[Path, bytes]:
 def running(portraits) -> Iterator[Studio]:
     """One studio for all files: it starts within a second, but finds a face after four."""
     started = Studio(portraits)
-    started.first = files_in(portraits)
     yield started
     started.stop()
-
-
-@pytest.fixture(scope="module")
-def studio(running) -> Studio:
-    """The studio with the sitters as they were at first; tests before may have made others."""
-    folders = {path.relative_to(running.folder).parts[0] for path in running.first}
-    for folder in running.folder.iterdir():
-        if folder.name not in {*folders, ".studio"}:
-            shutil.rmtree(folder)
-    for path in files_in(running.folder):
-        if path not in running.first:
-            path.unlink()
-    for path, data in running.first.items():
-        if not path.is_file() or path.read_bytes() != data:
-            path.write_bytes(data)
-    return running
 
 
 class Opened:
@@ -265,12 +250,28 @@ def opened_once(browser, running) -> Iterator[Opened]:
 
 
 @pytest.fixture(scope="module")
-def opened_here(opened_once, studio) -> Opened:
-    """The page, for all tests of a file; jobs of other files are forgotten."""
+def studio(running, opened_once) -> Studio:
+    """The studio with the sitters as they were at first; tests before may have made others."""
     for job in opened_once.ask("GET", "/api/jobs")["jobs"]:
         if job["state"] in ("waiting", "running"):
             opened_once.ask("POST", f"/api/jobs/{job['id']}/cancel")
         opened_once.ask("DELETE", f"/api/jobs/{job['id']}")
+    folders = {path.relative_to(running.folder).parts[0] for path in running.first}
+    for folder in running.folder.iterdir():
+        if folder.name not in {*folders, ".studio"}:
+            shutil.rmtree(folder)
+    for path in files_in(running.folder):
+        if path not in running.first:
+            path.unlink()
+    for path, data in running.first.items():
+        if not path.is_file() or path.read_bytes() != data:
+            path.write_bytes(data)
+    return running
+
+
+@pytest.fixture(scope="module")
+def opened_here(opened_once, studio) -> Opened:
+    """The page, for all tests of a file."""
     opened_once.again()
     return opened_once
 
