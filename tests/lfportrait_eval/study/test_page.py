@@ -10,7 +10,7 @@ from lfportrait_eval.study import StudyConfig, write_study
 from tests.share.page.browser import CONTEXTS, SMALL
 
 READY = 'html[data-ready="yes"]'
-SIZE = {"viewport": {"width": 900, "height": 700}, "device_scale_factor": 0.5}
+SIZE = {"viewport": {"width": 900, "height": 700}}
 
 
 class Visit:

@@ -139,7 +139,6 @@ class Opened:
         self.studio = studio
         context.setdefault("reduced_motion", "reduce")
         context.setdefault("locale", "en")
-        context.setdefault("device_scale_factor", 0.5)  # a quarter of the pixels to be painted
         self.options = {"viewport": {"width": width, "height": height}, **context}
         self.context = CONTEXTS.take(browser, **self.options)
         self.page = self.context.new_page()
