@@ -5,19 +5,23 @@ import signal
 from tests.studio.web.conftest import Opened
 
 
-def restarted(studio, *, kill=True):
-    """The same folder at the same port, with a new key."""
-    port = int(studio.home.rsplit(":", 1)[1].strip("/"))
-    studio.process.send_signal(signal.SIGKILL if kill else signal.SIGTERM)
+def killed(studio):
+    studio.process.send_signal(signal.SIGKILL)
     studio.process.wait(60)
     studio.process.stdout.close()
-    studio.start(port)
+
+
+def started(studio):
+    """The same folder at the same port, with a new key."""
+    studio.start(int(studio.home.rsplit(":", 1)[1].strip("/")))
 
 
 def test_a_page_goes_on_with_the_new_address_of_a_killed_studio(browser, portraits_of):
     studio = portraits_of
     with Opened(browser, studio, "photos/ben") as each:
-        restarted(studio)
+        killed(studio)
+        each.page.wait_for_selector("#alerts >> text=does not answer", timeout=60000)
+        started(studio)
         # It is there, but does not know this page: that is what the page says.
         each.page.wait_for_selector("#alerts >> text=address that the terminal printed",
                                     timeout=60000)
@@ -31,7 +35,8 @@ def test_a_page_goes_on_with_the_new_address_of_a_killed_studio(browser, portrai
 def test_a_page_goes_on_when_another_one_was_let_in(browser, portraits_of):
     studio = portraits_of
     with Opened(browser, studio, "photos/ben") as each:
-        restarted(studio)
+        killed(studio)
+        started(studio)
         other = each.context.new_page()
         other.goto(studio.address)
         other.wait_for_selector("[data-screen=sitters][data-ready]")

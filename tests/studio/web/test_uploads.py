@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.studio.web.conftest import Opened, picture
+from tests.studio.web.conftest import picture
 
 
 @pytest.fixture
@@ -140,16 +140,3 @@ def test_a_photo_is_left_out_and_taken_in_again(sitter, tmp_path):
     sitter.page.click(first)
     sitter.page.wait_for_selector(f"{first}[aria-pressed=false]")
     assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 0
-
-
-def test_a_studio_that_ends_and_comes_back(browser, portraits_of, tmp_path):
-    """The page says that nobody answers, and goes on when somebody does."""
-    studio = portraits_of
-    with Opened(browser, studio, "photos/ben") as each:
-        port = int(studio.home.rsplit(":", 1)[1].strip("/"))
-        studio.stop()
-        each.page.wait_for_selector("#alerts >> text=does not answer", timeout=60000)
-        studio.start(port)
-        each.page.goto(studio.address)  # a new run has a new key
-        each.page.wait_for_selector("[data-screen=sitters][data-ready]")
-        assert each.page.locator(".sitter").count() == 1
