@@ -74,7 +74,8 @@ def fits(each, what, whole=False):
 
     for width in WIDTHS:
         each.page.set_viewport_size({"width": width, "height": 800})
-        # What is drawn for the window's size follows a moment later.
+        each.run("() => new Promise(requestAnimationFrame)")
+        # What is drawn for the window's size may follow later.
         with suppress(AssertionError):
             each.eventually(lambda: beyond() == ([], 0), seconds=20)
         assert beyond() == ([], 0), (what, width)
