@@ -139,7 +139,7 @@ def alike(picture, wanted):
 def test_events_change_the_pictures_that_follow(play):
     photo = shell_field(20, basis=9, seed=3)
     painting = checkered(painted(photo))
-    panel = dataclasses.replace(PANEL.scaled(80, 48), flip_x=True)
+    panel = dataclasses.replace(PANEL, flip_x=True)
     script = {0: [typed(" ")], 1: [pointer("down", 10)], 2: [pointer("move", 50)], 3: [
         pointer("up", 50), typed("]")], 4: [key("ArrowUp")], 9: [typed("r")]}
     pictures, _, figures, over = play(painting, panel, CONFIG, script, 12, photo)
