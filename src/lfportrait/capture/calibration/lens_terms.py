@@ -213,13 +213,11 @@ def _settled(pycolmap: Any, model: Any) -> Any:
 
     A loss that only lessens what wrong matches count has an optimum for each way to believe some of
     them, and ends in the nearest one. So those that lie off are taken out, and the cameras are
-    adjusted to the others twice, with a loss as wide as these then err.
+    adjusted to the others, with a loss as wide as these then err. A further round brings little.
     """
-    fit = _solve(pycolmap, model, _deviation(_errors(model)), 50, settled=1e-6)
+    fit = _solve(pycolmap, model, _deviation(_errors(model)), 50)
     _take_out_strays(pycolmap, fit.model, _STRAY * _deviation(fit.errors))
-    for _ in range(2):
-        fit = _solve(pycolmap, fit.model, _deviation(_errors(fit.model)), 50, settled=1e-6)
-    return fit.model
+    return _solve(pycolmap, fit.model, _deviation(_errors(fit.model)), 50, settled=1e-6).model
 
 
 def _take_out_strays(pycolmap: Any, model: Any, farthest: float) -> None:
