@@ -10,8 +10,7 @@ Wrong matches are told from right ones by how far right ones lie off: a third of
 skin, not a whole one. On a narrow arc the focal length depends on that. There it and the distance
 change the pictures almost alike (a quarter of a per cent of the head's depth for a per cent of the
 focal length), and some hundred matches that are wrong by one to three pixels decide between them
-if they count as if they could be right. So wrong ones are taken out at the end: a loss that only
-lessens what they count stops in an optimum near its start, which may be some per cent off.
+if they count as if they could be right.
 """
 
 from __future__ import annotations
@@ -41,11 +40,6 @@ _ENOUGH = 10
 _DEVIATIONS = (0.1, 1.0)
 """Pixels: the least and the greatest deviation of right matches. Where half of all are wrong, their
 median says nothing."""
-_STRAY = 4.0
-"""Deviations from which on an observed point is a wrong match, not a right one that errs."""
-_FEWEST, _SHARE = 15, 0.25
-"""Points, and part of its points, that a photo keeps; else all that it has stay. By fewer it has no
-sure place."""
 _MEDIAN = float(np.sqrt(2 * np.log(2)))
 """Median distance from the middle of a normal distribution in the plane, in its deviations."""
 
@@ -85,29 +79,23 @@ def _with_model(pycolmap: Any, model: Any, name: str) -> Any:
     return copy
 
 
-def _errors_of(model: Any) -> dict[int, NDArray[np.float64]]:
-    """Distances in pixels between observed and projected points, float64 [N], by photos."""
-    found = {}
-    for number, image in model.images.items():
+def _errors(model: Any) -> NDArray[np.float64]:
+    """Distances in pixels between observed and projected points, float64 [N]."""
+    found = []
+    for image in model.images.values():
         if not image.has_pose:
             continue
         seen = image.get_observation_points2D()
-        if not len(seen):
-            continue
         places = np.array([point.xy for point in seen])
         points = np.array([model.points3D[point.point3D_id].xyz for point in seen])
+        if not len(seen):
+            continue
         local = points @ image.cam_from_world().rotation.matrix().T \
             + image.cam_from_world().translation
         pixels = model.cameras[image.camera_id].img_from_cam(local)
-        errors = np.linalg.norm(pixels - places, axis=1)
-        found[number] = np.where(np.isfinite(errors), errors, 1e3)
-    return found
-
-
-def _errors(model: Any) -> NDArray[np.float64]:
-    """Distances in pixels between observed and projected points of all photos, float64 [N]."""
-    found = list(_errors_of(model).values())
-    return np.concatenate(found) if found else np.zeros(0)
+        found.append(np.linalg.norm(pixels - places, axis=1))
+    errors = np.concatenate(found) if found else np.zeros(0)
+    return np.where(np.isfinite(errors), errors, 1e3)
 
 
 def _deviation(errors: NDArray[np.float64]) -> float:
@@ -205,31 +193,7 @@ def adjust(pycolmap: Any, model: Any, wanted: str,
               _solve(pycolmap, _with_model(pycolmap, model, wanted), deviation, 30).model)
     if triangulated is not None:
         fitted = triangulated(fitted)
-    return _settled(pycolmap, fitted)
-
-
-def _settled(pycolmap: Any, model: Any) -> Any:
-    """The model adjusted until it fits the right matches alone, without the wrong ones.
-
-    A loss that only lessens what wrong matches count has an optimum for each way to believe some of
-    them, and ends in the nearest one. So those that lie off are taken out, and the cameras are
-    adjusted to the others, with a loss as wide as these then err. A further round brings little.
-    """
-    fit = _solve(pycolmap, model, _deviation(_errors(model)), 50)
-    _take_out_strays(pycolmap, fit.model, _STRAY * _deviation(fit.errors))
-    return _solve(pycolmap, fit.model, _deviation(_errors(fit.model)), 50, settled=1e-6).model
-
-
-def _take_out_strays(pycolmap: Any, model: Any, farthest: float) -> None:
-    """Remove observed points that lie farther off than so many pixels.
-
-    Of photos that would keep too few of theirs, the points stay as they are.
-    """
-    poor = [number for number, errors in _errors_of(model).items()
-            if (errors <= farthest).sum() < max(_FEWEST, _SHARE * len(errors))]
-    kept = {point.point3D_id for number in poor
-            for point in model.images[number].get_observation_points2D()}
-    pycolmap.ObservationManager(model).filter_points3D(farthest, 0.0, set(model.points3D) - kept)
+    return _solve(pycolmap, fitted, _deviation(_errors(fitted)), 50, settled=1e-6).model
 
 
 def _with_earned_terms(pycolmap: Any, model: Any, deviation: float) -> Any:
