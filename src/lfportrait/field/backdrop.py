@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Float32, Float64, UInt8
 
 __all__ = ["SOLID", "Backdrop", "head_points"]
 
@@ -17,9 +18,9 @@ SOLID = 10.0
 class _Solid(Protocol):
     """What is asked of a field; see `VoxelField`."""
 
-    density: NDArray[np.float32]
+    density: Float32
 
-    def lattice_points(self) -> NDArray[np.float64]:
+    def lattice_points(self) -> Float64:
         """See `VoxelField`."""
 
 
@@ -40,10 +41,10 @@ class Backdrop:
         float32 [P, 3], places of the head in the world: what throws a shadow (`head_points`).
     """
 
-    picture: NDArray[np.uint8]
+    picture: UInt8
     pixels: float
-    light: NDArray[np.float64]
-    points: NDArray[np.float32]
+    light: Float64
+    points: Float32
 
     def __post_init__(self) -> None:
         if self.picture.ndim != 3 or self.picture.shape[2] != 3 or min(self.picture.shape) < 2 or (
@@ -58,12 +59,12 @@ class Backdrop:
             raise ValueError("a backdrop needs places of the head, [P, 3]")
 
     @property
-    def color(self) -> NDArray[np.float64]:
+    def color(self) -> Float64:
         """Its mean color, float64 [3] in [0, 1]."""
         return np.asarray(self.picture.mean(axis=(0, 1)) / 255.0, np.float64)
 
 
-def head_points(field: _Solid, most: int = 8192) -> NDArray[np.float32]:
+def head_points(field: _Solid, most: int = 8192) -> Float32:
     """Places of the field's solid voxels, float32 [P, 3] in the world, at most so many.
 
     Their choice is random, but always the same.

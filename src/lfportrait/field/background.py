@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..arrays import Float32, Float64, Int32
 from ..capture import Camera
 from .kernels.shells import (
     shells_backward,
@@ -19,9 +19,9 @@ from .kernels.shells import (
 __all__ = ["Background", "cube_rays"]
 
 
-def cube_rays(cameras: Camera, view: int, center: NDArray[np.float64],
-              radius: NDArray[np.float64], pixels: NDArray[np.float64] | None = None,
-              ) -> NDArray[np.float32]:
+def cube_rays(cameras: Camera, view: int, center: Float64,
+              radius: Float64, pixels: Float64 | None = None,
+              ) -> Float32:
     """Rays of a view in the coordinates of a box's cube: float32 [K, 6], origin, unit direction.
 
     Parameters
@@ -56,8 +56,8 @@ class Background:
         float32 [N, layers, 4]: red, green, blue, density, near layer first.
     """
 
-    links: NDArray[np.int32]
-    data: NDArray[np.float32]
+    links: Int32
+    data: Float32
 
     @property
     def layers(self) -> int:
@@ -65,7 +65,7 @@ class Background:
         return int(self.data.shape[1])
 
     @staticmethod
-    def seen(rays: list[NDArray[np.float32]], resolution: int, layers: int,
+    def seen(rays: list[Float32], resolution: int, layers: int,
              density: float) -> Background:
         """Grey spheres of ``density`` where any of the rays [K, 6] looks, ``resolution`` rows."""
         marks = np.zeros((2 * resolution, resolution), np.uint8)
@@ -79,8 +79,8 @@ class Background:
         data[..., 3] = density
         return Background(links, data)
 
-    def color(self, rays: NDArray[np.float32], grey: float, stop: float = 1e-3,
-              ) -> NDArray[np.float32]:
+    def color(self, rays: Float32, grey: float, stop: float = 1e-3,
+              ) -> Float32:
         """Color of each ray [K, 6] behind the lattice, float32 [K, 3]."""
         found = np.empty((len(rays), 3), np.float32)
         shells_forward(rays, self.links, self.data.reshape(-1, 4), self.layers, grey, stop, found)
@@ -103,8 +103,8 @@ class BackgroundTrainer:
         self.gradients = np.zeros((workers, *shape), np.float32)
         self.mean_square = np.zeros(shape, np.float32)
 
-    def step(self, rays: NDArray[np.float32], color: NDArray[np.float32],
-             slopes: NDArray[np.float32], rate_color: float, rate_density: float) -> None:
+    def step(self, rays: Float32, color: Float32,
+             slopes: Float32, rate_color: float, rate_density: float) -> None:
         """Descend, given the gradient of the loss [K, 3] with respect to the rays' colors."""
         data = self.background.data.reshape(-1, 4)
         shells_backward(rays, self.background.links, data, self.background.layers, self.grey, 1e-3,

@@ -8,16 +8,14 @@ seen from none is a guess.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..arrays import Float64, Int32
 from ..capture import Camera, Capture
 from .closing.photos import Photos
 from .grid import VoxelField, surface_points
 
 __all__ = ["Coverage"]
-
-Float64 = NDArray[np.float64]
 
 _APART = 10.0
 """Degrees between directions that count as two."""
@@ -54,11 +52,11 @@ class Coverage:
         self._direction = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
         self._photos = photos
 
-    def directions(self, cameras: Camera, view: int) -> NDArray[np.int32]:
+    def directions(self, cameras: Camera, view: int) -> Int32:
         """Directions that show what each pixel of a view shows, int32 [H, W]; -1: nothing."""
         return self._seen(cameras, view)[0]
 
-    def _seen(self, cameras: Camera, view: int) -> tuple[NDArray[np.int32], Float64]:
+    def _seen(self, cameras: Camera, view: int) -> tuple[Int32, Float64]:
         """The same, and the points that the pixels show, float64 [H, W, 3]."""
         alpha, depth = self.field.depth(cameras, view)
         points = np.asarray(surface_points(cameras, view, depth), np.float64)

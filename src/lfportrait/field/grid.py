@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
@@ -51,16 +52,16 @@ class Rendering:
         transmittance passes 0.5; infinite where the ray meets none.
     """
 
-    color: NDArray[np.float32]
-    alpha: NDArray[np.float32]
-    depth: NDArray[np.float32]
+    color: Float32
+    alpha: Float32
+    depth: Float32
 
-    def points(self, cameras: Camera, view: int) -> NDArray[np.float64]:
+    def points(self, cameras: Camera, view: int) -> Float64:
         """World point of the surface under each pixel, float64 [H, W, 3], NaN without one."""
         return surface_points(cameras, view, self.depth)
 
 
-def surface_points(cameras: Camera, view: int, depth: NDArray[np.float32]) -> NDArray[np.float64]:
+def surface_points(cameras: Camera, view: int, depth: Float32) -> Float64:
     """World points [H, W, 3] at depths [H, W] along a view's optical axis; NaN where infinite."""
     height, width = depth.shape
     origins, directions = cameras.rays(view)
@@ -83,13 +84,13 @@ class SampleWeights:
         float32 [P].
     """
 
-    indptr: NDArray[np.int64]
-    rows: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    alpha: NDArray[np.float32]
+    indptr: Int64
+    rows: Int32
+    weights: Float32
+    alpha: Float32
 
 
-def camera_row(cameras: Camera, view: int) -> NDArray[np.float64]:
+def camera_row(cameras: Camera, view: int) -> Float64:
     """One camera as the kernels take it: float64 [16], pose row by row, focal, principal point."""
     return np.concatenate([cameras.pose[view, :3].ravel(), cameras.focal[view],
                            cameras.center[view]])
@@ -123,12 +124,12 @@ class VoxelField:
         Degrees in all over which the head can be looked at; 0: no limit is known.
     """
 
-    links: NDArray[np.int32]
-    density: NDArray[np.float32]
-    sh: NDArray[np.float32]
-    center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    radius: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
-    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    links: Int32
+    density: Float32
+    sh: Float32
+    center: Float64 = field(default_factory=lambda: np.zeros(3))
+    radius: Float64 = field(default_factory=lambda: np.ones(3))
+    frame: Float64 = field(default_factory=lambda: np.eye(4))
     background: Background | None = None
     texture: SurfaceTexture | None = None
     backdrop: Backdrop | None = None
@@ -153,12 +154,12 @@ class VoxelField:
         return int(self.sh.shape[2])
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Float64:
         """float64 [2, 3]: the lowest and the highest corner of the cube in the world."""
         return np.stack([self.center - self.radius, self.center + self.radius])
 
     @property
-    def spacing(self) -> NDArray[np.float64]:
+    def spacing(self) -> Float64:
         """float64 [3], world units between lattice points along x, y and z."""
         return np.asarray(2.0 * self.radius / np.array(self.links.shape[::-1]), np.float64)
 
@@ -186,7 +187,7 @@ class VoxelField:
         self._layouts = other._layouts
 
     @property
-    def lattice(self) -> NDArray[np.float64]:
+    def lattice(self) -> Float64:
         """float64 [9]: lattice points along x, y, z; scale and offset of lattice coordinates."""
         scale, offset = lattice_of_world(self.center, self.radius, self.bricks.shape)
         return np.concatenate([np.array(self.links.shape[::-1], np.float64), scale, offset])
@@ -201,7 +202,7 @@ class VoxelField:
         cells = self._layouts.cells(self.texture, self.bricks)
         return self.texture.rows(cells, self.lattice, footprint, whole)
 
-    def lattice_points(self) -> NDArray[np.float64]:
+    def lattice_points(self) -> Float64:
         """World positions of the rows, float64 [N, 3]."""
         z, y, x = np.nonzero(self.links >= 0)
         size = np.array(self.links.shape[::-1], np.float64)
@@ -272,7 +273,7 @@ class VoxelField:
         return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
 
     def depth(self, cameras: Camera, view: int = 0,
-              ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+              ) -> tuple[Float32, Float32]:
         """Opacity and depth [H, W] of one view as `render` gives them, in less time."""
         size = int(cameras.width[view]), int(cameras.height[view])
         alpha, depth = (np.empty(size[0] * size[1], np.float32) for _ in range(2))
@@ -339,7 +340,7 @@ class VoxelField:
         return Rendering(color[0], alpha[0], depth[0])
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
-                       step: float = 0.5, inside: NDArray[np.bool_] | None = None,
+                       step: float = 0.5, inside: Bool | None = None,
                        ) -> SampleWeights:
         """The view as a sparse linear map of the lattice rows' colors.
 

@@ -8,13 +8,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
+
 __all__ = ["C0", "real_harmonics"]
 
 C0 = 0.28209479177387814
 """1 / (2 sqrt(pi))."""
 
 
-def real_harmonics(directions: NDArray[np.floating], count: int) -> NDArray[np.float64]:
+def real_harmonics(directions: NDArray[np.floating], count: int) -> Float64:
     """The first ``count`` (1, 4 or 9) real harmonics of unit directions [N, 3], [N, count].
 
     The NumPy twin of `lfportrait.field.kernels.march.sh_basis`.

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Int32, UInt8
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.stretches import Places, Stretches, fill_stretches, place_stretches
 from .texture import SurfaceTexture, texture_cells
@@ -34,9 +35,9 @@ class Layouts:
     extent: tuple[float, float, float] | None = None
     _bricks: Bricks | None = None
     _places: Places | None = None
-    _cells: tuple[NDArray[np.uint8], NDArray[np.int32]] | None = None
+    _cells: tuple[UInt8, Int32] | None = None
 
-    def bricks(self, links: NDArray[np.int32], density: NDArray[np.float32],
+    def bricks(self, links: Int32, density: Float32,
                sh: NDArray[np.floating[Any]]) -> Bricks:
         """The layout for casting, in the colors ``sh``, float [N, 3, B]."""
         if self._bricks is None:
@@ -45,14 +46,14 @@ class Layouts:
             return built
         return replace(self._bricks, sh=sh)
 
-    def stretches(self, links: NDArray[np.int32], density: NDArray[np.float32],
+    def stretches(self, links: Int32, density: Float32,
                   sh: NDArray[np.floating[Any]]) -> Stretches:
         """The layout for slices, in the colors ``sh``, float [N, 3, B]."""
         if self._places is None:
             self._places = place_stretches(links)
         return fill_stretches(self._places, links, density, sh)
 
-    def cells(self, texture: SurfaceTexture, bricks: Bricks) -> NDArray[np.int32]:
+    def cells(self, texture: SurfaceTexture, bricks: Bricks) -> Int32:
         """`texture_cells`; those of the last charts are kept."""
         if self._cells is None or self._cells[0] is not texture.charts:
             self._cells = texture.charts, texture_cells(texture, bricks)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import UInt8
 from ..simd.threads import side_by_side
 
 __all__ = ["read_array", "write_array"]
@@ -122,7 +123,7 @@ def _pieces(member: zipfile.ZipInfo) -> list[_Piece]:
     return []
 
 
-def _joined(data: bytes, pieces: list[_Piece]) -> NDArray[np.uint8]:
+def _joined(data: bytes, pieces: list[_Piece]) -> UInt8:
     """What a stream holds."""
     ends = np.cumsum([[0, 0], *(piece[:2] for piece in pieces)], axis=0)
     out = np.empty(ends[-1, 1], np.uint8)
@@ -139,7 +140,7 @@ def _joined(data: bytes, pieces: list[_Piece]) -> NDArray[np.uint8]:
     return out
 
 
-def _array(data: NDArray[np.uint8]) -> NDArray[Any]:
+def _array(data: UInt8) -> NDArray[Any]:
     """The array of an ``.npy`` file."""
     head = io.BytesIO(data[:_PIECE].tobytes())
     version = np.lib.format.read_magic(head)

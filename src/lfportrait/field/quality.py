@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float64, Int64
 from ..capture import Capture
 from ..metrics import psnr, ssim
 from ..simd.threads import side_by_side
@@ -19,9 +19,9 @@ _TOGETHER = 8_000_000
 
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
-                     gains: NDArray[np.float64] | None = None,
-                     some: NDArray[np.int64] | None = None,
-                     others: Mapping[str, tuple[Capture, NDArray[np.float64] | None]] | None = None,
+                     gains: Float64 | None = None,
+                     some: Int64 | None = None,
+                     others: Mapping[str, tuple[Capture, Float64 | None]] | None = None,
                      ) -> dict[str, float]:
     """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.
 

@@ -27,6 +27,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, Int32
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS, atomic_write
 from ..measure import usable_cores
@@ -46,20 +47,20 @@ __all__ = ["FieldData", "check_field_path", "load_field", "read_arrays", "read_b
 class FieldData(Protocol):
     """What a file keeps of a `VoxelField`; see there for shapes and units."""
 
-    links: NDArray[np.int32]
-    density: NDArray[np.float32]
-    sh: NDArray[np.float32]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    frame: NDArray[np.float64]
+    links: Int32
+    density: Float32
+    sh: Float32
+    center: Float64
+    radius: Float64
+    frame: Float64
     background: Background | None
     texture: SurfaceTexture | None
     backdrop: Backdrop | None
     cone: float
 
 
-Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float64],
-               NDArray[np.float64], NDArray[np.float64], Background | None, SurfaceTexture | None,
+Loaded = tuple[Int32, Float32, Float32, Float64,
+               Float64, Float64, Background | None, SurfaceTexture | None,
                Backdrop | None, float]
 """The same in that order, as `VoxelField` takes it."""
 
@@ -244,7 +245,7 @@ def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
     return float(cone.item())
 
 
-def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:
+def _turned(links: Int32) -> Int32:
     """Links [Z, Y, X] as [X, Y, Z] and back, in C order.
 
     Plane by plane, so that both fit into the cache: half the time of one copy of it all.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..errors import UserError
 from .grid import VoxelField
 from .harmonics import C0
@@ -16,8 +17,6 @@ from .kernels.march import lattice_of_world
 from .kernels.surface import depth_from_outside, seen_colors, sh_bases
 
 __all__ = ["Mesh", "PointCloud", "field_mesh", "field_points"]
-
-Float = NDArray[np.float32]
 
 _FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -36,10 +35,10 @@ class PointCloud:
         float32 [K], part of the light that a step of one voxel takes.
     """
 
-    positions: Float
-    normals: Float
-    colors: NDArray[np.uint8]
-    opacity: Float
+    positions: Float32
+    normals: Float32
+    colors: UInt8
+    opacity: Float32
 
 
 @dataclass(frozen=True)
@@ -56,13 +55,13 @@ class Mesh:
         uint8 [V, 3], sRGB.
     """
 
-    vertices: Float
-    normals: Float
-    faces: NDArray[np.int32]
-    colors: NDArray[np.uint8]
+    vertices: Float32
+    normals: Float32
+    faces: Int32
+    colors: UInt8
 
 
-def _eight_bit(color: NDArray[Any]) -> NDArray[np.uint8]:
+def _eight_bit(color: NDArray[Any]) -> UInt8:
     return (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
@@ -123,7 +122,7 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
                       taken[rows].astype(np.float32))
 
 
-def _gaze(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gaze(normals: Float64) -> Float64:
     """The direction in which somebody looks who sees a surface with the given normals, [K, 3].
 
     Against the normal, but rather level and rather from the front, as people are photographed: in
@@ -132,7 +131,7 @@ def _gaze(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     return _unit(-(normals * (1.0, 0.5, 1.0) + (0.0, 0.0, 0.5)), -_FRONT)
 
 
-def _cropped(field: VoxelField, margin: int) -> tuple[Float, NDArray[np.int64]]:
+def _cropped(field: VoxelField, margin: int) -> tuple[Float32, Int64]:
     """Density [z, y, x] about the filled lattice points, and the first point's place (z, y, x)."""
     filled = field.links >= 0
     if not filled.any():
@@ -147,7 +146,7 @@ def _cropped(field: VoxelField, margin: int) -> tuple[Float, NDArray[np.int64]]:
     return np.pad(values[links], margin), np.array(low) - margin
 
 
-def _looked_from() -> NDArray[np.int64]:
+def _looked_from() -> Int64:
     """Steps (z, y, x) in which light comes in: level and from above.
 
     Not from below: people are cut off there, and one would look into the shell.
@@ -156,7 +155,7 @@ def _looked_from() -> NDArray[np.int64]:
     return np.array(steps)
 
 
-def _largest_pieces(faces: NDArray[np.int32], count: int, least: float) -> NDArray[np.bool_]:
+def _largest_pieces(faces: Int32, count: int, least: float) -> Bool:
     """Faces of the connected pieces with at least ``least`` of the largest one's faces."""
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])
     graph = sparse.coo_matrix((np.ones(len(edges), bool), edges.T), shape=(count, count))
@@ -226,8 +225,8 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
                 _eight_bit(_seen(field, vertices, normals, float(spacing.mean()))))
 
 
-def _seen(field: VoxelField, points: NDArray[np.float64], normals: NDArray[np.float64],
-          voxel: float) -> NDArray[np.float32]:
+def _seen(field: VoxelField, points: Float64, normals: Float64,
+          voxel: float) -> Float32:
     """Color of surface points as seen from outside, float32 [K, 3].
 
     A short ray, in the direction of `_gaze`, goes through the surface's few voxels.

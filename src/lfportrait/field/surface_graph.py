@@ -21,10 +21,11 @@ from scipy import sparse
 from scipy.sparse import linalg
 from scipy.spatial import cKDTree
 
+from ..arrays import Float32, Float64, Int64
+
 __all__ = ["SurfaceGraph"]
 
 Floats = NDArray[np.floating]
-Float64 = NDArray[np.float64]
 
 REACH = 1.8
 """Cells whose middles are nearer than this many sides are neighbors."""
@@ -54,9 +55,9 @@ class SurfaceGraph:
         float64 [E] in (0, 1], of a walker's step between them.
     """
 
-    cell: NDArray[np.int64]
+    cell: Int64
     count: Float64
-    edges: NDArray[np.int64]
+    edges: Int64
     ease: Float64
 
     @staticmethod
@@ -82,7 +83,7 @@ class SurfaceGraph:
         ease = np.exp(-0.5 * np.nan_to_num(away) / CONTRAST ** 2)
         return SurfaceGraph(cell, count.astype(np.float64), edges, LEAST + (1 - LEAST) * ease)
 
-    def decided(self, votes: Floats, trust: Floats) -> NDArray[np.float32]:
+    def decided(self, votes: Floats, trust: Floats) -> Float32:
         """What places are, float32 [N] in [0, 1], from votes.
 
         Parameters

@@ -17,14 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..arrays import Bool, Float32, Float64, Int32
 from ..capture import Camera
 from .grid import VoxelField
 from .training.growth import dilated
 
 __all__ = ["Cut", "find_cut", "trim"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SIDES = 72
 """Directions around the body in which its lower end is looked for."""
@@ -135,7 +133,7 @@ def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float,
     return _plane(ends) if len(ends) >= SIDES // 4 else None
 
 
-def _border(points: Float64, enough: Bools) -> Float64 | None:
+def _border(points: Float64, enough: Bool) -> Float64 | None:
     """The point of a side that parts best, by height, those that are shown enough from the rest."""
     order = np.argsort(points[:, 1])
     lower = ~enough[order]
@@ -164,7 +162,7 @@ def _ends(points: Float64) -> Float64:
     return np.asarray(found, np.float64).reshape(-1, 3)
 
 
-def _sides(points: Float64) -> list[Bools]:
+def _sides(points: Float64) -> list[Bool]:
     """Which points lie in each direction around the body's middle, where eight or more do."""
     middle = np.median(points[:, [0, 2]], axis=0)
     angle = np.arctan2(points[:, 2] - middle[1], points[:, 0] - middle[0])
@@ -227,7 +225,7 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
                       field.background)
 
 
-def _crumbs(field: VoxelField, density: NDArray[np.float32]) -> NDArray[np.int32]:
+def _crumbs(field: VoxelField, density: Float32) -> Int32:
     """Rows of pieces that do not hang together with any large one."""
     filled = field.links >= 0
     thick = np.zeros(filled.shape, np.float32)

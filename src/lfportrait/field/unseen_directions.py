@@ -19,14 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64
 from ..capture import Camera
 from ..simd.threads import side_by_side
 from .grid import VoxelField
 from .harmonics import real_harmonics
 
 __all__ = ["with_steady_colors"]
-
-Float64 = NDArray[np.float64]
 
 PRICE = 0.003
 """Of a coefficient's square, over the mean square error of the colors. At three times more,
@@ -81,7 +80,7 @@ def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.fl
 
 
 def _operator(center: Float64, positions: Float64, middle: NDArray[np.floating], basis: int,
-              price: float) -> NDArray[np.float32]:
+              price: float) -> Float32:
     """What coefficients [B] at a place [3] are multiplied with, float32 [B, B]."""
     away = center - positions
     away /= np.linalg.norm(away, axis=1, keepdims=True)

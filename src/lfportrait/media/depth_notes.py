@@ -32,7 +32,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from ..arrays import Float32
 
 # How the stored pixels are brought upright, by EXIF's orientation; 1 leaves them.
 _TO_UPRIGHT: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
@@ -76,13 +76,13 @@ class DepthMap:
         ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
     """
 
-    values: Floats
+    values: Float32
     kind: Literal["distance", "inverse"]
     metric: bool
     along: Literal["axis", "ray"] = "axis"
     near: float | None = None
     far: float | None = None
-    confidence: Floats | None = None
+    confidence: Float32 | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class DepthMap:
             raise ValueError(f"a confidence of {self.confidence.shape} for a depth map of "
                              f"{self.values.shape}")
 
-    def distance(self) -> tuple[Floats, bool]:
+    def distance(self) -> tuple[Float32, bool]:
         """Distances, float32 [h, w], NaN = unknown or no end; and whether they are metres."""
         if self.kind == "distance":
             known = np.isfinite(self.values) & (self.values > 0)
@@ -118,7 +118,7 @@ class DepthMap:
         return self.changed(lambda array: np.rot90(array, turns)) if turns % 4 else self
 
 
-def fitted(confidence: Floats | None, shape: tuple[int, int]) -> Floats | None:
+def fitted(confidence: Float32 | None, shape: tuple[int, int]) -> Float32 | None:
     """A confidence at the size of its depth map, float32 [h, w], by the nearest pixels."""
     if confidence is None or confidence.shape == shape:
         return confidence
@@ -214,11 +214,11 @@ def _number(table: dict[str, str], name: str) -> float | None:
     return number if number > 0 else None
 
 
-def _blend(shares: Floats, first: float, last: float) -> Floats:
+def _blend(shares: Float32, first: float, last: float) -> Float32:
     return np.asarray(first + shares * (last - first), np.float32)
 
 
-def android_depth(shares: Floats, confidence: Floats | None, table: dict[str, str],
+def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, str],
                   source: str) -> DepthMap:
     """The depth map of a grey picture by GDepth's or Dynamic Depth's notes.
 
@@ -265,7 +265,7 @@ def android_depth(shares: Floats, confidence: Floats | None, table: dict[str, st
                     far if math.isfinite(far) else None, sure, source)
 
 
-def apple_depth(shares: Floats, packet: bytes, source: str) -> DepthMap | None:
+def apple_depth(shares: Float32, packet: bytes, source: str) -> DepthMap | None:
     """The depth map of a grey picture by Apple's notes, or None where they are of another thing.
 
     Parameters

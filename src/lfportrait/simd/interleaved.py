@@ -225,7 +225,6 @@ def singles(array, n):
         return _load(array, n)
     return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
 
-
 _VI = ir.VectorType(ir.IntType(32), WIDTH)
 
 

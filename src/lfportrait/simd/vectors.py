@@ -413,6 +413,5 @@ def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
         gather_pair=half_pair, half=half,
         bits=mask_bits, lowest=first, lane=self_lane)
 
-
 SCALAR = one_lane_namespace(njit)
 identified_all("lanes", SCALAR.width, SCALAR)

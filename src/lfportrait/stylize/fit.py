@@ -15,15 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64
 from ..capture import Camera
 from ..example import SurfaceGuide, Transfer
 from ..field import C0, SampleWeights, VoxelField
 from ..progress import Progress
 from .kernels import gather_colors, scatter_colors
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass
@@ -107,7 +105,7 @@ def _cropped(camera: Camera, alpha: Float32, margin: int = 12) -> Camera | None:
                   np.array([w]), np.array([h]))
 
 
-def facing(points: NDArray[np.float64], position: NDArray[np.float64]) -> Float32:
+def facing(points: Float64, position: Float64) -> Float32:
     """Cosine between the surface's normal and the direction to the camera, [h, w]; 0 if unknown."""
     across = np.gradient(points, axis=1)
     down = np.gradient(points, axis=0)
@@ -120,7 +118,7 @@ def facing(points: NDArray[np.float64], position: NDArray[np.float64]) -> Float3
 
 
 def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transfer | None,
-                 guide: SurfaceGuide | None, landmarks: NDArray[np.float64] | None,
+                 guide: SurfaceGuide | None, landmarks: Float64 | None,
                  background: float, keep: bool = False) -> StyleView | None:
     """Render, transfer and linearise one view; None where it shows nothing.
 
@@ -164,7 +162,6 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
     return StyleView(content, example, rendering.alpha, facing(points, camera.position[0]),
                      field.sample_weights(camera, 0),
                      result=result if keep else None)
-
 
 _TOGETHER = 8192
 """Rows whose moments are added up together: they fit into the cache."""
@@ -272,7 +269,7 @@ def _trust(view: StyleView) -> Float32:
 
 
 def affine_color_map(source: Float32, target: Float32, weight: Float32,
-                     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+                     ) -> tuple[Float64, Float64]:
     """The affine map of colors, target ~ matrix source + offset, by weighted least squares.
 
     Parameters

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32
 from ..capture import Capture
 from ..device import torch_device
 from ..example import Exemplar, Painting, Skin, SkinPainter, asked_lids
@@ -39,8 +39,6 @@ from .skin import (
     show_painting,
     surface_texture,
 )
-
-Float32 = NDArray[np.float32]
 
 RELAXATION = 0.35
 """Share of each update of the fit that is taken: more gets sharper, but less alike in all views."""

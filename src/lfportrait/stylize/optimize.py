@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32
 from ..capture import Capture
 from ..device import check_device
 from ..errors import UserError
@@ -80,9 +81,6 @@ def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConf
                        "pixels wide: its strokes will be coarse on a large display; use a larger "
                        "picture of it")
     return out
-
-
-Float32 = NDArray[np.float32]
 
 
 def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],

@@ -29,6 +29,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, Int32, UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture
 from ..errors import UserError
@@ -87,8 +88,6 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     return skin
 
 
-Float32 = NDArray[np.float32]
-
 ASIDE = 0.02
 """Weight in the fit of what a chart shows but does not own."""
 SMOOTH = 0.75
@@ -126,7 +125,7 @@ def look_up_rows(model: ColorModel, painting: Painting) -> None:
     model.seen[known] = 1.0
 
 
-def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+def row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
     """Soft regions of a field's rows, uint8 [N, R], and the regions' names.
 
     Rows that no chart shows belong to none. Kept with the skin.
@@ -134,7 +133,7 @@ def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
     return skin.once("row labels", lambda: _row_labels(skin))
 
 
-def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+def _row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
     labels, names = skin.labels
     owner = skin.atlas.owner
     known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
@@ -217,7 +216,6 @@ def _shown(picture: Float32, alpha: Float32, background: float) -> Float32:
     """A picture on the background, by its opacity."""
     opacity = alpha[..., None]
     return np.asarray(opacity * picture + (1 - opacity) * np.float32(background), np.float32)
-
 
 PREVIEW = 2
 """Pixels of the skin per painted pixel in a preview."""
@@ -339,7 +337,7 @@ def _place(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
     return slice(top, top + int(camera.height[0])), slice(left, left + int(camera.width[0]))
 
 
-def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[np.bool_]) -> Map:
+def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: Bool) -> Map:
     there = _place(skin, n, step)
     # As views are rendered; a preview takes longer strides.
     stride = 0.5 if step == 1 else 1.0
@@ -400,7 +398,7 @@ def _keen(detail: Float32) -> Float32:
     return np.asarray(cv2.sepFilter2D(detail, -1, row, row), np.float32)
 
 
-def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
+def projections(skin: Skin, step: int = 1) -> Float64:
     """From the world to the atlas at every ``step``-th pixel, float64 [C, 3, 4]."""
     cameras, boxes = skin.atlas.cameras, skin.atlas.boxes
     out = np.empty((len(boxes), 3, 4))
@@ -415,7 +413,7 @@ def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
     return out
 
 
-def row_charts(skin: Skin) -> NDArray[np.uint8]:
+def row_charts(skin: Skin) -> UInt8:
     """The chart that shows each lattice row's place, uint8 [R]; 255 where none does."""
     out = np.full(len(skin.rows), 255, np.uint8)
     x, y = np.ascontiguousarray(skin.rows.T)
@@ -425,7 +423,7 @@ def row_charts(skin: Skin) -> NDArray[np.uint8]:
     return out
 
 
-def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
+def texel_rows(skin: Skin, texture: SurfaceTexture) -> Int32:
     """A lattice row for each block of texels, int32 [H / 4, W / 4] rounded up: that nearest to it.
 
     ``texture`` is of the skin, with which they are kept.
@@ -435,7 +433,7 @@ def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
                      lambda: _block_rows(skin, texture, shape))
 
 
-def _block_rows(skin: Skin, texture: SurfaceTexture, shape: tuple[int, ...]) -> NDArray[np.int32]:
+def _block_rows(skin: Skin, texture: SurfaceTexture, shape: tuple[int, ...]) -> Int32:
     found = np.full(shape, -1, np.int32)
     known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
     scale = texture.pixels / skin.pixels / BLOCK

@@ -17,14 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, special
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..capture import Capture
 from ..field import VoxelField
 
 __all__ = ["End", "cut_ends", "vignetted"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 OPAQUE = 8.0
 """Density from which on a point is surface."""
@@ -163,10 +160,10 @@ class _Low:
         Height of the chin, and of the face from there to the brows.
     """
 
-    links: NDArray[np.int32]
-    rows: NDArray[np.int32]
+    links: Int32
+    rows: Int32
     points: Float32
-    solid: Bools
+    solid: Bool
     face: Float64
     chin: float
     tall: float
@@ -227,8 +224,8 @@ def _tips(points: Float64, out: Float64) -> Float64:
     return np.asarray(points[order[last]], np.float64)
 
 
-def _cut(tips: Float64, out: Float64, tall: float, capture: Capture, views: NDArray[np.int64],
-         ) -> tuple[Bools, Bools]:
+def _cut(tips: Float64, out: Float64, tall: float, capture: Capture, views: Int64,
+         ) -> tuple[Bool, Bool]:
     """Whether photos of points [K, 3] do not show the person's end there, and whether any can."""
     cameras = capture.cameras[views]
     middle = np.median(tips, axis=0)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ...capture import Camera, Capture
 from ..geometry.chart import Chart, chart_of, coherent, normals_of, read_surface
 from ..geometry.plate import continued, large_pieces, smoothed
@@ -17,9 +18,6 @@ from .photos import Photos, behind_what_is_seen
 from .shell import Shell, with_shell
 
 __all__ = ["Closed", "close_back", "shown_well"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BEHIND = np.radians(75.0)
 """Angle from the front from which on gaps are closed."""
@@ -110,7 +108,7 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     return closed, Closed(share, count)
 
 
-def shown_well(chart: Chart, points: Float64, known: Bools, photos: Photos) -> Bools:
+def shown_well(chart: Chart, points: Float64, known: Bool, photos: Photos) -> Bool:
     """The ``known`` cells [V, U] whose points [V, U, 3] enough photos see; all if none are."""
     well = known.copy()
     well[well] = photos.seen(points[well], chart.rays[well]) >= photos.enough

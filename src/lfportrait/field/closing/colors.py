@@ -11,12 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float64
 from ..geometry.plate import continued, smoothed
 
 __all__ = ["continued_colors"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BORDER = 1.5
 """Sigma, in cells, of the colors that the membrane hangs from: finer, each cell's noise would begin
@@ -27,8 +25,8 @@ GRAIN = 0.8
 """Sigma, in cells, of what in that detail is noise."""
 
 
-def continued_colors(colors: Float64, well: Bools, upwards: Float64 | float,
-                     hair: Bools | None) -> Float64:
+def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,
+                     hair: Bool | None) -> Float64:
     """Colors [V, U, 3] everywhere, from the cells that photos show well.
 
     Parameters
@@ -52,7 +50,7 @@ def continued_colors(colors: Float64, well: Bools, upwards: Float64 | float,
     return out
 
 
-def _mirrored(detail: Float64, shown: Bools) -> Float64:
+def _mirrored(detail: Float64, shown: Bool) -> Float64:
     """Detail [V, U, C] beyond the shown cells, as mirrors at their ends show it; 0 else.
 
     The mirrors stand left and right where hair ends in most rows, so that strands stay whole, and
@@ -72,7 +70,7 @@ def _mirrored(detail: Float64, shown: Bools) -> Float64:
     return out
 
 
-def _ends(shown: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _ends(shown: Bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The first and the last shown cell of each line [N, M], [N] each."""
     return shown.argmax(axis=1), shown.shape[1] - 1 - shown[:, ::-1].argmax(axis=1)
 

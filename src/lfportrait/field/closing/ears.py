@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from ...arrays import Bool, Float64
 from ...capture import Capture
 from ..geometry.chart import Chart
 from .fitted_head import STEP, FittedHead, mesh_samples
 from .photos import Photos
 
 __all__ = ["Ears", "ears_of"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 REACH = 0.05
 """Portrait units from an ear's surface up to which its distance is known (1 cm)."""
@@ -72,7 +70,7 @@ class Ears:
 
     points: Float64
     normals: Float64
-    own: Bools
+    own: Bool
     torn: Float64
     tree: cKDTree
     reach: float
@@ -96,7 +94,7 @@ class Ears:
         return out, sample
 
 
-    def replaced(self, points: Float64) -> Bools:
+    def replaced(self, points: Float64) -> Bool:
         """Where what was trained is torn, and goes: which of points [N, 3], [N]."""
         out = np.zeros(len(points), bool)
         for low, high in self.torn:
@@ -145,7 +143,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
                 STEP * unit)
 
 
-def _around(head: FittedHead, side: Bools) -> NDArray[np.int64]:
+def _around(head: FittedHead, side: Bool) -> NDArray[np.int64]:
     """The triangles of an ear and next to it."""
     mark = head.ears & side
     for _ in range(3):
@@ -171,7 +169,7 @@ def _surface_near(photos: Photos, points: Float64, reach: float) -> tuple[Float6
     return np.concatenate(places), np.concatenate(ways)
 
 
-def _moved(points: Float64, normals: Float64, own: Bools, seen: tuple[Float64, Float64],
+def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Float64],
            unit: float) -> tuple[Float64, Float64]:
     """Samples and normals after an ear was laid over what is seen of it."""
     places, ways = seen

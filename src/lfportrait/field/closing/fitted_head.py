@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ..geometry.chart import Chart
 from ..geometry.plate import fitted_plate
 
 __all__ = ["FitHead", "FittedHead", "head_distance", "mesh_samples"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STEP = 0.006
 """Distance of a mesh's samples, portrait units."""
@@ -49,7 +47,7 @@ class FittedHead:
 
     points: Float64
     triangles: NDArray[np.int32]
-    ears: Bools
+    ears: Bool
 
 
 FitHead = Callable[[Float64, Float64, Float64, Float64], FittedHead | None]

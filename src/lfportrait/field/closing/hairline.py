@@ -9,16 +9,13 @@ that colors would have to keep to.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ..geometry.chart import Chart
 from ..surface_graph import SurfaceGraph
 
 __all__ = ["NAPE", "hair_cells", "usual_hair"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 NAPE = -0.35
 """Height at which hair usually ends behind, portrait units."""
@@ -42,8 +39,8 @@ _USUAL = 3e-3
 _FEW = 20
 
 
-def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools,
-               ) -> tuple[Bools | None, Bools]:
+def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
+               ) -> tuple[Bool | None, Bool]:
     """The chart's cells that are hair, and those whose colors are those of their region.
 
     Parameters
@@ -92,13 +89,13 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bools,
     return hair, well & ((hair == (vote > 0.5)) | (height < NAPE))
 
 
-def usual_hair(chart: Chart, distance: Float64) -> Bools:
+def usual_hair(chart: Chart, distance: Float64) -> Bool:
     """Where most heads have hair on a chart's surface, bool [V, U]."""
     begins = np.interp(_heights(chart, distance), *_HAIRLINE.T)
     return np.asarray(np.degrees(np.abs(chart.angle))[None] > begins)
 
 
-def _joined(cells: Bools, seeds: Bools) -> Bools:
+def _joined(cells: Bool, seeds: Bool) -> Bool:
     """Of cells [V, U] those that hang together with seeds; columns go around."""
     pieces, count = ndimage.label(np.tile(cells, 2))
     kept = np.zeros(count + 1, bool)
@@ -114,7 +111,7 @@ def _heights(chart: Chart, distance: Float64) -> Float64:
                       + np.sin(chart.elevation)[:, None] * distance * chart.scale)
 
 
-def _away(colors: Float64, part: Bools) -> Float64:
+def _away(colors: Float64, part: Bool) -> Float64:
     """How far colors [V, U, 3] are from those of a part, in standard deviations, [V, U]."""
     sample = colors[part]
     spread = np.cov(sample.T) + _SPREAD ** 2 * np.eye(3)

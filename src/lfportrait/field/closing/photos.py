@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ...capture import Capture
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
 from ..grid import VoxelField
 
 __all__ = ["Photos", "behind_what_is_seen"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 PHOTOS = 40
 """Photos, at most, that are asked what they see."""
@@ -75,9 +73,9 @@ class Photos:
         return votes
 
     def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
-             square: float = 0.0) -> list[Bools]:
+             square: float = 0.0) -> list[Bool]:
         """For each view, which of the points it sees, bool [N] (`seen`, `faced`)."""
-        def sees(view: int) -> Bools:
+        def sees(view: int) -> Bool:
             shown, place, depth = self._shown(view, points)
             found = np.zeros(len(points), bool)
             found[shown] = ((depth > self._first[view][place] - 2.5 * self.voxel)
@@ -100,7 +98,7 @@ class Photos:
                                                  float(self.cameras.focal[view, 0])),
                             range(len(self._depths)))
 
-    def past(self, points: Float64, nearly: bool = True) -> Bools:
+    def past(self, points: Float64, nearly: bool = True) -> Bool:
         """Whether views see past points [N, 3], bool [N].
 
         Of 20 views or more two must: one may have a notch. ``nearly``: also where they see past
@@ -108,7 +106,7 @@ class Photos:
         """
         last = self._last if nearly else self._depths
 
-        def sees(view: int) -> Bools:
+        def sees(view: int) -> Bool:
             shown, place, depth = self._shown(view, points)
             found = np.zeros(len(points), bool)
             found[shown] = depth < last[view][place] - 0.75 * self.voxel
@@ -154,7 +152,7 @@ class Photos:
         return depth, np.asarray(self._depths[view][place], np.float64)
 
     def _shown(self, view: int, points: Float64,
-               ) -> tuple[Bools, tuple[NDArray[np.int64], ...], Float64]:
+               ) -> tuple[Bool, tuple[NDArray[np.int64], ...], Float64]:
         """Which points a view shows, their (row, column) and depths."""
         height, width = self._depths[view].shape
         pixels, depth = (part[0] for part in self.cameras[view].project(points))
@@ -176,7 +174,7 @@ def _facing(depth: Float64, focal: float) -> NDArray[np.float32]:
     return np.nan_to_num(found, nan=0.0).astype(np.float32)
 
 
-def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: Photos,
+def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bool, photos: Photos,
                         nearly: bool = True) -> Float64:
     """Distances [V, U] so short, where ``asked``, that no photo sees past them (`Photos.past`)."""
     cells = np.flatnonzero(asked)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, normals_of
 from ..geometry.plate import smoothed
@@ -18,9 +19,6 @@ from .ears import Ears
 from .photos import Photos
 
 __all__ = ["Shell", "with_shell"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SHELL = 5.0
 """Voxels of the shell's thickness."""
@@ -66,7 +64,7 @@ class Shell:
     distance: Float64
     cosine: Float64
     colors: Float64
-    gap: Bools
+    gap: Bool
     voxel: float
     guessed: bool = False
     ears: Ears | None = None
@@ -88,7 +86,7 @@ class Shell:
             deep = np.where(ear > -OUTWARDS, np.maximum(deep, ear), deep)
         return deep, places
 
-    def yielding(self, deep: Float64, places: Float64) -> Bools:
+    def yielding(self, deep: Float64, places: Float64) -> Bool:
         """Which points, so deep and at places [2, N], go whatever photos see there, [N]."""
         if self.yields is None:
             return np.zeros(len(deep), bool)
@@ -96,7 +94,7 @@ class Shell:
         rows, columns = self.gap.shape
         return np.asarray(deep < self.yields[np.clip(row, 0, rows - 1), column % columns])
 
-    def within_ears(self, points: Float64) -> Bools:
+    def within_ears(self, points: Float64) -> Bool:
         """Which of points [N, 3] are the ears', [N]."""
         if self.ears is None:
             return np.zeros(len(points), bool)
@@ -185,7 +183,7 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
                       field.radius, field.frame, field.background), len(cells)
 
 
-def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bools) -> Bools:
+def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bool) -> Bool:
     """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbours, [N]."""
     grid = np.zeros([size + 2 for size in shape], np.bool_)
     grid[tuple(cells[chosen].T[::-1] + 1)] = True

@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ...capture import Capture, portrait_frame_from_landmarks
 from ..geometry.chart import Chart, coherent, normals_of, read_surface
 from ..geometry.head_surface import HeadSurface
@@ -30,9 +30,6 @@ from .photos import Photos, behind_what_is_seen
 from .shell import FRINGE, Shell, with_shell
 
 __all__ = ["close_sides"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 PHOTOS = 24
 """Photos of an arc, at most, that are asked what they see: with 40 a head is 0.1 dB better."""
@@ -159,7 +156,7 @@ class _Guess:
 
     base: Float64
     trust: Float64
-    known: Bools
+    known: Bool
     tension: Float64
     yields: Float64
     ears: Ears | None
@@ -214,7 +211,7 @@ def _fitted(fit_head: FitHead, surface: HeadSurface, capture: Capture, distance:
     return fit_head(landmarks, points, normals, trust[used])
 
 
-def _ear_cells(chart: Chart, ears: Ears) -> Bools:
+def _ear_cells(chart: Chart, ears: Ears) -> Bool:
     """Cells of a chart whose rays meet ears, and those next to them, [V, U]."""
     found = np.zeros((len(chart.axis), len(chart.angle)), bool)
     row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)

@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64
 from .chart import Chart
 
 __all__ = ["BROWS", "CHIN", "LOWEST", "bust_chart", "bust_distance"]
-
-Float64 = NDArray[np.float64]
 
 BROWS = 0.10
 """Height of the brows: above it lies the skull's ellipsoid."""

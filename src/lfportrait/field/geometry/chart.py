@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ..grid import VoxelField
 from ..harmonics import C0
 from ..kernels.chart_rays import march_chart, mark_between, outside_chart, place_points
 from ..trimming import Cut
 
 __all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 CELL = 2.0
 """Width of the chart's cells in voxels."""
@@ -97,7 +95,7 @@ class Chart:
                 np.array([self.angle[0], self.angle[1] - self.angle[0]]))
 
     def cells_between(self, field: VoxelField, low: Float64, high: Float64, corners: Float64,
-                      ) -> NDArray[np.int64]:
+                      ) -> Int64:
         """Empty lattice points that may be between distances ``low`` and ``high`` of their rows.
 
         Some that are not are among them: rows are looked at roughly, in a tenth of the time that
@@ -134,7 +132,7 @@ class Chart:
 
     def outside(self, distance: Float64, margin: Float64, shape: tuple[int, int, int],
                 center: Float64, radius: Float64,
-                ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+                ) -> tuple[Float32, Float32]:
         """How far lattice points lie outside of a surface along the rays, and a margin there.
 
         Parameters
@@ -222,7 +220,7 @@ def read_surface(field: VoxelField, chart: Chart, cut: Cut | None) -> tuple[Floa
             (color / np.maximum(1.0 - clear, 1e-6)[:, None]).reshape(*shape, 3))
 
 
-def coherent(chart: Chart, distance: Float64) -> Bools:
+def coherent(chart: Chart, distance: Float64) -> Bool:
     """The cells of the largest piece of surface without jumps, [V, U]."""
     points = chart.points(distance)
     number = np.arange(distance.size).reshape(distance.shape)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import UInt8
 from ...capture import Capture
 from ...progress import Progress
 from ...simd.threads import side_by_side
@@ -147,6 +148,6 @@ def _coarse(capture: Capture, view: int, solid: Solid) -> Plane:
                       np.float32)
 
 
-def _cut(image: NDArray[np.uint8], coarse: Plane) -> tuple[Plane, bool]:
+def _cut(image: UInt8, coarse: Plane) -> tuple[Plane, bool]:
     """The matte laid along the photo's edges, and whether these agree with the outline."""
     return along_edges(image, coarse, max(2, round(max(coarse.shape) / 256)))

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Capture
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
@@ -23,7 +24,7 @@ _DARK, _FEW, _NEAREST = 0.03, 150, 8
 
 
 def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
-                   ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+                   ) -> tuple[Float64, Float64]:
     """Gains of photos.
 
     Parameters
@@ -42,8 +43,8 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
     position = np.stack([item.camera.position[0] for item in maps])
     points = [item.points() for item in maps]
     colors = [item.image[np.isfinite(item.depth)] for item in maps]
-    rows: list[NDArray[np.float64]] = []
-    ratios: list[NDArray[np.float64]] = []
+    rows: list[Float64] = []
+    ratios: list[Float64] = []
     for a in range(len(maps)):
         away = np.linalg.norm(position - position[a], axis=1)
         for b in np.argsort(away)[1:_NEAREST + 1]:
@@ -69,8 +70,8 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
     return np.exp(gains), np.exp(found)
 
 
-def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: DepthMap,
-           ) -> NDArray[np.float64] | None:
+def _ratio(points: Float64, colors: Float32, other: DepthMap,
+           ) -> Float64 | None:
     """Median log ratio [3] of another photo's colors to those of points; None if few are seen."""
     pixels, along = other.camera.project(points)
     height, width = other.depth.shape
@@ -92,8 +93,8 @@ def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: Dept
     return np.asarray(np.median(np.log((there + _DARK) / (colors[seen] + _DARK)), axis=0))
 
 
-def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
-                least: float = 0.02, size: int = 160) -> NDArray[np.float64] | None:
+def matte_gains(field: VoxelField, capture: Capture, views: Int64,
+                least: float = 0.02, size: int = 160) -> Float64 | None:
     """Gains of photos with mattes by comparison with a field.
 
     Parameters
@@ -125,7 +126,7 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
 
 
 def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int,
-                ) -> tuple[NDArray[np.float64], float]:
+                ) -> tuple[Float64, float]:
     """Logarithm of a photo's gains [3], and how much they differ from part to part of it."""
     assert capture.alphas is not None
     camera = capture.cameras[view]
@@ -144,7 +145,7 @@ def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int,
                                                      max(4, max(high, wide) // 10))
 
 
-def _spread(ratio: NDArray[np.floating], inside: NDArray[np.bool_], side: int) -> float:
+def _spread(ratio: NDArray[np.floating], inside: Bool, side: int) -> float:
     """How much the median of a picture differs between its blocks, as a standard deviation."""
     height, width = ratio.shape
     medians = [np.median(ratio[rows, columns][inside[rows, columns]])

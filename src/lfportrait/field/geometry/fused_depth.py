@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera, mattes_share, views_share
 from ..grid import camera_row
 from ..kernels.signed_distances import fuse_distance, outline_distance
@@ -33,7 +34,6 @@ _PERSON = 0.4  # share of the votes below which what stands at the origin is no 
 _DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
 _HIDDEN = 0.85  # and above which a point without depth is inside
 
-Float = NDArray[np.float32]
 Points = NDArray[np.float64]
 
 
@@ -51,13 +51,13 @@ class Solid:
 
     first: float
     spacing: float
-    distance: Float
+    distance: Float32
 
     @functools.cached_property
-    def _clear(self) -> NDArray[np.uint8]:
+    def _clear(self) -> UInt8:
         return _clearance(self.distance)
 
-    def outline(self, camera: Camera) -> Float:
+    def outline(self, camera: Camera) -> Float32:
         """The least distance along the ray of each pixel of one view.
 
         float32 [H, W] in world units, negative where the object is, at most three spacings.
@@ -68,7 +68,7 @@ class Solid:
         return np.asarray(least * np.float32(_THICK * self.spacing), np.float32)
 
 
-def _clearance(distance: Float) -> NDArray[np.uint8]:
+def _clearance(distance: Float32) -> UInt8:
     """For each cell, how many cells away the nearest one is that is not empty, at most 255."""
     empty = distance >= 1.0
     cells = ndimage.minimum_filter(empty, size=2, origin=-1, mode="nearest")
@@ -76,8 +76,8 @@ def _clearance(distance: Float) -> NDArray[np.uint8]:
     return np.minimum(steps, 255).astype(np.uint8)
 
 
-def backing_planes(points: Points, persons: Float, cameras: Points, usual: float,
-                   most: int = 3) -> NDArray[np.float64]:
+def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float,
+                   most: int = 3) -> Float64:
     """Planes that have the object and the cameras before them.
 
     Parameters
@@ -102,7 +102,7 @@ def backing_planes(points: Points, persons: Float, cameras: Points, usual: float
     random = np.random.default_rng(0)
     near = np.linalg.norm(points, axis=1) < REACH + 0.2
     points, persons = points[near], persons[near]
-    found: list[NDArray[np.float64]] = []
+    found: list[Float64] = []
     while len(found) < most and len(points) >= 500:
         chosen = random.permutation(len(points))[:6000]
         sample = points[chosen]
@@ -142,7 +142,7 @@ def backing_planes(points: Points, persons: Float, cameras: Points, usual: float
     return np.array(found).reshape(-1, 4)
 
 
-def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
+def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
     """The object at the origin.
 
     Parameters
@@ -199,7 +199,7 @@ def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
     return Solid(float(axis[0]), spacing, np.where(near, value, 1.0).astype(np.float32))
 
 
-def _hull_share(maps: list[DepthMap], mattes: list[Float]) -> Float:
+def _hull_share(maps: list[DepthMap], mattes: list[Float32]) -> Float32:
     """The mean matte over the views that have a point in the picture, on every second point.
 
     0 where fewer than a quarter of the views have.
@@ -218,7 +218,7 @@ def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
     return lattice
 
 
-def _smooth_vote(person: Float, seen: NDArray[np.int16]) -> Float:
+def _smooth_vote(person: Float32, seen: NDArray[np.int16]) -> Float32:
     """How much the mattes call a place of the surface the person, over its surroundings."""
     votes = ndimage.gaussian_filter(person, 2.0)
     voters = ndimage.gaussian_filter(seen.astype(np.float32), 2.0)

@@ -25,10 +25,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
@@ -36,10 +36,6 @@ from .plate import fitted_plate, roughly_fitted_plate, smoothed
 from .surface_sweep import SurfaceSweep, cosines_of
 
 __all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
-
-Float64 = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 WIDE = 140.0
 """Cameras that are spread over more degrees than this about the vertical axis see both sides."""
@@ -194,7 +190,7 @@ def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float, sho
 
 
 def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
-                 mattes: Sequence[NDArray[np.uint8]]) -> tuple[Float64, Float64, Bools]:
+                 mattes: Sequence[UInt8]) -> tuple[Float64, Float64, Bool]:
     """The bust scaled to the landmarks (portrait frame) and outlines, the hull, and its rims.
 
     [V, U] each.
@@ -241,12 +237,12 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
     return ratio / np.maximum(weight, 1.0), (weight > 0).astype(np.float64)
 
 
-def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[NDArray[np.uint8]],
+def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[UInt8],
                    reach: Float64) -> Float64:
     """Distances up to which no matte rules a ray's points out; NaN where none is known."""
     grown = [ndimage.maximum_filter(matte, 3) for matte in mattes]
 
-    def ruled_out(distance: Float64) -> Bools:
+    def ruled_out(distance: Float64) -> Bool:
         points = chart.points(distance).reshape(-1, 3)
         against, seen = np.zeros((2, len(points)), np.int16)
         for view, matte in enumerate(grown):
@@ -270,7 +266,7 @@ def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[NDArray[np.ui
     return np.asarray(ndimage.median_filter(np.where(found, low * reach, np.nan), 3), np.float64)
 
 
-def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bools:
+def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bool:
     """Where some camera looks along the surface: there the hull touches it, bool [V, U]."""
     points, normal = chart.points(distance), normals_of(chart, distance)
     low, high = np.full(distance.shape, np.inf), np.full(distance.shape, -np.inf)

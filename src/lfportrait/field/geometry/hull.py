@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float64, UInt8
 from ...capture import Camera
 from ...simd.decorators import lean_kernel
 from ...simd.threads import shared
@@ -34,8 +35,8 @@ def _carve(since, until, x, y, z, camera, covered,  # type: ignore[no-untyped-de
                         against[k, j, i] += 1
 
 
-def _votes(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], asked: NDArray[np.bool_],
-           center: NDArray[np.float64], radius: NDArray[np.float64], wide: bool,
+def _votes(cameras: Camera, alphas: Sequence[UInt8], asked: Bool,
+           center: Float64, radius: Float64, wide: bool,
            ) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """How many views have each of the lattice points ``asked`` in the picture, and show it empty.
 
@@ -57,9 +58,9 @@ def _votes(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], asked: NDArray[
     return seen, against
 
 
-def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[int, int, int],
-                center: NDArray[np.float64], radius: NDArray[np.float64],
-                tolerance: float = 0.03) -> NDArray[np.bool_]:
+def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int],
+                center: Float64, radius: Float64,
+                tolerance: float = 0.03) -> Bool:
     """Lattice points that (nearly) no matte rules out.
 
     Parameters
@@ -85,15 +86,15 @@ def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[i
 
 
 def _hull(seen: NDArray[np.int16], against: NDArray[np.int16], views: int,
-          tolerance: float = 0.03) -> NDArray[np.bool_]:
+          tolerance: float = 0.03) -> Bool:
     """The hull that so many views' votes give."""
     return (seen >= max(1, round(0.05 * views))) & (against <= tolerance * seen)
 
 
-def ruled_out(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], filled: NDArray[np.bool_],
-              center: NDArray[np.float64], radius: NDArray[np.float64],
+def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool,
+              center: Float64, radius: Float64,
               tolerance: float = 0.08, seldom: float = 0.2,
-              ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+              ) -> tuple[Bool, Bool]:
     """Points of a fine lattice that mattes rule out, though the hull on a coarse one held them.
 
     Crumbs about an outline come from mattes that are a pixel too wide here and there; most other
@@ -122,8 +123,8 @@ def ruled_out(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], filled: NDAr
     return against > tolerance * seen, filled & (seen < seldom * len(alphas))
 
 
-def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.8,
-             ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def hull_box(cameras: Camera, alphas: list[UInt8], reach: float = 1.8,
+             ) -> tuple[Float64, Float64]:
     """Center and radius [3] of a box about what the mattes show, within ``reach`` of the origin.
 
     A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least two fifths of

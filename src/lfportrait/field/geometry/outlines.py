@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import UInt8
 from ...capture import Capture, refine_matte
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
@@ -25,7 +26,7 @@ _AGREE = 0.8
 """Overlap with a rough outline below which a photo's edges are not followed."""
 
 
-def along_edges(image: NDArray[np.uint8], coarse: Plane, cell: int) -> tuple[Plane, bool]:
+def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
     """Lay a rough matte along its photo's edges.
 
     Parameters
@@ -58,7 +59,7 @@ def along_edges(image: NDArray[np.uint8], coarse: Plane, cell: int) -> tuple[Pla
     return matte, True
 
 
-def refined_mattes(field: VoxelField, capture: Capture) -> list[NDArray[np.uint8]]:
+def refined_mattes(field: VoxelField, capture: Capture) -> list[UInt8]:
     """Mattes of photos, from a field that was trained with rougher ones.
 
     Parameters
@@ -78,7 +79,7 @@ def refined_mattes(field: VoxelField, capture: Capture) -> list[NDArray[np.uint8
     bricks = field.bricks  # which all views share
     assert len(bricks.links)
 
-    def refined(view: int) -> NDArray[np.uint8]:
+    def refined(view: int) -> UInt8:
         matte, follows = along_edges(capture.images[view], *_opacity(field, capture, view))
         return np.asarray(255.0 * matte + 0.5, np.uint8) if follows else given[view]
 

@@ -6,14 +6,12 @@ import functools
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import linalg
 
-__all__ = ["continued", "fitted_plate", "large_pieces", "roughly_fitted_plate", "smoothed"]
+from ...arrays import Bool, Float64, Int64
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+__all__ = ["continued", "fitted_plate", "large_pieces", "roughly_fitted_plate", "smoothed"]
 
 TENSION = 0.02
 """Weight of the slope against the bending, in cells."""
@@ -24,7 +22,7 @@ LEAK = 0.003
 """How strongly a membrane holds together across a border, over elsewhere."""
 
 
-def smoothed(values: Float64, known: Bools, width: float) -> Float64:
+def smoothed(values: Float64, known: Bool, width: float) -> Float64:
     """Values [V, U, ...] blurred, of the known ones alone."""
     sigma = (width, width, *(0,) * (values.ndim - 2))
     mode = ("nearest", "wrap", *("nearest",) * (values.ndim - 2))
@@ -34,7 +32,7 @@ def smoothed(values: Float64, known: Bools, width: float) -> Float64:
     return np.asarray(total / np.maximum(weight, 1e-9), np.float64)
 
 
-def large_pieces(cells: Bools, area: Float64, least: float) -> Bools:
+def large_pieces(cells: Bool, area: Float64, least: float) -> Bool:
     """The cells, [V, U], of pieces with an area of ``least`` or more; columns go around."""
     pieces, count = ndimage.label(np.tile(cells, 2), np.ones((3, 3), np.int8))
     sizes = ndimage.sum_labels(np.tile(area, 2), pieces, np.arange(count + 1))
@@ -63,13 +61,13 @@ def _operators(shape: tuple[int, int]) -> tuple[sparse.csr_array, sparse.csr_arr
 
 
 @functools.lru_cache(8)
-def _dissected(shape: tuple[int, int]) -> NDArray[np.int64]:
+def _dissected(shape: tuple[int, int]) -> Int64:
     """Order of a chart's cells in which a plate is solved for: nested dissection (George 1973).
 
     Halves come before the two lines of cells that part them, so that an elimination in one of them
     does not reach the other. It takes three fifths of the time of a minimum degree ordering.
     """
-    def ordered(block: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    def ordered(block: Int64) -> list[Int64]:
         rows, columns = block.shape
         if max(rows, columns) <= _LEAF or min(rows, columns) <= 2:
             return [block.ravel()]
@@ -83,8 +81,8 @@ def _dissected(shape: tuple[int, int]) -> NDArray[np.int64]:
     return np.concatenate([*ordered(cells[:, :-2]), cells[:, -2:].T.ravel()])
 
 
-def continued(values: Float64, known: Bools, *, bending: float = 0.0,
-              upwards: Float64 | float = 1.0, apart: Bools | None = None) -> Float64:
+def continued(values: Float64, known: Bool, *, bending: float = 0.0,
+              upwards: Float64 | float = 1.0, apart: Bool | None = None) -> Float64:
     """Values [V, U, C] with the unknown ones solved for: a plate under tension, or a membrane.
 
     Parameters

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64, Int64
 from ...capture import Capture
 from ...errors import UserError
 from ..background import Background
@@ -44,8 +44,8 @@ class Start:
 
     lattice: Lattice
     background: Background | None
-    gains: NDArray[np.float64]
-    test_gains: NDArray[np.float64]
+    gains: Float64
+    test_gains: Float64
     haze: bool = False
 
 
@@ -53,7 +53,7 @@ _DENSE, _THIN = 2.0, 0.03
 """Optical depth of a voxel inside of such a surface, and before it."""
 
 
-def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, width: int,
+def start_person(capture: Capture, views: Int64, resolution: int, width: int,
                  opacity: float, surface: HeadSurface | None = None) -> Start:
     """The visual hull of the mattes, each voxel of which takes ``opacity`` of the light.
 
@@ -82,7 +82,7 @@ def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, wi
     return Start(lattice, None, np.ones((len(views), 3)), np.ones((len(capture.testing()), 3)))
 
 
-def start_room(capture: Capture, views: NDArray[np.int64], data: TrainingPixels,
+def start_room(capture: Capture, views: Int64, data: TrainingPixels,
                config: Settings, resolution: int, width: int) -> Start:
     """Without mattes: the surfaces that a plane sweep finds, or else a cube of haze."""
     gains, test_gains = np.ones((len(views), 3)), np.ones((len(capture.testing()), 3))

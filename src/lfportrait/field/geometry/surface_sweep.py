@@ -13,15 +13,12 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera
 from .chart import Chart, normals_of
 
 __all__ = ["SurfaceSweep", "cosines_of"]
-
-Float64 = NDArray[np.float64]
-Float32 = NDArray[np.float32]
 
 
 def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64]:
@@ -60,7 +57,7 @@ def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64
 class SurfaceSweep:
     """Grey photos, reduced to pixels as wide as a cell, that a surface is looked up in."""
 
-    def __init__(self, images: Sequence[NDArray[np.uint8]], cameras: Camera, cell: float) -> None:
+    def __init__(self, images: Sequence[UInt8], cameras: Camera, cell: float) -> None:
         factor = float(np.clip(2.0 * cameras.pixel / cell, 0.1, 1.0))
         self.cameras = cameras.scaled(factor)
         self.greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float64, Int32, UInt8
 from ...gpu.device import BINDING, Device
 from ..kernels.bricks import SLOTS, Bricks, row_width
 from .shaders import shader
@@ -48,13 +49,13 @@ class FieldParts:
         Other colors of the same points, as ``rows`` and ``basis``; none by default.
     """
 
-    table: NDArray[np.int32]
-    links: NDArray[np.int32]
+    table: Int32
+    links: Int32
     density: NDArray[np.uint16]
     rows: NDArray[np.uint16]
     basis: int
     width: int
-    lattice: NDArray[np.float64]
+    lattice: Float64
     others: NDArray[np.uint16] | None = None
     other_basis: int = 0
 
@@ -69,7 +70,7 @@ class FieldParts:
         return (len(self.rows) - 32) // self.width - 1
 
 
-def field_parts(bricks: Bricks, lattice: NDArray[np.float64]) -> FieldParts:
+def field_parts(bricks: Bricks, lattice: Float64) -> FieldParts:
     """What a field of this layout sends to a device."""
     return FieldParts(bricks.table, bricks.links, bricks.density, bricks.rows, bricks.basis,
                       bricks.width, lattice)
@@ -152,7 +153,7 @@ class Atlas:
             else:
                 self._others.append(self._device.buffer(part))
 
-    def shade(self, eyes: NDArray[np.float64]) -> None:
+    def shade(self, eyes: Float64) -> None:
         """Evaluate the colors of all points as eyes see them.
 
         Parameters
@@ -182,7 +183,7 @@ class Atlas:
         device.run(*steps)
 
     def march_uniform(self, threshold: float, stop: float, whole: bool,
-                      textured: float) -> NDArray[np.uint8]:
+                      textured: float) -> UInt8:
         """The uniform ``field`` of `march.wgsl`, uint8 [64]; the texture's strength is 0 to 1."""
         uniform = np.zeros(64, np.uint8)
         floats, words = uniform.view(np.float32), uniform.view(np.uint32)
@@ -203,7 +204,7 @@ class Atlas:
                    + sum(rows.size for rows in self._others))
 
 
-def _places(table: NDArray[np.int32], count: int) -> NDArray[np.uint32]:
+def _places(table: Int32, count: int) -> NDArray[np.uint32]:
     """Where each brick lies in the table: x, y and z, ten bits each."""
     z, y, x = np.nonzero(table >= 0)
     out = np.zeros(count, np.uint32)
@@ -211,7 +212,7 @@ def _places(table: NDArray[np.int32], count: int) -> NDArray[np.uint32]:
     return out
 
 
-def _brick_pages(links: NDArray[np.int32], page: int) -> list[tuple[int, NDArray[np.int32]]]:
+def _brick_pages(links: Int32, page: int) -> list[tuple[int, Int32]]:
     """Links of the bricks, in pages: the first one's number, and the page."""
     together = page // (4 * SLOTS)
     return [(start, links[start * SLOTS:(start + together) * SLOTS])

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ...arrays import Float64
 from ...gpu import GpuProcess
 from ..kernels.bricks import Bricks
 from ..texture import SurfaceTexture, TextureRows
@@ -29,7 +27,7 @@ class Castable(Protocol):
         """The layout for casting."""
 
     @property
-    def lattice(self) -> NDArray[np.float64]:
+    def lattice(self) -> Float64:
         """Points along x, y, z; scale and offset."""
 
     def texture_rows(self, footprint: float, whole: bool = False) -> TextureRows:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, UInt8
 from ...gpu.device import Device
 from ..texture import TextureRows
 
@@ -31,8 +32,8 @@ class TextureParts:
         int8 [H, W, 4].
     """
 
-    cells: NDArray[np.uint8]
-    charts: NDArray[np.float32]
+    cells: UInt8
+    charts: Float32
     texels: NDArray[np.int8]
 
 
@@ -71,7 +72,7 @@ def keep_texture(device: Device, key: str, parts: TextureParts | None) -> list[s
     return list(kept)
 
 
-def picture_texture(device: Device, planes: NDArray[np.float32] | None) -> Any:
+def picture_texture(device: Device, planes: Float32 | None) -> Any:
     """A texture of half floats of a picture float32 [3, H, W], 0 to 255; None: a black texel."""
     if planes is None:
         return device.texture((1, 1), "rgba16float")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
 from ...gpu.device import BINDING, Device, bands
 from .atlas import Atlas
 from .shaders import shader
@@ -50,9 +50,9 @@ class ViewJob:
         to the right and below, and the first pixel's.
     """
 
-    cameras: NDArray[np.float64]
+    cameras: Float64
     size: tuple[int, int]
-    lattice: NDArray[np.float64]
+    lattice: Float64
     axis: int
     step: float
     threshold: float
@@ -63,10 +63,10 @@ class ViewJob:
     reach: float
     eight_bit: bool = False
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    ground: NDArray[np.float32] | None = None
-    ground_rays: NDArray[np.float64] | None = None
+    ground: Float32 | None = None
+    ground_rays: Float64 | None = None
 
-    def uniform(self, view: int, first: int, rows: int) -> NDArray[np.uint8]:
+    def uniform(self, view: int, first: int, rows: int) -> UInt8:
         """The uniform ``view`` of `view.wgsl` for a band of rows, uint8 [208]."""
         out = np.zeros(208, np.uint8)
         floats, words = out.view(np.float32), out.view(np.uint32)
@@ -175,7 +175,7 @@ class _Viewer:
         group = self._group("bytes", (4, 9, 11), _8=self.uniform, _12=picture)
         self.device.run((self.kernels["bytes"], group, self.groups))
 
-    def read(self) -> tuple[NDArray[np.float32], ...]:
+    def read(self) -> tuple[Float32, ...]:
         """Color, opacity and depth of the view that was looked at."""
         width, height = self.job.size
         shot = self.device.read(self.shots, np.float32, (height, width, 4))

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Int32
 from ...simd.decorators import lean_kernel
 from ...simd.threads import shared
 from .halves import halves
@@ -57,8 +58,8 @@ class Bricks:
         Lattice points along z, y, x.
     """
 
-    table: NDArray[np.int32]
-    links: NDArray[np.int32]
+    table: Int32
+    links: Int32
     density: NDArray[np.uint16]
     sh: NDArray[np.floating[Any]]
     shape: tuple[int, int, int]
@@ -125,7 +126,7 @@ def _fill_links(since, until, links, places, empty, out):
                         out[brick * 128 + z * 25 + y * 5 + x] = links[gz, gy, gx]
 
 
-def _distances(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _distances(occupied: Bool) -> Int32:
     """Minus the distance to the nearest occupied brick, int32 [BZ, BY, BX]."""
     if not occupied.any():
         return np.full(occupied.shape, -max(occupied.shape), np.int32)
@@ -143,8 +144,8 @@ def _brighter(since, until, links, density, least, found):
         found[brick] = most > least
 
 
-def bright_table(table: NDArray[np.int32], brick_links: NDArray[np.int32],
-                 density: NDArray[np.float32], least: float) -> NDArray[np.int32]:
+def bright_table(table: Int32, brick_links: Int32,
+                 density: Float32, least: float) -> Int32:
     """The table without the bricks in which no density is above ``least``, as `brick_table`'s.
 
     Parameters
@@ -162,8 +163,8 @@ def bright_table(table: NDArray[np.int32], brick_links: NDArray[np.int32],
     return np.where(bright, table, _distances(bright)).astype(np.int32)
 
 
-def brick_table(links: NDArray[np.int32], rows: int,
-                ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def brick_table(links: Int32, rows: int,
+                ) -> tuple[Int32, Int32]:
     """Table and links of the bricks of a lattice.
 
     Parameters
@@ -191,7 +192,7 @@ def brick_table(links: NDArray[np.int32], rows: int,
     return table, brick_links
 
 
-def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
+def build_bricks(links: Int32, density: Float32,
                  sh: NDArray[Any]) -> Bricks:
     """Lay a field out for casting.
 

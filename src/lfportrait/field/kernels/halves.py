@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32
 from ...simd.decorators import kernel
 from ...simd.interleaved import store_half
 from ...simd.threads import shared
@@ -56,7 +57,7 @@ def halves(values: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
     return out.view(np.float16).reshape(values.shape)
 
 
-def floats_of(values: NDArray[np.float16]) -> NDArray[np.float32]:
+def floats_of(values: NDArray[np.float16]) -> Float32:
     """Numbers in half precision as float32."""
     bits = np.ascontiguousarray(values).reshape(-1).view(np.uint16)
     out, whole = np.empty(len(bits), np.float32), len(bits) // 16 * 16

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Int32, Int64
 from ...simd.decorators import identified, lean
 from ...simd.interleaved import gather_signed, load_ints, prefetch
 from ...simd.vectors import LANES
@@ -42,7 +43,7 @@ _AHEAD = 12
 """Points that rows are asked for ahead."""
 
 
-def make_pad(workers: int, table: NDArray[np.int32], bricks: int) -> tuple[NDArray[Any], ...]:
+def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...]:
     """Scratch of all workers; pages that no packet reaches cost nothing.
 
     Parameters
@@ -89,10 +90,10 @@ class Records:
         int32 [W, 4096], scratch: where a row's last record may be.
     """
 
-    keys: NDArray[np.int32]
-    values: NDArray[np.float32]
-    counts: NDArray[np.int64]
-    recent: NDArray[np.int32]
+    keys: Int32
+    values: Float32
+    counts: Int64
+    recent: Int32
 
     @staticmethod
     def empty(workers: int, room: int) -> Records:

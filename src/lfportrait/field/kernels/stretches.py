@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Int32
 from ...simd.decorators import kernel, lean_kernel
 from ...simd.interleaved import store_half
 from ...simd.threads import shared
@@ -38,7 +39,7 @@ class Stretches:
         densities, then coefficients of red, of green, of blue, sixteen each.
     """
 
-    places: NDArray[np.int32]
+    places: Int32
     occupied: NDArray[np.uint64]
     values: NDArray[np.uint16]
 
@@ -52,7 +53,7 @@ class Stretches:
 class Places:
     """Where a lattice has stretches: as in `Stretches`, and ``count``, their number S."""
 
-    places: NDArray[np.int32]
+    places: Int32
     occupied: NDArray[np.uint64]
     count: int
 
@@ -102,7 +103,7 @@ def _fill(since, until, links, density, sh, none, places, values):
                                _load(flat, np.uintp(16 * line)))
 
 
-def build_stretches(links: NDArray[np.int32], density: NDArray[np.float32],
+def build_stretches(links: Int32, density: Float32,
                     sh: NDArray[np.floating]) -> Stretches:
     """Lay a field out for slices.
 
@@ -118,7 +119,7 @@ def build_stretches(links: NDArray[np.int32], density: NDArray[np.float32],
     return fill_stretches(place_stretches(links), links, density, sh)
 
 
-def place_stretches(links: NDArray[np.int32]) -> Places:
+def place_stretches(links: Int32) -> Places:
     """Where a lattice, int32 [Z, Y, X], has stretches."""
     depth, height, width = links.shape
     places = np.empty((height, depth, -(-width // 16)), np.int32)
@@ -132,7 +133,7 @@ def place_stretches(links: NDArray[np.int32]) -> Places:
     return Places(places, occupied, int(first[-1]))
 
 
-def fill_stretches(where: Places, links: NDArray[np.int32], density: NDArray[np.float32],
+def fill_stretches(where: Places, links: Int32, density: Float32,
                    sh: NDArray[np.floating]) -> Stretches:
     """A field laid out in the stretches of its lattice; arguments as `build_stretches`."""
     lines = 1 + 3 * sh.shape[2]

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ...arrays import Float64
 from ...capture import Camera, Capture
 from ..grid import VoxelField
 from ..kernels.align import pose_equations
 
 __all__ = ["aligned"]
 
-Float = NDArray[np.float64]
 
 _DEGREES, _SHARE = 0.5, 0.01
 """How far cameras may be off: standard deviations of the prior, in degrees and as a share of the
@@ -52,11 +52,11 @@ class _Photo:
 
     values: NDArray[np.float32]
     camera: Camera
-    gain: Float
+    gain: Float64
 
 
 def aligned(field: VoxelField, capture: Capture, given: Camera, views: NDArray[np.int64],
-            gains: Float, steps: int = 2) -> Camera:
+            gains: Float64, steps: int = 2) -> Camera:
     """Cameras under which the field looks more like the photos.
 
     Parameters
@@ -84,7 +84,7 @@ def aligned(field: VoxelField, capture: Capture, given: Camera, views: NDArray[n
     return replace(capture.cameras[views], pose=np.array(poses).reshape(-1, 4, 4))
 
 
-def _small(field: VoxelField, capture: Capture, view: int, gain: Float) -> _Photo:
+def _small(field: VoxelField, capture: Capture, view: int, gain: Float64) -> _Photo:
     """A photo reduced until a pixel is about a voxel."""
     camera = capture.cameras[view]
     distance = float(np.linalg.norm(camera.position[0] - field.center))
@@ -138,7 +138,7 @@ class _Comparison:
     lens: tuple[float, float, float, float]
     usual: float
 
-    def equations(self, usual: float) -> tuple[Float, Float, float, int]:
+    def equations(self, usual: float) -> tuple[Float64, Float64, float, int]:
         """Matrix, right side, cost and number of pixels of a step: see `pose_equations`."""
         matrix, slope = np.zeros((6, 6)), np.zeros(6)
         cost, count = pose_equations(self.values, self.photo, self.depth, self.lens, usual, matrix,
@@ -146,7 +146,7 @@ class _Comparison:
         return matrix, slope, cost, count
 
 
-def _compare(field: VoxelField, photo: _Photo, pose: Float) -> _Comparison:
+def _compare(field: VoxelField, photo: _Photo, pose: Float64) -> _Comparison:
     """Render the field at a pose, beside the photo."""
     camera = replace(photo.camera, pose=pose[None])
     shot = field.render(camera, 0, background=0.0, step=1.0, stop=1e-2)
@@ -161,7 +161,7 @@ def _compare(field: VoxelField, photo: _Photo, pose: Float) -> _Comparison:
                        max(1.5 * float(np.median(sizes)), 1e-3))
 
 
-def _moved(pose: Float, step: Float) -> Float:
+def _moved(pose: Float64, step: Float64) -> Float64:
     """A pose turned about and moved along its own axes."""
     moved = pose.copy()
     moved[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(step[:3]).as_matrix()
@@ -169,13 +169,13 @@ def _moved(pose: Float, step: Float) -> Float:
     return moved
 
 
-def _correction(given: Float, pose: Float) -> Float:
+def _correction(given: Float64, pose: Float64) -> Float64:
     """Six numbers: the rotation and the translation from the given pose, in its own axes."""
     turn = Rotation.from_matrix(given[:3, :3].T @ pose[:3, :3]).as_rotvec()
     return np.concatenate([turn, given[:3, :3].T @ (pose[:3, 3] - given[:3, 3])])
 
 
-def _align(field: VoxelField, photo: _Photo, given: Float, steps: int) -> Float:
+def _align(field: VoxelField, photo: _Photo, given: Float64, steps: int) -> Float64:
     """The pose of one photo: steps as long as its error falls."""
     pose = photo.camera.pose[0]
     far = float(np.linalg.norm(given[:3, 3] - field.center))

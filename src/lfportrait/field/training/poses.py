@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...capture import Capture, pose_corrections, without_drift
 from ..grid import VoxelField
 from .align import aligned
 
 __all__ = ["PoseRefiner"]
 
-Float = NDArray[np.float64]
 
 _COARSE, _FINEST = (0.25, 0.5, 0.75, 1.0), (0.1, 0.25, 0.4, 0.55)
 """When cameras are corrected: shares of the rays of a coarse level, and of the finest one, the end
@@ -52,7 +52,7 @@ class PoseRefiner:
         times = _FINEST if finest else _COARSE
         return self.rounds < len(times) and done >= times[self.rounds]
 
-    def refine(self, field: VoxelField, capture: Capture, gains: Float) -> Capture:
+    def refine(self, field: VoxelField, capture: Capture, gains: Float64) -> Capture:
         """The capture with the training views' cameras corrected once more.
 
         Parameters
@@ -73,7 +73,7 @@ class PoseRefiner:
         """The capture with the training views' cameras as they were found."""
         return _with_poses(capture, self.views, self.found.pose)
 
-    def tested(self, field: VoxelField, capture: Capture, gains: Float,
+    def tested(self, field: VoxelField, capture: Capture, gains: Float64,
                some: NDArray[np.int64] | None = None) -> Capture:
         """The capture with held-out cameras laid on the field, too, which learns nothing by it.
 
@@ -123,7 +123,7 @@ class PoseRefiner:
         return self.placed(capture)
 
 
-def _with_poses(capture: Capture, views: NDArray[np.int64], poses: Float) -> Capture:
+def _with_poses(capture: Capture, views: NDArray[np.int64], poses: Float64) -> Capture:
     every = capture.cameras.pose.copy()
     every[views] = poses
     return replace(capture, cameras=replace(capture.cameras, pose=every))

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64, UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ...field.gpu import Atlas, field_parts, keep_texture, picture_texture, shader, texture_parts
@@ -53,7 +53,7 @@ class LivePicture:
     rows: int
     apart: int
 
-    def read(self, device: Device, display: Display) -> NDArray[np.uint8]:
+    def read(self, device: Device, display: Display) -> UInt8:
         """The panel's pixels as seen, uint8 [H, W, 3]; coarse rows are repeated."""
         raw = device.read(self.buffer, np.uint8, (self.rows, 4 * self.words))
         rows = raw[:, :3 * display.width].reshape(self.rows, display.width, 3)
@@ -114,7 +114,7 @@ class Blit:
         return kept[1]
 
 
-def pixels_of(device: Device, texture: Any) -> NDArray[np.uint8]:
+def pixels_of(device: Device, texture: Any) -> UInt8:
     """What a texture of 8 bits a color holds, uint8 [H, W, 3]: red, green, blue."""
     width, height, _ = texture.size
     raw = device.raw.queue.read_texture({"texture": texture}, {
@@ -188,7 +188,6 @@ class LiveGround:
         self._ground = future.result()
         self.texture = picture_texture(self._device,
                                        None if self._ground is None else self._ground.planes)
-
 
 _TILE = 16
 """Pixels along a side of a workgroup's tile."""
@@ -270,7 +269,7 @@ class LiveCoder:
         self._buffers = [device.buffer(size), device.buffer(size)]
         self._behind = LiveGround(device, field, display)
         self._level = -2
-        self._shaded: tuple[float, NDArray[np.float64] | None] = (-1.0, None)
+        self._shaded: tuple[float, Float64 | None] = (-1.0, None)
         self._shading, self._pace, self._worst, self._band = 0.0, 0.0, 0.0, 1
         self._work: _Work | None = None
         self._wanted: tuple[EncodeConfig, float] | None = None
@@ -313,7 +312,7 @@ class LiveCoder:
         while not self.exact:
             self.step(config, share)
 
-    def read(self) -> NDArray[np.uint8]:
+    def read(self) -> UInt8:
         """The last picture as seen, uint8 [H, W, 3]."""
         return self.picture.read(self._device, self.display)
 
@@ -400,7 +399,7 @@ class LiveCoder:
         """Whether colors depend on the eye."""
         return (self._painted_basis > 1 and share < 1) or (self._photo_basis > 1 and share > 0)
 
-    def _shade(self, eyes: NDArray[np.float64], share: float, moving: bool) -> bool:
+    def _shade(self, eyes: Float64, share: float, moving: bool) -> bool:
         """Evaluate colors where they are others by now; whether they are those of these eyes."""
         known, places = self._shaded
         if known == share and places is not None and (
@@ -464,7 +463,7 @@ class _Work:
     worst: float = 0.0
 
 
-def spread_viewpoints(viewpoints: NDArray[np.float64], layers: int) -> NDArray[np.float64]:
+def spread_viewpoints(viewpoints: Float64, layers: int) -> Float64:
     """So many eyes, float64 [layers, 3], over the line that evenly spread ones [L, 3] stand for."""
     many = len(viewpoints)
     if many == layers:

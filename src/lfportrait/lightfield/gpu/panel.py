@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
 from ...field.gpu import Atlas, DeviceTexture, picture_texture, shader
 from ...gpu.device import BINDING, Device, bands
 
@@ -61,9 +61,9 @@ class PanelJob:
 
     width: int
     height: int
-    matrix: NDArray[np.float64]
-    panel: NDArray[np.float64]
-    eyes: NDArray[np.float64]
+    matrix: Float64
+    panel: Float64
+    eyes: Float64
     fixed: int
     rays: int
     spread: float
@@ -74,13 +74,13 @@ class PanelJob:
     stop: float
     whole: bool
     background: float
-    viewpoints: NDArray[np.float64]
-    ground: NDArray[np.float32] | None = None
+    viewpoints: Float64
+    ground: Float32 | None = None
     ground_place: tuple[float, ...] = (0.0,) * 6
     ordered: bool = True
     sliced: bool = False
 
-    def uniform(self, first: int, rows: int) -> NDArray[np.uint8]:
+    def uniform(self, first: int, rows: int) -> UInt8:
         """The uniform ``panel`` of `panel.wgsl` for a band of rows, uint8 [384]."""
         out = np.zeros(384, np.uint8)
         floats, words = out.view(np.float32), out.view(np.uint32)
@@ -177,7 +177,7 @@ class _Slices:
                 (self.build, build, (-(-self.size[0] // 64), self.size[2], rows))]
 
 
-def _slice_uniform(job: PanelJob) -> NDArray[np.uint8]:
+def _slice_uniform(job: PanelJob) -> UInt8:
     """The uniform ``slice`` of `slices.wgsl`, uint8 [32]: lattice rows of a panel row's plane."""
     matrix, eye_y, distance = job.matrix, job.panel[1], job.panel[2]
     det = matrix[0, 0] * matrix[2, 2] - matrix[0, 2] * matrix[2, 0]
@@ -191,7 +191,7 @@ def _slice_uniform(job: PanelJob) -> NDArray[np.uint8]:
 
 
 def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool = True,
-               repeats: int = 0) -> tuple[NDArray[np.uint8], dict[str, float]]:
+               repeats: int = 0) -> tuple[UInt8, dict[str, float]]:
     """Code a panel.
 
     Parameters

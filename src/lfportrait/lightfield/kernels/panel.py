@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...field.marching import (
     enter_box,
     make_channel_shade,
@@ -25,7 +25,7 @@ from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
 
 
-def lens_of(display: Any) -> NDArray[np.float64]:
+def lens_of(display: Any) -> Float64:
     """The numbers of a `Display` that the kernels take as ``lens``."""
     return np.array([display.pitch, display.shift, display.offset, display.views,
                      display.inverted, display.aspect, display.breadth], np.float64)

@@ -205,7 +205,6 @@ def least_cosine(nx, nz, side, depth, eyes, aspect, distance):
     most = max(most, right - min(eyes[0], eyes[-1]))
     return np.float32(distance / np.sqrt(distance * distance + most * most))
 
-
 GROUP = 8
 """Planes that are skipped together where nothing of a packet's way lies in them."""
 

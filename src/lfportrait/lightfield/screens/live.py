@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import UInt8
 from ...errors import UserError
 from ...field import Backdrop, VoxelField, head_points
 from ...gpu.device import Device
@@ -177,7 +177,6 @@ class Controls:
         if self._mixable:
             self._fades_to = _between(share, 0.0, 1.0)
 
-
 _KEPT = 10000
 """Pictures, the latest ones, whose times the figures are about."""
 
@@ -327,7 +326,7 @@ class OffscreenWindow:
         self.size = size
         self._script, self._frames, self._rate, self._keep = script or {}, frames, rate, keep
         self._exact = exact
-        self.pictures: list[NDArray[np.uint8]] = []
+        self.pictures: list[UInt8] = []
 
     def open(self) -> tuple[int, int]:
         """Its width and height in pixels."""

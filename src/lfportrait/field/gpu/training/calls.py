@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Bool, Float32, Int32
 from ....gpu.device import Device
 from .shaders import BINDINGS, source
 from .steps import Steps, largest_weights
@@ -37,13 +38,13 @@ def end(device: Device) -> None:
     device.kept.pop(_KEY, None)
 
 
-def place(device: Device, cameras: NDArray[np.float32]) -> None:
+def place(device: Device, cameras: Float32) -> None:
     """Cast the rays from other cameras, float32 [V, 32], from now on."""
     device.write(device.kept[_KEY].buffers["cameras"], cameras)
 
 
 def take(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32],
-         averaged: NDArray[np.bool_], looks: NDArray[np.bool_]) -> NDArray[np.float32]:
+         averaged: Bool, looks: Bool) -> Float32:
     """Take some steps (`Steps.take`); their tiles' squared errors, float32 [K, T]."""
     return np.asarray(device.kept[_KEY].take(steps, inputs, averaged, looks))
 
@@ -54,13 +55,13 @@ def measure(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32], rep
     return dict(device.kept[_KEY].measure(steps, inputs, repeats))
 
 
-def fetch_table(device: Device) -> NDArray[np.int32]:
+def fetch_table(device: Device) -> Int32:
     """The table of bricks that rays are cast by, int32 [BZ, BY, BX]."""
     return np.asarray(device.kept[_KEY].table())
 
 
 def fetch(device: Device, sums: bool = False,
-          ) -> tuple[NDArray[np.float32], list[NDArray[np.float32]], NDArray[np.float32] | None]:
+          ) -> tuple[Float32, list[Float32], Float32 | None]:
     """Densities [N + 1], pages of colors [rows, `row_floats`], states [N + 1, 2].
 
     Or the sums of the average, without states.
@@ -73,17 +74,17 @@ def fetch(device: Device, sums: bool = False,
             device.read(lattice.states, np.float32, (lattice.count + 1, 2)))
 
 
-def fetch_shells(device: Device) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def fetch_shells(device: Device) -> tuple[Float32, Float32]:
     """Values of the spheres behind the lattice, and their mean squared slopes (`Shells.read`)."""
     return device.kept[_KEY].shells.read(device)
 
 
-def put_average(device: Device, density: NDArray[np.float32], rows: NDArray[np.float32]) -> None:
+def put_average(device: Device, density: Float32, rows: Float32) -> None:
     """Go on with sums of an average, [N + 1] and [N + 1, columns]."""
     device.kept[_KEY].put_sums(density, rows)
 
 
 def largest(device: Device, given: dict[str, Any], steps: NDArray[Any],
-            inputs: NDArray[np.uint32]) -> NDArray[np.float32]:
+            inputs: NDArray[np.uint32]) -> Float32:
     """The largest weight of each row on the rays of tiles (`largest_weights`)."""
     return largest_weights(device, given, steps, inputs)

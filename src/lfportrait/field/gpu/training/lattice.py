@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Float32, Int32
 from ....gpu import GpuLostError
 from ....gpu.device import BINDING, Device
 
@@ -54,7 +54,7 @@ class DeviceLattice:
     after: Any
     before: Any
     heads: Any
-    table: NDArray[np.int32]
+    table: Int32
     count: int
     basis: int
 
@@ -91,8 +91,8 @@ class DeviceLattice:
             own._fill(device, given["rows"], given["neighbours"])
         return own
 
-    def _fill(self, device: Device, rows: NDArray[np.float32],
-              neighbours: NDArray[np.int32]) -> None:
+    def _fill(self, device: Device, rows: Float32,
+              neighbours: Int32) -> None:
         """Copy what is trained."""
         wide, columns = row_floats(self.basis), 3 * self.basis
         self.states = device.buffer(np.ascontiguousarray(rows[:, -2:]))
@@ -107,12 +107,12 @@ class DeviceLattice:
         self.before = device.buffer(np.ascontiguousarray(neighbours[:, 3:]))
         self.heads = device.buffer(np.full(self.count + 1, 0xffffffff, np.uint32))
 
-    def write_table(self, device: Device, table: NDArray[np.int32]) -> None:
+    def write_table(self, device: Device, table: Int32) -> None:
         """Cast rays by another table of the same bricks from now on."""
         device.write(self.bricks, np.ascontiguousarray(table, np.int32))
 
     def read(self, device: Device, density: Any, pages: list[Any],
-             ) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
+             ) -> tuple[Float32, list[Float32]]:
         """Densities [N + 1] and colors, page by page, of such buffers as the lattice's own."""
         wide = row_floats(self.basis)
         return (device.read(density, np.float32, self.count + 1),

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....arrays import Float32, Int32
 from ....gpu import GpuLostError
 from ....gpu.device import BINDING, Device
 
@@ -31,8 +31,8 @@ class Shells:
     buffers: dict[str, Any]
 
     @staticmethod
-    def of(device: Device, links: NDArray[np.int32], data: NDArray[np.float32],
-           mean_square: NDArray[np.float32]) -> Shells:
+    def of(device: Device, links: Int32, data: Float32,
+           mean_square: Float32) -> Shells:
         """Copy a background to the device.
 
         Parameters
@@ -55,7 +55,7 @@ class Shells:
             "map": device.buffer(links), "spheres": device.buffer(data),
             "shell_squares": device.buffer(mean_square), "shell_sums": device.buffer(data.nbytes)})
 
-    def read(self, device: Device) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def read(self, device: Device) -> tuple[Float32, Float32]:
         """Values and mean squared slopes, float32 [N * layers, 4] each."""
         data, square = (device.read(self.buffers[name], np.float32, (self.count, 4)).copy()
                         for name in ("spheres", "shell_squares"))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Bool, Float32, Int32
 from ....gpu.device import Device, Kernel
 from .lattice import DeviceLattice, row_floats
 from .notes import Notes, blocks_of_a_packet
@@ -126,7 +127,7 @@ class Steps:
         return self.slots[number]
 
     def take(self, steps: NDArray[Any], inputs: NDArray[np.uint32],
-             averaged: NDArray[np.bool_], looks: NDArray[np.bool_]) -> NDArray[np.float32]:
+             averaged: Bool, looks: Bool) -> Float32:
         """Take some steps.
 
         Parameters
@@ -161,7 +162,7 @@ class Steps:
             self.slots = []
         return device.read(self.buffers["errors"], np.float32, (len(steps), self.tiles)).copy()
 
-    def _send(self, averaged: NDArray[np.bool_], looks: NDArray[np.bool_], done: int) -> None:
+    def _send(self, averaged: Bool, looks: Bool, done: int) -> None:
         """Send off the steps from the first that is not ``done`` on."""
         waiting: list[Dispatch] = []
         for number in range(done, len(averaged)):
@@ -183,7 +184,7 @@ class Steps:
             self.sums = [self.device.buffer(buffer.size) for buffer in given]
         return given
 
-    def put_sums(self, density: NDArray[np.float32], rows: NDArray[np.float32]) -> None:
+    def put_sums(self, density: Float32, rows: Float32) -> None:
         """Go on with sums [N + 1] of densities and [N + 1, 3 B] of colors."""
         self._make_sums()
         self.device.write(self.sums[0], density)
@@ -215,7 +216,7 @@ class Steps:
 
     # -- what else is asked for -------------------------------------------------------------------
 
-    def table(self) -> NDArray[np.int32]:
+    def table(self) -> Int32:
         """The table that rays are cast by."""
         whole = self.lattice.table
         return self.device.read(self.lattice.bricks, np.int32, whole.shape).copy()
@@ -292,7 +293,7 @@ def _filled(steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int], n
 
 
 def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
-                    inputs: NDArray[np.uint32]) -> NDArray[np.float32]:
+                    inputs: NDArray[np.uint32]) -> Float32:
     """The largest weight of each row on the rays of tiles.
 
     Parameters
