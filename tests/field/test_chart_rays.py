@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from lfportrait.field.geometry.chart import WITHIN, Chart, read_surface
-from lfportrait.field.harmonics import C0
+from lfportrait.field.kernels.march import C0
 from lfportrait.field.trimming import Cut
 from tests.fields import head_field
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from lfportrait.capture import Camera, Capture, pose_corrections, without_drift
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
-from lfportrait.field.kernels.align import pose_equations
+from lfportrait.field.kernels.render import pose_equations
 from lfportrait.field.training.align import aligned
 from lfportrait.field.training.trainer import Trainer
 

@@ -2,7 +2,7 @@ from .backdrop import Backdrop, head_points
 from .config import ReconstructConfig, lattice_points
 from .coverage import Coverage
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
-from .harmonics import C0
+from .kernels.march import C0
 from .quality import held_out_quality
 from .reconstruction import reconstruct, reconstruct_with_figures
 from .storage import check_field_path, read_arrays, save_checkpoint, save_field

@@ -20,12 +20,10 @@ from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
 from .backdrop import SOLID, Backdrop
 from .background import Background, cube_rays
-from .kernels.bricks import Bricks
+from .kernels.bricks import Bricks, Stretches
 from .kernels.march import lattice_of_world
-from .kernels.render import render_kernel
-from .kernels.stretches import Stretches
+from .kernels.render import CAPACITY, pixel_weights, render_kernel
 from .kernels.texture import PROBES, REACH, add_texture
-from .kernels.weights import CAPACITY, pixel_weights
 from .layouts import Layouts
 from .storage import load_field, read_back, save_field
 from .texture import NO_TEXTURE, SurfaceTexture, TextureRows

@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Int32, UInt8
-from .kernels.bricks import Bricks, build_bricks
-from .kernels.stretches import Places, Stretches, fill_stretches, place_stretches
+from .kernels.bricks import (
+    Bricks,
+    Places,
+    Stretches,
+    build_bricks,
+    fill_stretches,
+    place_stretches,
+)
 from .texture import SurfaceTexture, texture_cells
 
 __all__ = ["Layouts"]

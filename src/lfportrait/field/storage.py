@@ -36,7 +36,7 @@ from ..stages import check_writable
 from ..version import __version__
 from .backdrop import Backdrop
 from .background import Background
-from .kernels.halves import floats_of, halves
+from .kernels.bricks import floats_of, halves
 from .pieces import read_array, write_array
 from .texture import SurfaceTexture
 

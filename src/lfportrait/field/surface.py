@@ -12,8 +12,7 @@ from scipy import ndimage, sparse
 from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..errors import UserError
 from .grid import VoxelField
-from .harmonics import C0
-from .kernels.march import lattice_of_world
+from .kernels.march import C0, lattice_of_world
 from .kernels.surface import depth_from_outside, seen_colors, sh_bases
 
 __all__ = ["Mesh", "PointCloud", "field_mesh", "field_points"]

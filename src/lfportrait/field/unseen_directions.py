@@ -23,7 +23,7 @@ from ..arrays import Float32, Float64
 from ..capture import Camera
 from ..simd.threads import side_by_side
 from .grid import VoxelField
-from .harmonics import real_harmonics
+from .kernels.march import real_harmonics
 
 __all__ = ["with_steady_colors"]
 

@@ -13,7 +13,7 @@ from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, normals_of
 from ..geometry.plate import smoothed
 from ..grid import VoxelField
-from ..harmonics import C0
+from ..kernels.march import C0
 from ..trimming import Cut
 from .ears import Ears
 from .photos import Photos

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ..grid import VoxelField
-from ..harmonics import C0
-from ..kernels.chart_rays import march_chart, mark_between, outside_chart, place_points
+from ..kernels.march import C0
+from ..kernels.surface import march_chart, mark_between, outside_chart, place_points
 from ..trimming import Cut
 
 __all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]

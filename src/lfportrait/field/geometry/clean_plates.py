@@ -25,7 +25,7 @@ from ...capture import Camera, Capture, color_likelihood, refine_matte
 from ...progress import Progress
 from ...simd.threads import side_by_side
 from ..grid import camera_row
-from ..kernels.plates import compose_plate
+from ..kernels.depth_maps import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth
 
 __all__ = ["CleanPlates", "Plate", "plate_mattes"]

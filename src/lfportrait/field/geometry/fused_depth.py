@@ -20,7 +20,7 @@ from scipy import ndimage
 from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera, mattes_share, views_share
 from ..grid import camera_row
-from ..kernels.signed_distances import fuse_distance, outline_distance
+from ..kernels.depth_maps import fuse_distance, outline_distance
 from .sweep import DepthMap
 
 __all__ = ["Solid", "backing_planes", "find_solid"]

@@ -12,7 +12,7 @@ from ...arrays import Bool, Float64, UInt8
 from ...capture import Camera
 from ...simd.decorators import lean_kernel
 from ...simd.threads import shared
-from ..kernels.depth_votes import pixel_of
+from ..kernels.depth_maps import pixel_of
 
 __all__ = ["hull_box", "ruled_out", "visual_hull"]
 

@@ -20,8 +20,8 @@ from scipy import ndimage
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera, Capture
 from ..grid import camera_row
-from ..harmonics import C0
-from ..kernels.depth_votes import fuse_depth
+from ..kernels.depth_maps import fuse_depth
+from ..kernels.march import C0
 from ..training.lattice import box_shape
 
 __all__ = ["DepthMap", "Surfaces", "fuse", "scene_box", "small_view", "sweep_depth"]

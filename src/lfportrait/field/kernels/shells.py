@@ -18,7 +18,7 @@ import numpy as np
 
 from ...simd.decorators import identified, kernel, lean, lean_kernel
 from ...simd.threads import shared
-from ..harmonics import C0
+from .march import C0
 
 __all__ = ["shells_backward", "shells_forward", "shells_mark", "shells_step"]
 

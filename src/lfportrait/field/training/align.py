@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from ...arrays import Float64
 from ...capture import Camera, Capture
 from ..grid import VoxelField
-from ..kernels.align import pose_equations
+from ..kernels.render import pose_equations
 
 __all__ = ["aligned"]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.means import add_rows, put_means
+from ..kernels.rows import add_rows, put_means
 from .lattice import Lattice
 
 __all__ = ["Average"]

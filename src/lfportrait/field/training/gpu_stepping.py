@@ -18,7 +18,7 @@ from ...progress import Progress
 from ..background import BackgroundTrainer
 from ..config import Settings
 from ..gpu.training.shaders import STEP
-from ..kernels.means import put_means
+from ..kernels.rows import put_means
 from .averaging import Average
 from .lattice import Lattice
 from .pixels import TrainingPixels

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
-from ..kernels.neighbours import fill_neighbours, mark_points
-from ..kernels.refine import refine_rows
+from ..kernels.rows import fill_neighbours, mark_points, refine_rows
 from .growth import dilated, labelled
 
 __all__ = ["Lattice", "box_shape"]
