@@ -8,27 +8,64 @@ et al. 2022). A ray's color is Eq. 1 of Shen et al. 2023.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, Int32, Int64
+from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
-from .backdrop import SOLID, Backdrop
-from .background import Background, cube_rays
-from .kernels.bricks import Bricks, Stretches
+from .background import SOLID, Backdrop, Background, cube_rays
+from .kernels.bricks import Bricks, Places, Stretches, build_bricks, fill_stretches, place_stretches
 from .kernels.march import lattice_of_world
 from .kernels.render import CAPACITY, pixel_weights, render_kernel
 from .kernels.texture import PROBES, REACH, add_texture
-from .layouts import Layouts
 from .storage import load_field, read_back, save_field
-from .texture import NO_TEXTURE, SurfaceTexture, TextureRows
+from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
-__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
+_NO_COLORS = np.zeros((0, 3, 1), np.float32)
+
+
+@dataclass(eq=False)
+class Layouts:
+    """The layouts of a lattice, each made when it is first asked for.
+
+    Attributes
+    ----------
+    extent
+        `VoxelField.solid_extent`, once it is known.
+    """
+
+    extent: tuple[float, float, float] | None = None
+    _bricks: Bricks | None = None
+    _places: Places | None = None
+    _cells: tuple[UInt8, Int32] | None = None
+
+    def bricks(self, links: Int32, density: Float32,
+               sh: NDArray[np.floating[Any]]) -> Bricks:
+        """The layout for casting, in the colors ``sh``, float [N, 3, B]."""
+        if self._bricks is None:
+            built = build_bricks(links, density, sh)
+            self._bricks = replace(built, sh=_NO_COLORS)
+            return built
+        return replace(self._bricks, sh=sh)
+
+    def stretches(self, links: Int32, density: Float32,
+                  sh: NDArray[np.floating[Any]]) -> Stretches:
+        """The layout for slices, in the colors ``sh``, float [N, 3, B]."""
+        if self._places is None:
+            self._places = place_stretches(links)
+        return fill_stretches(self._places, links, density, sh)
+
+    def cells(self, texture: SurfaceTexture, bricks: Bricks) -> Int32:
+        """`texture_cells`; those of the last charts are kept."""
+        if self._cells is None or self._cells[0] is not texture.charts:
+            self._cells = texture.charts, texture_cells(texture, bricks)
+        return self._cells[1]
+
 
 TEXEL = 1.6
 """Width in pixels of the texture's detail in a view. A picture of the head that is filtered ideally

@@ -2,7 +2,7 @@
 
 Most heads have hair where this one's photos show the color of its crown and not that of its face;
 where no photo looks, hair goes on as it does beside what they show, and further on as on most
-heads (`lfportrait.field.surface_graph`). A head whose crown has the face's color has no border
+heads (`lfportrait.field.surface`). A head whose crown has the face's color has no border
 that colors would have to keep to.
 """
 
@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float64
 from ..geometry.chart import Chart
-from ..surface_graph import SurfaceGraph
+from ..surface import SurfaceGraph
 
 __all__ = ["NAPE", "hair_cells", "usual_hair"]
 
