@@ -1,6 +1,6 @@
 from .background import Backdrop, head_points
+from .closing.photos import Coverage
 from .config import ReconstructConfig, lattice_points
-from .coverage import Coverage
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
 from .kernels.march import C0
 from .quality import held_out_quality

@@ -30,6 +30,7 @@ from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing import FitHead, close_back, close_sides
+from .closing.colors import with_steady_colors
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
@@ -39,7 +40,6 @@ from .training.meter import CurveFile, Meter
 from .training.settling import settled
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
-from .unseen_directions import with_steady_colors
 
 __all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 

@@ -290,7 +290,8 @@ class SurfaceGraph:
     ease: Float64
 
     @staticmethod
-    def over(points: NDArray[np.floating], colors: NDArray[np.floating], side: float) -> SurfaceGraph:
+    def over(points: NDArray[np.floating], colors: NDArray[np.floating],
+             side: float) -> SurfaceGraph:
         """The graph of a surface.
 
         Parameters

@@ -15,7 +15,7 @@ from ..geometry.plate import smoothed
 from ..grid import VoxelField
 from ..kernels.march import C0
 from ..trimming import Cut
-from .ears import Ears
+from .fitted_head import Ears
 from .photos import Photos
 
 __all__ = ["Shell", "with_shell"]
