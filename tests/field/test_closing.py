@@ -13,8 +13,7 @@ from lfportrait.field import VoxelField
 from lfportrait.field.closing import close_back, sides
 from lfportrait.field.closing.photos import Photos
 from lfportrait.field.closing.shell import with_shell
-from lfportrait.field.geometry.chart import Chart
-from lfportrait.field.geometry.plate import continued, large_pieces
+from lfportrait.field.geometry.chart import Chart, continued, large_pieces
 from lfportrait.field.kernels.march import C0
 from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field

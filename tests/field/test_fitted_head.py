@@ -11,8 +11,7 @@ from lfportrait.field.closing import FittedHead, close_back, sides
 from lfportrait.field.closing.fitted_head import Ears, _moved, ears_of, head_distance, mesh_samples
 from lfportrait.field.closing.photos import Photos
 from lfportrait.field.closing.shell import Shell, _changed, with_shell
-from lfportrait.field.geometry.bust import bust_chart, bust_distance
-from lfportrait.field.geometry.head_surface import HeadSurface
+from lfportrait.field.geometry.head_surface import HeadSurface, bust_chart, bust_distance
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 

@@ -14,14 +14,15 @@ from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.field.closing import FittedHead, close_sides
 from lfportrait.field.closing.colors import usual_hair
 from lfportrait.field.closing.photos import Coverage
-from lfportrait.field.geometry.bust import bust_chart, bust_distance
+from lfportrait.field.geometry.chart import continued, fitted_plate
 from lfportrait.field.geometry.head_surface import (
+    bust_chart,
+    bust_distance,
     distance_outside,
     find_surface,
     is_narrow,
     span_of,
 )
-from lfportrait.field.geometry.plate import continued, fitted_plate
 from modelled_head import SITTER, landmarks, photograph
 
 SIDE = 112

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.geometry.plate import _dissected, _operators, fitted_plate
+from lfportrait.field.geometry.chart import _dissected, _operators, fitted_plate
 
 
 @pytest.mark.parametrize("shape", [(3, 5), (9, 14), (31, 40)])

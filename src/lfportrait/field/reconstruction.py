@@ -8,7 +8,7 @@ Where the photos have mattes, the field starts from their visual hull, the opaci
 fitted, too, and every batch is composited on random backgrounds, so that empty space ends clean;
 rays that the hull and the mattes make idle are not drawn. Mattes that were made from the photos are
 recomputed along the photos' edges before and within the last level
-(`lfportrait.field.geometry.outlines`). Photos without mattes get spheres behind the lattice that
+(`lfportrait.field.geometry.mattes`). Photos without mattes get spheres behind the lattice that
 learn the room. Steps are counted in rays, not in seconds, unless a time budget is given.
 """
 

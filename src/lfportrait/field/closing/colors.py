@@ -31,8 +31,7 @@ from scipy import ndimage
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
 from ...simd.threads import side_by_side
-from ..geometry.chart import Chart
-from ..geometry.plate import continued, smoothed
+from ..geometry.chart import Chart, continued, smoothed
 from ..grid import VoxelField
 from ..kernels.march import real_harmonics
 from ..surface import SurfaceGraph

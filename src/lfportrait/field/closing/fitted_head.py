@@ -23,8 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from ...arrays import Bool, Float64
 from ...capture import Capture
-from ..geometry.chart import Chart
-from ..geometry.plate import fitted_plate
+from ..geometry.chart import Chart, fitted_plate
 from .photos import Photos
 
 STEP = 0.006

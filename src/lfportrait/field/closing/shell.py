@@ -10,8 +10,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float64
 from ...simd.threads import side_by_side
-from ..geometry.chart import Chart, normals_of
-from ..geometry.plate import smoothed
+from ..geometry.chart import Chart, normals_of, smoothed
 from ..grid import VoxelField
 from ..kernels.march import C0
 from ..trimming import Cut

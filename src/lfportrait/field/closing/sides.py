@@ -18,9 +18,18 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float64
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from ..geometry.chart import Chart, chart_of, coherent, normals_of, read_surface
+from ..geometry.chart import (
+    Chart,
+    chart_of,
+    coherent,
+    continued,
+    fitted_plate,
+    large_pieces,
+    normals_of,
+    read_surface,
+    smoothed,
+)
 from ..geometry.head_surface import HeadSurface
-from ..geometry.plate import continued, fitted_plate, large_pieces, smoothed
 from ..grid import VoxelField
 from ..trimming import OPAQUE, Cut
 from .colors import NAPE, continued_colors, hair_cells, usual_hair

@@ -298,3 +298,20 @@ def compose_plate(  # type: ignore[no-untyped-def]
                 total = mass
             color[y, x, 0], color[y, x, 1], color[y, x, 2] = red, green, blue
             noise[y, x], known[y, x] = np.sqrt(variance), total
+
+
+@shared("z")
+@lean_kernel
+def carve(since, until, x, y, z, camera, covered, asked, seen, against):
+    """Count, for each point asked about, the view if it shows it, and if it shows it empty."""
+    height, width = covered.shape
+    for k in range(since, until):
+        for j in range(len(y)):
+            for i in range(len(x)):
+                if not asked[k, j, i]:
+                    continue
+                row, column, _ = pixel_of(x[i], y[j], z[k], camera, height, width)
+                if row >= 0:
+                    seen[k, j, i] += 1
+                    if not covered[row, column]:
+                        against[k, j, i] += 1

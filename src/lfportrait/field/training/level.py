@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...gpu import GpuProcess
 from ...progress import Progress
-from ..geometry.outlines import refined_mattes
+from ..geometry.mattes import refined_mattes
 from ..grid import VoxelField
 from .averaging import Average
 from .checkpoint import State

@@ -24,9 +24,8 @@ from ..background import Background, BackgroundTrainer
 from ..config import Settings
 from ..geometry.exposure import matte_gains
 from ..geometry.head_surface import HeadSurface, find_surface, is_narrow
-from ..geometry.hull import ruled_out
-from ..geometry.outlines import refined_mattes
-from ..geometry.start import start_person, start_room
+from ..geometry.mattes import refined_mattes
+from ..geometry.start import ruled_out, start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
 from ..quality import held_out_quality
