@@ -34,10 +34,9 @@ from .closing.colors import with_steady_colors
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
-from .quality import held_out_quality
 from .training.casting_cost import casting_figures
-from .training.meter import CurveFile, Meter
-from .training.settling import settled
+from .training.level import settled
+from .training.meter import CurveFile, Meter, held_out_quality
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
 

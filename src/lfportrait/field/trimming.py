@@ -20,7 +20,7 @@ from scipy import ndimage
 from ..arrays import Bool, Float32, Float64, Int32
 from ..capture import Camera
 from .grid import VoxelField
-from .training.growth import dilated
+from .training.lattice import dilated
 
 __all__ = ["Cut", "find_cut", "trim"]
 

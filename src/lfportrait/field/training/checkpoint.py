@@ -16,8 +16,7 @@ from ...capture import Capture
 from ...files import UNREADABLE_ARRAYS, atomic_write
 from ..background import Background, BackgroundTrainer
 from ..config import Settings
-from .averaging import Average
-from .lattice import Lattice
+from .lattice import Average, Lattice
 from .pixels import Batches
 from .poses import PoseRefiner
 

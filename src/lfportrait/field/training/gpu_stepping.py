@@ -19,8 +19,7 @@ from ..background import BackgroundTrainer
 from ..config import Settings
 from ..gpu.training.shaders import STEP
 from ..kernels.rows import put_means
-from .averaging import Average
-from .lattice import Lattice
+from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 from .stepping import Plan, Taken
 from .steps import DECAY, color_gains

@@ -1,22 +1,71 @@
-"""Lattices while they are trained: begin, refine, and drop what is not attached to the subject.
+"""Lattices while they are trained: begun, refined, rid of what is not attached, averaged.
 
 A lattice is a link table int32 [Z, Y, X] into rows; while training there is one more row, the last,
 for empty points: zero density, zero color.
+
+Steps follow the errors of a few thousand rays, so that densities and colors wander about what all
+rays together ask for. Their mean over the last part of the training does not (Polyak and Juditsky
+1992), and rates need not fall as low for it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
-from ..kernels.rows import fill_neighbours, mark_points, refine_rows
-from .growth import dilated, labelled
+from ..kernels.rows import add_rows, fill_neighbours, mark_points, put_means, refine_rows
 
-__all__ = ["Lattice", "box_shape"]
+
+def _box(points: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice, slice] | None:
+    """The box about points, by so much wider; None without a point."""
+    flat = np.any(points, axis=0)
+    sides = [np.flatnonzero(some) for some in (np.any(points, axis=(1, 2)), np.any(flat, axis=1),
+                                               np.any(flat, axis=0))]
+    if not len(sides[0]):
+        return None
+    z, y, x = (slice(max(0, int(side[0]) - margin), int(side[-1]) + 1 + margin) for side in sides)
+    return z, y, x
+
+
+def dilated(points: NDArray[np.bool_], steps: int = 1) -> NDArray[np.bool_]:
+    """Points, and all that are at most ``steps`` from one along each axis: bool [Z, Y, X].
+
+    It is `scipy.ndimage.binary_dilation` by a cube, axis by axis.
+    """
+    out = np.zeros(points.shape, bool)
+    box = _box(points, steps)
+    if box is None:
+        return out
+    grown = points[box].copy()
+    for axis in range(3):
+        before = [slice(None)] * 3
+        behind = [slice(None)] * 3
+        before[axis], behind[axis] = slice(None, -1), slice(1, None)
+        for _ in range(steps):
+            last = grown.copy()
+            grown[tuple(behind)] |= last[tuple(before)]
+            grown[tuple(before)] |= last[tuple(behind)]
+    out[box] = grown
+    return out
+
+
+def labelled(points: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+    """Pieces of points that touch, also across corners: their numbers from 1, and how many.
+
+    It is `scipy.ndimage.label` with a cube. int32 [Z, Y, X], 0 elsewhere.
+    """
+    out = np.zeros(points.shape, np.int32)
+    box = _box(points)
+    if box is None:
+        return out, 0
+    out[box], count = ndimage.label(points[box], np.ones((3, 3, 3), bool))
+    return out, int(count)
 
 
 def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, int]:
@@ -171,3 +220,76 @@ class Lattice:
             np.stack([np.resize(plane, longest) for plane in low]),
             np.stack([np.resize(plane, longest) for plane in part]), shape)
         return Lattice(links, density, rows, self.center, self.radius)
+
+
+STATES = 50
+"""States that a whole level would give; neighbouring ones differ little."""
+
+
+class Average:
+    """Sums of densities and colors.
+
+    Parameters
+    ----------
+    lattice
+        Whose states are added.
+    columns
+        Values of a row that are colors, from the first on; the others are left alone.
+
+    Attributes
+    ----------
+    density, rows
+        float32 [N + 1] and [N + 1, columns], sums of the states.
+    count
+        Number of states.
+    """
+
+    def __init__(self, lattice: Lattice, columns: int) -> None:
+        self.density = np.zeros_like(lattice.density)
+        self.rows = np.zeros((len(lattice.rows), columns), np.float32)
+        self.count = 0
+
+    @staticmethod
+    def due(before: float, done: float, share: float) -> bool:
+        """Whether a state is added between two moments, in shares of a level that are done.
+
+        ``share`` is the last part of the level that counts.
+        """
+        return done > 1.0 - share and int(STATES * done) > int(STATES * before)
+
+    def add(self, lattice: Lattice) -> None:
+        """Add a state."""
+        self.density += lattice.density
+        add_rows(self.rows, lattice.rows)
+        self.count += 1
+
+    def put(self, lattice: Lattice) -> None:
+        """Give the lattice the mean of its states; nothing changes if none was added."""
+        if self.count:
+            np.divide(self.density, self.count, out=lattice.density)
+            put_means(self.rows, self.rows.shape[1], np.float32(self.count), lattice.rows, 0)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """For a checkpoint."""
+        return {"average_density": self.density, "average_rows": self.rows,
+                "average_count": np.array(self.count)}
+
+    @staticmethod
+    def restored(state: dict[str, Any], lattice: Lattice) -> Average | None:
+        """From a checkpoint, None where it has none.
+
+        Raises
+        ------
+        ValueError
+            If it belongs to another lattice.
+        """
+        if "average_count" not in state:
+            return None
+        found = Average(lattice, state["average_rows"].shape[1])
+        if (found.rows.shape != state["average_rows"].shape
+                or found.density.shape != state["average_density"].shape):
+            raise ValueError("averages of another lattice")
+        found.density, found.rows = state["average_density"], state["average_rows"]
+        found.count = int(state["average_count"])
+        return found

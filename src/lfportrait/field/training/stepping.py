@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ..background import BackgroundTrainer
 from ..config import Settings
 from ..kernels.descent import descend
-from .averaging import Average
 from .casting import Caster, Descent
-from .lattice import Lattice
+from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 from .steps import DECAY, color_gains, smooth_run
 

@@ -28,15 +28,12 @@ from ..geometry.mattes import refined_mattes
 from ..geometry.start import ruled_out, start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
-from ..quality import held_out_quality
-from .averaging import Average
 from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
 from .gpu_stepping import fits_gpu, largest_on_gpu, prepare, warn
-from .lattice import Lattice, box_shape
+from .lattice import Average, Lattice, box_shape
 from .level import Level
-from .meter import Meter
-from .outlook import outlook
+from .meter import Meter, held_out_quality, outlook
 from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
 from .stepping import Steps

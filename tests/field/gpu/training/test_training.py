@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfportrait.field import ReconstructConfig
-from lfportrait.field.quality import held_out_quality
+from lfportrait.field.training.meter import held_out_quality
 from lfportrait.field.training.trainer import Trainer
 from lfportrait.gpu import GpuLostError
 from lfportrait.progress import Progress
