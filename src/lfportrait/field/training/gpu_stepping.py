@@ -17,17 +17,16 @@ from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
 from ..config import Settings
-from ..gpu.training.shaders import STEP
+from ..gpu.training.steps import STEP
 from ..kernels.rows import put_means
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
-from .stepping import Plan, Taken
-from .steps import DECAY, color_gains
+from .stepping import DECAY, Plan, Taken, color_gains
 
 __all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare", "ray_numbers",
            "tiles_given", "warn"]
 
-_CALLS = "lfportrait.field.gpu.training.calls"
+_CALLS = "lfportrait.field.gpu.training.steps"
 _TOGETHER, _FIRST = 64, 4
 """Steps of a call at most, and of the first one."""
 _LONG = 0.2

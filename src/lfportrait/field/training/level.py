@@ -24,8 +24,7 @@ from .checkpoint import State
 from .gpu_stepping import GpuSteps, fits_gpu, warn
 from .lattice import Average, Lattice
 from .pixels import IMPORTANCE, Batches, TrainingPixels
-from .stepping import CpuSteps, Plan, Steps
-from .steps import falling
+from .stepping import CpuSteps, Plan, Steps, falling
 
 LR_SH = 2.5
 """Learning rate of the colors at the start: 1 / N, if a color is the running mean over N rays.

@@ -28,7 +28,6 @@ from ..geometry.mattes import refined_mattes
 from ..geometry.start import ruled_out, start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
-from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
 from .gpu_stepping import fits_gpu, largest_on_gpu, prepare, warn
 from .lattice import Average, Lattice, box_shape
@@ -36,7 +35,7 @@ from .level import Level
 from .meter import Meter, held_out_quality, outlook
 from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
-from .stepping import Steps
+from .stepping import Caster, Steps
 
 __all__ = ["Trainer"]
 

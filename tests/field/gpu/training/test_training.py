@@ -43,7 +43,7 @@ class Fragile:
         if name == self.fatal and self.calls.count(name) > self.number:
             self.process.close()
             raise GpuLostError("Card 9 was lost")
-        return self.process.call(f"lfportrait.field.gpu.training.calls:{name}", *arguments)
+        return self.process.call(f"lfportrait.field.gpu.training.steps:{name}", *arguments)
 
 
 @pytest.fixture
