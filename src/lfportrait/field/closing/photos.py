@@ -26,6 +26,15 @@ PHOTOS = 40
 class Photos:
     """What the training photos see of a field: its depth in each of ``most`` of them.
 
+    Parameters
+    ----------
+    field, capture
+        The field, and its photos.
+    most
+        Photos, at most, that are asked.
+    pixel
+        Width of a pixel at the head, in voxels.
+
     Attributes
     ----------
     voxel
@@ -33,16 +42,17 @@ class Photos:
     enough
         So many must see a place for it to be known: fewer see it at a grazing angle alone.
     cameras
-        Those that are asked, with pixels about as wide as a voxel.
+        Those that are asked, reduced to those pixels.
     """
 
-    def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS) -> None:
+    def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS,
+                 pixel: float = 1.0) -> None:
         self.voxel = float(field.spacing.mean())
         views = capture.training()
         views = views[np.linspace(0, len(views) - 1, min(most, len(views))).astype(int)]
         self.enough = min(3, 1 + len(views) // 20)
         self.cameras = capture.cameras[views].scaled(
-            float(np.clip(capture.cameras.pixel / self.voxel, 0.1, 1.0)))
+            float(np.clip(capture.cameras.pixel / (pixel * self.voxel), 0.1, 1.0)))
         self._depths = []
         for view in range(len(views)):
             alpha, depth = field.depth(self.cameras, view)
@@ -197,6 +207,8 @@ _SHARE = 0.2
 """Cosine between normal and direction below which a photo sees next to nothing of a place."""
 _SMOOTH = 2.0
 """Pixels over which normals are smoothed."""
+_PIXEL = 2.0
+"""Width of the photos' pixels at the head, in voxels: what they show changes slowly over it."""
 _TURNS = (-75.0, -45.0, -15.0, 15.0, 45.0, 75.0)
 """Degrees of the views over which the share is taken."""
 
@@ -219,7 +231,7 @@ class Coverage:
         self.field = field
         self._chin = (-np.inf if capture.landmarks is None
                       else float(np.nan_to_num(capture.landmarks[8, 1], nan=-np.inf)))
-        photos = Photos(field, capture)
+        photos = Photos(field, capture, pixel=_PIXEL)
         x, y, z = photos.cameras.position.T
         turn, rise = np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, np.hypot(x, z)))
         cells = np.round(np.stack([turn, rise], axis=1) / _APART).astype(int)
