@@ -131,6 +131,26 @@ def camera_row(cameras: Camera, view: int) -> Float64:
                            cameras.center[view]])
 
 
+@dataclass(frozen=True)
+class Cut:
+    """A plane: what lies below it goes.
+
+    Attributes
+    ----------
+    normal
+        float64 [3], unit, upwards.
+    height
+        Its distance from the origin along the normal, world units.
+    """
+
+    normal: Float64
+    height: float
+
+    def above(self, points: NDArray[np.floating]) -> Float64:
+        """How far points [..., 3] lie above the plane, [...]."""
+        return np.asarray(points @ self.normal - self.height, np.float64)
+
+
 @dataclass
 class VoxelField:
     """A sparse voxel radiance field in the portrait frame.

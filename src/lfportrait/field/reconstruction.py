@@ -29,8 +29,9 @@ from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
-from .closing import FitHead, close_back, close_sides
 from .closing.colors import with_steady_colors
+from .closing.fitted_head import FitHead
+from .closing.sides import close_back, close_sides
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField

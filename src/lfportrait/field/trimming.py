@@ -11,15 +11,13 @@ above the plane.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..arrays import Bool, Float32, Float64, Int32
 from ..capture import Camera
-from .grid import VoxelField
+from .grid import Cut, VoxelField
 from .training.lattice import dilated
 
 __all__ = ["Cut", "find_cut", "trim"]
@@ -51,26 +49,6 @@ NEAR = 4.0
 """Voxels above the cut from which on all is as it was."""
 CRUMB = 0.02
 """Pieces smaller than this part of the largest are crumbs."""
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A plane: what lies below it goes.
-
-    Attributes
-    ----------
-    normal
-        float64 [3], unit, upwards.
-    height
-        Its distance from the origin along the normal, world units.
-    """
-
-    normal: Float64
-    height: float
-
-    def above(self, points: NDArray[np.floating]) -> Float64:
-        """How far points [..., 3] lie above the plane, [...]."""
-        return np.asarray(points @ self.normal - self.height, np.float64)
 
 
 def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera,

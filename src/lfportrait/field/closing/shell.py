@@ -11,9 +11,8 @@ from scipy import ndimage
 from ...arrays import Bool, Float64
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, normals_of, smoothed
-from ..grid import VoxelField
+from ..grid import Cut, VoxelField
 from ..kernels.march import C0
-from ..trimming import Cut
 from .fitted_head import Ears
 from .photos import Photos
 

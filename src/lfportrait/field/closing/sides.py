@@ -30,8 +30,8 @@ from ..geometry.chart import (
     smoothed,
 )
 from ..geometry.head_surface import HeadSurface
-from ..grid import VoxelField
-from ..trimming import OPAQUE, Cut
+from ..grid import Cut, VoxelField
+from ..trimming import OPAQUE
 from .colors import NAPE, continued_colors, hair_cells, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
 from .photos import Photos, behind_what_is_seen

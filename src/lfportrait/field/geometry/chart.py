@@ -18,10 +18,9 @@ from scipy.sparse import linalg
 from scipy.sparse.csgraph import connected_components
 
 from ...arrays import Bool, Float32, Float64, Int64
-from ..grid import VoxelField
+from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from ..kernels.surface import march_chart, mark_between, outside_chart, place_points
-from ..trimming import Cut
 
 CELL = 2.0
 """Width of the chart's cells in voxels."""
