@@ -28,8 +28,6 @@ from ..arrays import Float32, Float64, Int32, UInt8
 from .kernels.bricks import Bricks
 from .kernels.texture import NONE, cell_charts, halve
 
-__all__ = ["NO_TEXTURE", "SurfaceTexture", "TextureRows", "texture_cells"]
-
 OCTAVES = 6
 """Octaves of the pyramid; at the last one a texel is as large as eight lattice points."""
 STEPS = 4

@@ -20,8 +20,6 @@ from ..capture import Camera
 from .grid import Cut, VoxelField
 from .training.lattice import dilated
 
-__all__ = ["Cut", "find_cut", "trim"]
-
 SIDES = 72
 """Directions around the body in which its lower end is looked for."""
 OPAQUE = 8.0

@@ -21,8 +21,6 @@ from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..capture import Capture
 from ..field import VoxelField
 
-__all__ = ["End", "cut_ends", "vignetted"]
-
 OPAQUE = 8.0
 """Density from which on a point is surface."""
 SAMPLES, BINS = 40_000, 72

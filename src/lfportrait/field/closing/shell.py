@@ -16,8 +16,6 @@ from ..kernels.march import C0
 from .fitted_head import Ears
 from .photos import Photos
 
-__all__ = ["Shell", "with_shell"]
-
 SHELL = 5.0
 """Voxels of the shell's thickness."""
 FRINGE = -2.0

@@ -28,8 +28,6 @@ from ..grid import camera_row
 from ..kernels.depth_maps import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth
 
-__all__ = ["CleanPlates", "Plate", "plate_mattes"]
-
 Plane = NDArray[np.float32]
 
 _ANCHORS, _PLANES = 16, 48

@@ -18,8 +18,6 @@ from ...simd.threads import side_by_side
 from ..grid import VoxelField
 from .sweep import DepthMap
 
-__all__ = ["exposure_gains", "matte_gains"]
-
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
 
 

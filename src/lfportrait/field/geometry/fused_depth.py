@@ -23,8 +23,6 @@ from ..grid import camera_row
 from ..kernels.depth_maps import fuse_distance, outline_distance
 from .sweep import DepthMap
 
-__all__ = ["Solid", "backing_planes", "find_solid"]
-
 REACH = 1.8
 """Half of the lattice's edge in world units: a head is about one in radius, shoulders reach on."""
 

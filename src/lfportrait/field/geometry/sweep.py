@@ -24,8 +24,6 @@ from ..kernels.depth_maps import fuse_depth
 from ..kernels.march import C0
 from ..training.lattice import box_shape
 
-__all__ = ["DepthMap", "Surfaces", "fuse", "scene_box", "small_view", "sweep_depth"]
-
 _SIZE, _PLANES, _NEIGHBOURS, _WINDOW = 192, 64, 4, 7
 
 

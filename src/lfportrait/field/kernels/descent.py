@@ -23,8 +23,6 @@ from ...simd.interleaved import prefetch
 from ...simd.threads import share_out
 from ...simd.vectors import LANES
 
-__all__ = ["descend", "smooth", "smooth_rows", "take_up_all", "total_variation", "vary_rows"]
-
 _floats, _sqrt = LANES.floats, LANES.sqrt
 _load, _store = LANES.load, LANES.store
 _FAINT = np.float32(0.02)

@@ -28,9 +28,6 @@ from ...simd.decorators import identified, lean
 from ...simd.interleaved import gather_signed, load_ints, prefetch
 from ...simd.vectors import LANES
 
-__all__ = ["OWNED", "Records", "make_color_points", "make_pad", "mix_color", "mix_density",
-           "open_brick", "scatter", "slopes_of_errors", "use_cell", "write_records"]
-
 _floats, _where, _iota, _lane = LANES.floats, LANES.where, LANES.iota, LANES.lane
 _load, _store, _total = LANES.load, LANES.store, LANES.total
 _one, _zero, _half = np.float32(1.0), np.float32(0.0), np.float32(0.5)

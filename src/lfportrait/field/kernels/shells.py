@@ -20,8 +20,6 @@ from ...simd.decorators import identified, kernel, lean, lean_kernel
 from ...simd.threads import shared
 from .march import C0
 
-__all__ = ["shells_backward", "shells_forward", "shells_mark", "shells_step"]
-
 _C0 = np.float32(C0)
 
 

@@ -21,8 +21,6 @@ from .descent import smooth_rows, take_up_all, vary_rows
 from .packet import OWNED
 from .train import make_cast, make_scratch
 
-__all__ = ["steps_kernel", "train_kernel"]
-
 
 @lean
 def _own_run(owner, workers, block, first, last):

@@ -18,9 +18,6 @@ from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
 from .march import make_locate
 
-__all__ = ["PROBES", "REACH", "add_texture", "cell_charts", "halve", "make_detail",
-           "make_texture_share"]
-
 NONE = 255
 """The chart of a row that none shows; a cell's is -1."""
 PROBES = 8

@@ -41,8 +41,6 @@ from .packet import (
     write_records,
 )
 
-__all__ = ["make_cast", "make_scratch"]
-
 _STEP = 160
 """Floats that a packet's sample takes in its notes: fractions x, y, z; weight; transmittance
 behind it; density; distance; red, green, blue; 16 lanes each."""

@@ -20,8 +20,6 @@ from .lattice import Average, Lattice
 from .pixels import Batches
 from .poses import PoseRefiner
 
-__all__ = ["State", "deflated", "read_checkpoint", "write_checkpoint"]
-
 
 class State(Protocol):
     """The state of a running reconstruction (`Trainer`) that a checkpoint keeps."""

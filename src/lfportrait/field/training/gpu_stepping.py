@@ -23,9 +23,6 @@ from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 from .stepping import DECAY, Plan, Taken, color_gains
 
-__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare", "ray_numbers",
-           "tiles_given", "warn"]
-
 _CALLS = "lfportrait.field.gpu.training.steps"
 _TOGETHER, _FIRST = 64, 4
 """Steps of a call at most, and of the first one."""

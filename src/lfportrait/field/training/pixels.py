@@ -12,8 +12,6 @@ from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..grid import camera_row
 
-__all__ = ["IMPORTANCE", "Batches", "TrainingPixels"]
-
 IMPORTANCE = 0.7
 """Share of rays sampled where the error is large (docs/reconstruction.md)."""
 

@@ -37,8 +37,6 @@ from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
 from .stepping import Caster, Steps
 
-__all__ = ["Trainer"]
-
 INIT_OPACITY = 0.1
 """Initial opacity of a voxel in the visual hull of the mattes."""
 STOP = 1e-2
