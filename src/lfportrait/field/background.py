@@ -87,10 +87,9 @@ def cube_rays(cameras: Camera, view: int, center: Float64,
 
     Parameters
     ----------
-    center, radius
-        float64 [3], the box in the world.
-    pixels
-        float64 [K, 2], pixel positions (x, y; centres at + 0.5); all pixels in scan order without.
+    center, radius : float64 [3], the box in the world.
+    pixels : float64 [K, 2], pixel positions (x, y; centres at + 0.5); all pixels in scan order
+        without.
     """
     if pixels is None:
         width, height = int(cameras.width[view]), int(cameras.height[view])
@@ -111,10 +110,8 @@ class Background:
 
     Attributes
     ----------
-    links
-        int32 [2 R, R], place of a map pixel (longitude, latitude) in the data, -1 without.
-    data
-        float32 [N, layers, 4]: red, green, blue, density, near layer first.
+    links : int32 [2 R, R], place of a map pixel (longitude, latitude) in the data, -1 without.
+    data : float32 [N, layers, 4]: red, green, blue, density, near layer first.
     """
 
     links: Int32

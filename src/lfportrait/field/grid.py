@@ -35,8 +35,7 @@ class Layouts:
 
     Attributes
     ----------
-    extent
-        `VoxelField.solid_extent`, once it is known.
+    extent : `VoxelField.solid_extent`, once it is known.
     """
 
     extent: tuple[float, float, float] | None = None
@@ -137,10 +136,8 @@ class Cut:
 
     Attributes
     ----------
-    normal
-        float64 [3], unit, upwards.
-    height
-        Its distance from the origin along the normal, world units.
+    normal : float64 [3], unit, upwards.
+    height : Its distance from the origin along the normal, world units.
     """
 
     normal: Float64

@@ -281,18 +281,14 @@ def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
 
     Parameters
     ----------
-    trainer
-        A reconstruction that is finished.
-    batches
-        How many to cast; the fastest counts.
+    trainer : A reconstruction that is finished.
+    batches : How many to cast; the fastest counts.
 
     Returns
     -------
-    figures
-        ``rays_per_second`` of the two kernels alone; ``samples_per_ray``; ``rows_per_ray``, records
-        of lattice points that a batch leaves by its number of rays; ``row_width``, values a point;
-        ``batch``, rays of a step.
-        On a GPU all kernels of a step count.
+    figures : ``rays_per_second`` of the two kernels alone; ``samples_per_ray``; ``rows_per_ray``,
+        records of lattice points that a batch leaves by its number of rays; ``row_width``, values a
+        point; ``batch``, rays of a step. On a GPU all kernels of a step count.
     """
     if trainer.process is not None:
         return _on_gpu(trainer, trainer.process, batches)

@@ -329,12 +329,9 @@ def write_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any], *,
 
     Parameters
     ----------
-    archive
-        Made with ``ZIP_DEFLATED``.
-    name, array
-        Of the array.
-    noisy
-        No string in it comes again: runs and rare bytes alone are made use of, in less time.
+    archive : Made with ``ZIP_DEFLATED``.
+    name, array : Of the array.
+    noisy : No string in it comes again: runs and rare bytes alone are made use of, in less time.
     """
     deflater = _Deflater(noisy)
     file = f"{name}.npy"

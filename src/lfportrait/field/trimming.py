@@ -55,14 +55,10 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    landmarks
-        [68, 3], iBUG order, of its face.
-    cameras
-        Of the photos that it was reconstructed from.
-    surely
-        Whether the mattes were given, not guessed.
+    field : In the portrait frame.
+    landmarks : [68, 3], iBUG order, of its face.
+    cameras : Of the photos that it was reconstructed from.
+    surely : Whether the mattes were given, not guessed.
     """
     voxel = float(field.spacing.mean())
     points = field.lattice_points()[field.density > OPAQUE]

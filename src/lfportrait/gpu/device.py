@@ -240,21 +240,15 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
 
     Parameters
     ----------
-    total
-        Rows of work.
-    first
-        Rows of the calibration dispatch.
-    run
-        ``run(since, until)`` sends a band off.
-    wait
-        Waits until all that was sent off is done.
-    longest
-        Seconds that a band should take at most.
+    total : Rows of work.
+    first : Rows of the calibration dispatch.
+    run : ``run(since, until)`` sends a band off.
+    wait : Waits until all that was sent off is done.
+    longest : Seconds that a band should take at most.
 
     Returns
     -------
-    size
-        Rows that a band may have: for more work of the same kind.
+    size : Rows that a band may have: for more work of the same kind.
     """
     bound = 0
     since, size = 0, max(1, min(first, total))
@@ -279,12 +273,9 @@ def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
 
     Parameters
     ----------
-    device
-        The device.
-    size
-        Bytes; what is more than a binding holds is copied in parts.
-    repeats
-        Copies whose mean is taken.
+    device : The device.
+    size : Bytes; what is more than a binding holds is copied in parts.
+    repeats : Copies whose mean is taken.
     """
     part = min(max(size // 4 * 4, 4), BINDING)
     source, target = device.buffer(part), device.buffer(part)

@@ -52,10 +52,8 @@ def row_views(display: Display, first: int, count: int, apart: int = 1,
 
     Parameters
     ----------
-    display
-        The panel.
-    first, count, apart
-        The first row, how many, and how far apart they are.
+    display : The panel.
+    first, count, apart : The first row, how many, and how far apart they are.
     """
     kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
     views = np.empty((count, display.width, 3), kind)
@@ -221,13 +219,10 @@ def viewpoints(field: VoxelField, eyes: Float64, distance: float, height: float,
 
     Parameters
     ----------
-    field
-        The field; colors of one coefficient are the same for all eyes.
-    eyes
-        float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
+    field : The field; colors of one coefficient are the same for all eyes.
+    eyes : float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
         up.
-    to_world
-        float64 [3, 4], from that frame to the world.
+    to_world : float64 [3, 4], from that frame to the world.
     """
     first, last = float(eyes[0]), float(eyes[-1])
     layers = 1
@@ -366,12 +361,9 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
 
     Parameters
     ----------
-    field, display, config
-        As for `encode`.
-    height, first, apart
-        How many rows, the first one and how far apart they are; all by default.
-    fixed
-        One view for all sub-pixels, or -1.
+    field, display, config : As for `encode`.
+    height, first, apart : How many rows, the first one and how far apart they are; all by default.
+    fixed : One view for all sub-pixels, or -1.
     """
     placement = Placement.of(display, config)
     distance = placement.deep_distance(display)

@@ -250,17 +250,13 @@ def _shade(drop: Backdrop, placement: Placement, depth: float,
 
     Parameters
     ----------
-    drop, placement, depth
-        The ground and the head.
-    window
-        Left, top, width and height of what is seen of it.
-    strength
-        Share of the light that the middle of the shadow lacks.
+    drop, placement, depth : The ground and the head.
+    window : Left, top, width and height of what is seen of it.
+    strength : Share of the light that the middle of the shadow lacks.
 
     Returns
     -------
-    shade, cell
-        float32 [a, b] in [0, 1], the first at the window's corner, and its cells' width.
+    shade, cell : float32 [a, b] in [0, 1], the first at the window's corner, and its cells' width.
     """
     left, top, width, height = window
     shape = int(height / _CELL) + 3, int(width / _CELL) + 3

@@ -57,17 +57,13 @@ def _rays(row: Float64, size: tuple[int, int], corners: Float64,
 
     Parameters
     ----------
-    row
-        float64 [16], the camera (`camera_row`).
-    size
-        Width and height of its picture.
-    corners
-        float64 [4, 2], x and z of the lattice's corners.
+    row : float64 [16], the camera (`camera_row`).
+    size : Width and height of its picture.
+    corners : float64 [4, 2], x and z of the lattice's corners.
 
     Returns
     -------
-    slopes
-        None if the lattice reaches behind the camera, or up to it.
+    slopes : None if the lattice reaches behind the camera, or up to it.
     """
     from_eye = corners - row[[3, 11]]
     ahead = from_eye @ row[[2, 10]]

@@ -54,14 +54,11 @@ class ColorSpace:
 
     Attributes
     ----------
-    name
-        For people.
-    primaries
-        Chromaticities as in `lfportrait.color.SRGB`.
-    curve
-        ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is linear).
-    source
-        What says so, for people; empty where nothing does.
+    name : For people.
+    primaries : Chromaticities as in `lfportrait.color.SRGB`.
+    curve : ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is
+        linear).
+    source : What says so, for people; empty where nothing does.
     """
 
     name: str = "sRGB"
@@ -129,10 +126,8 @@ def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSp
 
     Parameters
     ----------
-    picture
-        As Pillow opens it.
-    stream
-        Its file, for what Pillow does not read.
+    picture : As Pillow opens it.
+    stream : Its file, for what Pillow does not read.
     """
     numbers = _numbers(picture, stream)
     if numbers is not None and numbers != (_UNSAID, _UNSAID):
@@ -154,13 +149,12 @@ def named_colors(picture: Image.Image, stream: BinaryIO | None = None) -> tuple[
 
     Parameters
     ----------
-    picture, stream
-        As in `color_space`.
+    picture, stream : As in `color_space`.
 
     Returns
     -------
-    name, source
-        Such as "Display P3" and "its ICC profile"; ``source`` is empty where nothing says.
+    name, source : Such as "Display P3" and "its ICC profile"; ``source`` is empty where nothing
+        says.
     """
     space, profile = color_space(picture, stream), picture.info.get("icc_profile")
     if profile and not _coded(space):
@@ -248,15 +242,13 @@ def srgb(picture: Image.Image, stream: BinaryIO | None = None) -> Image.Image:
 
     Parameters
     ----------
-    picture
-        As Pillow opens it, of any mode.
-    stream
-        Its file, for what Pillow does not read of it.
+    picture : As Pillow opens it, of any mode.
+    stream : Its file, for what Pillow does not read of it.
 
     Returns
     -------
-    picture
-        ``RGB``, or ``RGBA`` (straight alpha) where there is transparency; eight bits a channel.
+    picture : ``RGB``, or ``RGBA`` (straight alpha) where there is transparency; eight bits a
+        channel.
 
     Raises
     ------
@@ -271,12 +263,9 @@ def srgb_from(picture: Image.Image, profile: bytes | None, space: ColorSpace) ->
 
     Parameters
     ----------
-    picture
-        Of any mode.
-    profile
-        Its ICC profile; it counts unless the space is not sRGB.
-    space
-        As `color_space` finds it.
+    picture : Of any mode.
+    profile : Its ICC profile; it counts unless the space is not sRGB.
+    space : As `color_space` finds it.
     """
     upright: Image.Image = _in_eight_bits(ImageOps.exif_transpose(picture))
     # LAB's second channel is called A as well.
@@ -358,9 +347,8 @@ def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:
 
     Returns
     -------
-    name, transform
-        The transform is None where the profile is sRGB itself. None instead of both for a damaged
-        profile, or one of another kind of picture.
+    name, transform : The transform is None where the profile is sRGB itself. None instead of both
+        for a damaged profile, or one of another kind of picture.
     """
     from PIL import ImageCms
 

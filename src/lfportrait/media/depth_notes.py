@@ -57,23 +57,16 @@ class DepthMap:
 
     Attributes
     ----------
-    values
-        float32 [h, w], NaN = unknown; distances or inverse distances (``kind``).
-    kind
-        ``"distance"`` (larger is farther) or ``"inverse"`` (larger is nearer, 0 = no end).
-    metric
-        Whether ``values`` are in metres, or 1 / metres, by the camera's own word. Where not, their
-        scale is unknown, and with it, for inverse ones, perhaps their zero.
-    along
-        ``"axis"``: the distance of the plane through the point that faces the camera, which is z in
-        the camera's frame; ``"ray"``: the distance of the point.
-    near, far
-        The range that the file notes, as distances in the unit of ``values``; None where it notes
-        none, or no end.
-    confidence
-        float32 [h, w] in [0, 1], 1 = sure, or None.
-    source
-        ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
+    values : float32 [h, w], NaN = unknown; distances or inverse distances (``kind``).
+    kind : ``"distance"`` (larger is farther) or ``"inverse"`` (larger is nearer, 0 = no end).
+    metric : Whether ``values`` are in metres, or 1 / metres, by the camera's own word. Where not,
+        their scale is unknown, and with it, for inverse ones, perhaps their zero.
+    along : ``"axis"``: the distance of the plane through the point that faces the camera, which is
+        z in the camera's frame; ``"ray"``: the distance of the point.
+    near, far : The range that the file notes, as distances in the unit of ``values``; None where it
+        notes none, or no end.
+    confidence : float32 [h, w] in [0, 1], 1 = sure, or None.
+    source : ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
     """
 
     values: Float32
@@ -135,10 +128,8 @@ def upright(depth: DepthMap, orientation: int, stored: tuple[int, int]) -> Depth
 
     Parameters
     ----------
-    orientation
-        As EXIF notes it for the picture, 1 to 8; others leave the map.
-    stored
-        Width and height of the picture's stored pixels.
+    orientation : As EXIF notes it for the picture, 1 to 8; others leave the map.
+    stored : Width and height of the picture's stored pixels.
     """
     change = _TO_UPRIGHT.get(orientation)
     if change is None:
@@ -224,14 +215,10 @@ def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, 
 
     Parameters
     ----------
-    shares
-        float32 [h, w] in [0, 1], the grey picture.
-    confidence
-        float32 [., .] in [0, 1], or None.
-    table
-        ``Format``, ``Near``, ``Far``, ``Units``, ``MeasureType``, where noted.
-    source
-        For `DepthMap.source`.
+    shares : float32 [h, w] in [0, 1], the grey picture.
+    confidence : float32 [., .] in [0, 1], or None.
+    table : ``Format``, ``Near``, ``Far``, ``Units``, ``MeasureType``, where noted.
+    source : For `DepthMap.source`.
 
     Raises
     ------
@@ -270,12 +257,9 @@ def apple_depth(shares: Float32, packet: bytes, source: str) -> DepthMap | None:
 
     Parameters
     ----------
-    shares
-        float32 [h, w] in [0, 1], the grey picture.
-    packet
-        The XMP packet that belongs to it.
-    source
-        For `DepthMap.source`.
+    shares : float32 [h, w] in [0, 1], the grey picture.
+    packet : The XMP packet that belongs to it.
+    source : For `DepthMap.source`.
 
     Raises
     ------

@@ -35,8 +35,7 @@ def read_mask(path: Path) -> UInt8:
 
     Returns
     -------
-    mask
-        uint8 [H, W], 255 is the person.
+    mask : uint8 [H, W], 255 is the person.
 
     Raises
     ------
@@ -139,12 +138,9 @@ def mask_places(finder: Finder, folders: Iterable[Path], name: str) -> Path | No
 
     Parameters
     ----------
-    finder
-        Looks names up.
-    folders
-        Where masks may lie.
-    name
-        The photo's file name, with folders if it has some there.
+    finder : Looks names up.
+    folders : Where masks may lie.
+    name : The photo's file name, with folders if it has some there.
     """
     base = Path(name)
     for folder in folders:

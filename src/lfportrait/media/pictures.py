@@ -218,8 +218,7 @@ def fault_of(path: Path) -> str:
 
     Parameters
     ----------
-    path
-        A file whose kind is a picture's (`kind_of`).
+    path : A file whose kind is a picture's (`kind_of`).
     """
     damage = damage_of(path)
     if damage:

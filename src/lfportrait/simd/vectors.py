@@ -329,8 +329,7 @@ def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
 
     Parameters
     ----------
-    jit
-        Decorator that compiles a function: Numba's for the CPU, a GPU compiler's for device code.
+    jit : Decorator that compiles a function: Numba's for the CPU, a GPU compiler's for device code.
     """
     @jit
     def one_float(value):

@@ -30,21 +30,14 @@ class StyleView:
 
     Attributes
     ----------
-    content
-        float32 [h, w, 3]: I_c, the real field's render on the background.
-    example
-        float32 [h, w, 3]: I_e, its example-based transfer on the background.
-    alpha
-        float32 [h, w].
-    confidence
-        float32 [h, w]: how frontally the surface is seen, 0 to 1.
-    weights
-        The crop's pixels as a linear map of the lattice's colors.
-    trust
-        float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
+    content : float32 [h, w, 3]: I_c, the real field's render on the background.
+    example : float32 [h, w, 3]: I_e, its example-based transfer on the background.
+    alpha : float32 [h, w].
+    confidence : float32 [h, w]: how frontally the surface is seen, 0 to 1.
+    weights : The crop's pixels as a linear map of the lattice's colors.
+    trust : float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
         grazing.
-    result
-        What the transfer did, for ``--dump``; None unless asked for.
+    result : What the transfer did, for ``--dump``; None unless asked for.
     """
 
     content: Float32
@@ -72,16 +65,11 @@ def style_cameras(field: VoxelField, size: int, arc: float, count: int,
 
     Parameters
     ----------
-    field
-        Its box, as far as it reaches beyond the head, is kept in the picture.
-    size
-        Width and height of the pictures in pixels.
-    arc
-        Half angle in degrees.
-    count
-        Cameras a pitch.
-    pitches
-        Degrees above the horizon.
+    field : Its box, as far as it reaches beyond the head, is kept in the picture.
+    size : Width and height of the pictures in pixels.
+    arc : Half angle in degrees.
+    count : Cameras a pitch.
+    pitches : Degrees above the horizon.
     """
     low, high = field.bounds
     reach = float(np.clip(np.abs(np.stack([low, high]))[:, :2].max(), 1.0, 1.5))
@@ -124,20 +112,13 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
 
     Parameters
     ----------
-    field
-        The real field.
-    cameras, view
-        Which view.
-    transfer
-        Example-based transfer; None leaves the content as the example.
-    guide
-        Guide anchored to the surface; None = from the landmarks' projections in each view.
-    landmarks
-        float64 [68, 3] in the world.
-    background
-        Grey level behind the field.
-    keep
-        Keep the transfer's intermediates.
+    field : The real field.
+    cameras, view : Which view.
+    transfer : Example-based transfer; None leaves the content as the example.
+    guide : Guide anchored to the surface; None = from the landmarks' projections in each view.
+    landmarks : float64 [68, 3] in the world.
+    background : Grey level behind the field.
+    keep : Keep the transfer's intermediates.
     """
     first = field.render(cameras, view, background=background)
     camera = _cropped(cameras[view], first.alpha)
@@ -172,10 +153,8 @@ class ColorModel:
 
     Parameters
     ----------
-    field
-        Its densities; its mean color is where the fit starts.
-    background
-        Grey level behind the field.
+    field : Its densities; its mean color is where the fit starts.
+    background : Grey level behind the field.
     """
 
     def __init__(self, field: VoxelField, background: float) -> None:
@@ -241,8 +220,7 @@ class ColorModel:
 
         Returns
         -------
-        share
-            Share of the rows that no view sees.
+        share : Share of the rows that no view sees.
         """
         seen = self.seen > 1e-2
         if seen.sum() > 100:
@@ -274,10 +252,8 @@ def affine_color_map(source: Float32, target: Float32, weight: Float32,
 
     Parameters
     ----------
-    source, target
-        float32 [N, 3].
-    weight
-        float32 [N].
+    source, target : float32 [N, 3].
+    weight : float32 [N].
     """
     moments, wanted = np.zeros((4, 4)), np.zeros((4, 3))
     for since in range(0, len(source), _TOGETHER):

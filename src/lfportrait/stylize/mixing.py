@@ -66,8 +66,8 @@ def matching_curve(source: Float64, target: Float64) -> Float32:
 
     Parameters
     ----------
-    source, target
-        `tone_histogram` of the values as they are and of those that they are to be like.
+    source, target : `tone_histogram` of the values as they are and of those that they are to be
+        like.
 
     Returns
     -------
@@ -103,10 +103,8 @@ def colored(light: Float32, chroma: Float32) -> Float32:
 
     Parameters
     ----------
-    light
-        float32 [...], luma in [0, 1].
-    chroma
-        float32 [3, ...], colors less their luma.
+    light : float32 [...], luma in [0, 1].
+    chroma : float32 [3, ...], colors less their luma.
 
     Returns
     -------
@@ -130,16 +128,11 @@ def mixed_texels(texels: NDArray[np.int8], rows: Int32, amounts: Mapping[int, An
 
     Parameters
     ----------
-    texels
-        int8 [S, H, W, 3], of S styles at full strength.
-    rows
-        int32 [H / 4, W / 4], rounded up: the lattice row of each block.
-    amounts
-        How much of each style, by its number: a number, or one for each lattice row.
-    identity
-        Share of the luma that gives way to the photo's, 0 to 1.
-    luma_alone
-        Leave out all chroma.
+    texels : int8 [S, H, W, 3], of S styles at full strength.
+    rows : int32 [H / 4, W / 4], rounded up: the lattice row of each block.
+    amounts : How much of each style, by its number: a number, or one for each lattice row.
+    identity : Share of the luma that gives way to the photo's, 0 to 1.
+    luma_alone : Leave out all chroma.
     """
     used = {n: amount for n, amount in amounts.items() if np.any(amount)}
     if len(used) == 1 and identity == 0 and not luma_alone:

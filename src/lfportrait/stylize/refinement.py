@@ -58,17 +58,12 @@ class Refinement:
 
     Parameters
     ----------
-    model
-        The colors; changed in place.
-    views
-        What they should show.
-    config
-        Weights, networks, steps.
-    constants
-        Content features by view of an earlier refinement of the same views (`Constants`).
-    device
-        Where the networks compute, a choice of ``--device``. The colors stay in the main memory: a
-        step takes one render there and one gradient back.
+    model : The colors; changed in place.
+    views : What they should show.
+    config : Weights, networks, steps.
+    constants : Content features by view of an earlier refinement of the same views (`Constants`).
+    device : Where the networks compute, a choice of ``--device``. The colors stay in the main
+        memory: a step takes one render there and one gradient back.
     """
 
     def __init__(self, model: ColorModel, views: list[StyleView], config: StylizeConfig,

@@ -102,10 +102,8 @@ def for_lattice(painting: Painting, field: VoxelField) -> Painting:
 
     Parameters
     ----------
-    painting
-        On the field's skin.
-    field
-        Its lattice's spacing decides.
+    painting : On the field's skin.
+    field : Its lattice's spacing decides.
     """
     atlas, step = painting.skin.atlas, painting.step
     sigma = SMOOTH * float(field.spacing.mean()) * painting.skin.pixels / step
@@ -152,14 +150,10 @@ def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
 
     Parameters
     ----------
-    field
-        The real field.
-    skin
-        Of the field.
-    background
-        Grey level behind the head.
-    step
-        Use every ``step``-th pixel; a power of two up to 16.
+    field : The real field.
+    skin : Of the field.
+    background : Grey level behind the head.
+    step : Use every ``step``-th pixel; a power of two up to 16.
     """
     atlas = skin.atlas
     own = atlas.own
@@ -239,22 +233,16 @@ class ChartLattice:
 
     Parameters
     ----------
-    field
-        Its densities count.
-    skin
-        Of the field.
-    step
-        Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is made
+    field : Its densities count.
+    skin : Of the field.
+    step : Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is made
         when it is needed: all of them take four times the room of a preview's.
-    arrays
-        From `arrays` of such a lattice, instead of finding the weights again.
-    whole
-        Keep all maps at the full resolution, too: for several paintings.
+    arrays : From `arrays` of such a lattice, instead of finding the weights again.
+    whole : Keep all maps at the full resolution, too: for several paintings.
 
     Attributes
     ----------
-    near
-        bool [H, W] of the atlas at that resolution: what charts own, and a margin around it.
+    near : bool [H, W] of the atlas at that resolution: what charts own, and a margin around it.
     """
 
     def __init__(self, field: VoxelField, skin: Skin, step: int,
@@ -375,12 +363,9 @@ def surface_texture(styled: VoxelField, painting: Painting,
 
     Parameters
     ----------
-    styled
-        The field with its colors after the painting, the same in all directions.
-    painting
-        On the field's skin.
-    lattice
-        How the field shows in its charts at the painting's resolution, where that is known.
+    styled : The field with its colors after the painting, the same in all directions.
+    painting : On the field's skin.
+    lattice : How the field shows in its charts at the painting's resolution, where that is known.
     """
     skin, step = painting.skin, painting.step
     once = lattice is None and step == 1

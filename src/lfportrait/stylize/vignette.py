@@ -76,12 +76,9 @@ class End:
 
     Attributes
     ----------
-    name
-        ``"below"``, ``"left"`` or ``"right"``, as seen from the front.
-    normal, height
-        Its plane: the bust lies where ``points @ normal > height``.
-    width
-        World units.
+    name : ``"below"``, ``"left"`` or ``"right"``, as seen from the front.
+    normal, height : Its plane: the bust lies where ``points @ normal > height``.
+    width : World units.
     """
 
     name: str
@@ -96,18 +93,14 @@ def vignetted(field: VoxelField, capture: Capture, seed: int = 0,
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    capture
-        What it was reconstructed from, with landmarks; without any, nothing is done.
-    seed
-        Of the strokes.
+    field : In the portrait frame.
+    capture : What it was reconstructed from, with landmarks; without any, nothing is done.
+    seed : Of the strokes.
 
     Returns
     -------
-    field, ends
-        With the same lattice points and colors and other densities, and its cuts; the same field
-        where nothing is cut.
+    field, ends : With the same lattice points and colors and other densities, and its cuts; the
+        same field where nothing is cut.
     """
     if capture.landmarks is None:
         return field, []
@@ -132,8 +125,7 @@ def cut_ends(field: VoxelField, capture: Capture) -> list[End]:
 
     Parameters
     ----------
-    field, capture
-        As for `vignetted`.
+    field, capture : As for `vignetted`.
     """
     if capture.landmarks is None:
         return []
@@ -146,16 +138,11 @@ class _Low:
 
     Attributes
     ----------
-    links
-        int32 [Z, Y, X], the lower part of the lattice.
-    rows, points
-        Lattice rows in it, int32 [N], and their places, float32 [N, 3].
-    solid
-        bool [N], the surface.
-    face
-        float64 [L, 3], landmarks.
-    chin, tall
-        Height of the chin, and of the face from there to the brows.
+    links : int32 [Z, Y, X], the lower part of the lattice.
+    rows, points : Lattice rows in it, int32 [N], and their places, float32 [N, 3].
+    solid : bool [N], the surface.
+    face : float64 [L, 3], landmarks.
+    chin, tall : Height of the chin, and of the face from there to the brows.
     """
 
     links: Int32

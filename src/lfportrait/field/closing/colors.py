@@ -51,12 +51,10 @@ def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,
 
     Parameters
     ----------
-    colors, well
-        float64 [V, U, 3] and bool [V, U]; columns go around.
-    upwards
-        How strongly a color holds together up and down, over sideways: one, or one a row, [V].
-    hair
-        bool [V, U]: these cells keep apart from the others; None: one color.
+    colors, well : float64 [V, U, 3] and bool [V, U]; columns go around.
+    upwards : How strongly a color holds together up and down, over sideways: one, or one a row,
+        [V].
+    hair : bool [V, U]: these cells keep apart from the others; None: one color.
     """
     if hair is None:
         return continued(smoothed(colors, well, BORDER), well, upwards=upwards)
@@ -131,19 +129,14 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
 
     Parameters
     ----------
-    chart, distance
-        The closed surface, [V, U].
-    colors
-        float64 [V, U, 3], sRGB in [0, 1].
-    well
-        bool [V, U], cells whose colors photos show well.
+    chart, distance : The closed surface, [V, U].
+    colors : float64 [V, U, 3], sRGB in [0, 1].
+    well : bool [V, U], cells whose colors photos show well.
 
     Returns
     -------
-    hair
-        bool [V, U]; None where crown and face have one color.
-    own
-        bool [V, U], of the cells that photos show well: not an ear before hair.
+    hair : bool [V, U]; None where crown and face have one color.
+    own : bool [V, U], of the cells that photos show well: not an ear before hair.
     """
     height = _heights(chart, distance)
     aside = np.degrees(np.abs(chart.angle))[None]
@@ -222,19 +215,14 @@ def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.fl
 
     Parameters
     ----------
-    field
-        Trained on photos; without a texture.
-    cameras
-        Of the photos.
-    middle
-        [3], inside the head, in the world: places are taken to face away from it.
-    price
-        Of a coefficient's square (`PRICE`).
+    field : Trained on photos; without a texture.
+    cameras : Of the photos.
+    middle : [3], inside the head, in the world: places are taken to face away from it.
+    price : Of a coefficient's square (`PRICE`).
 
     Returns
     -------
-    field
-        The same lattice points and densities.
+    field : The same lattice points and densities.
     """
     if field.basis == 1:
         return field

@@ -68,9 +68,8 @@ def mesh_samples(points: Float64, triangles: NDArray[np.int32], step: float = ST
 
     Returns
     -------
-    places, normals, triangle
-        float64 [S, 3] each, the normals outwards and of unit length, those of the triangles; and
-        the triangle of each, [S].
+    places, normals, triangle : float64 [S, 3] each, the normals outwards and of unit length, those
+        of the triangles; and the triangle of each, [S].
     """
     corners = points[triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -97,10 +96,8 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
 
     Parameters
     ----------
-    head
-        In the frame of the chart.
-    around
-        Distances [V, U] to go over into where the head has no surface, below its neck.
+    head : In the frame of the chart.
+    around : Distances [V, U] to go over into where the head has no surface, below its neck.
     """
     places, normals, triangle = mesh_samples(head.points, head.triangles)
     ear = np.asarray(head.ears[head.triangles].any(axis=1))
@@ -173,19 +170,14 @@ class Ears:
 
     Attributes
     ----------
-    points, normals
-        float64 [N, 3] each, samples of the surface in the world; those around the ears, too.
-    own
-        bool [N], which of the samples are the ears'.
-    torn
-        Boxes [E, 2, 3] about those ears (lowest and highest corner, world) of which what was
+    points, normals : float64 [N, 3] each, samples of the surface in the world; those around the
+        ears, too.
+    own : bool [N], which of the samples are the ears'.
+    torn : Boxes [E, 2, 3] about those ears (lowest and highest corner, world) of which what was
         trained has only shreds.
-    tree
-        Of the points.
-    reach
-        World units up to which distances are known.
-    step
-        World units between samples.
+    tree : Of the points.
+    reach : World units up to which distances are known.
+    step : World units between samples.
     """
 
     points: Float64
@@ -227,14 +219,10 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
 
     Parameters
     ----------
-    head
-        In the frame of the chart.
-    chart
-        Of the closed surface.
-    photos
-        What the photos see of the field.
-    capture
-        The photos, with mattes.
+    head : In the frame of the chart.
+    chart : Of the closed surface.
+    photos : What the photos see of the field.
+    capture : The photos, with mattes.
     """
     if not head.ears.any():
         return None

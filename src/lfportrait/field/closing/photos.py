@@ -28,21 +28,15 @@ class Photos:
 
     Parameters
     ----------
-    field, capture
-        The field, and its photos.
-    most
-        Photos, at most, that are asked.
-    pixel
-        Width of a pixel at the head, in voxels.
+    field, capture : The field, and its photos.
+    most : Photos, at most, that are asked.
+    pixel : Width of a pixel at the head, in voxels.
 
     Attributes
     ----------
-    voxel
-        Of the field, world units.
-    enough
-        So many must see a place for it to be known: fewer see it at a grazing angle alone.
-    cameras
-        Those that are asked, reduced to those pixels.
+    voxel : Of the field, world units.
+    enough : So many must see a place for it to be known: fewer see it at a grazing angle alone.
+    cameras : Those that are asked, reduced to those pixels.
     """
 
     def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS,
@@ -135,15 +129,13 @@ class Photos:
 
         Parameters
         ----------
-        view
-            Number of the view.
-        low, high
-            Corners (x, y) in pixels.
+        view : Number of the view.
+        low, high : Corners (x, y) in pixels.
 
         Returns
         -------
-        places, ways
-            float64 [P, 3] each, the ways of unit length; next to an outline nothing is told.
+        places, ways : float64 [P, 3] each, the ways of unit length; next to an outline nothing is
+            told.
         """
         height, width = self._depths[view].shape
         left, top = np.clip(np.floor(low), 0, [width, height]).astype(np.int64)

@@ -43,19 +43,13 @@ class Shell:
 
     Attributes
     ----------
-    chart, distance
-        Of the whole surface, float64 [V, U], world units.
-    cosine
-        float64 [V, U], between the chart's rays and the surface's normals.
-    colors
-        float64 [V, U, 3] in [0, 1].
-    gap
-        bool [V, U], where it is new.
-    voxel
-        Of the field, world units.
-    guessed
-        Whether what was trained beside the new surface is a guess, and goes unless several photos
-        see it well; else it stays where any photo sees it.
+    chart, distance : Of the whole surface, float64 [V, U], world units.
+    cosine : float64 [V, U], between the chart's rays and the surface's normals.
+    colors : float64 [V, U, 3] in [0, 1].
+    gap : bool [V, U], where it is new.
+    voxel : Of the field, world units.
+    guessed : Whether what was trained beside the new surface is a guess, and goes unless several
+        photos see it well; else it stays where any photo sees it.
     """
 
     chart: Chart

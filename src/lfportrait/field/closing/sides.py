@@ -248,18 +248,12 @@ class _Guess:
 
     Attributes
     ----------
-    base
-        Distances [V, U] that it is in proportion to.
-    trust
-        How far what was trained tells where it lies, [V, U].
-    known
-        Where what was trained stays, [V, U].
-    tension
-        Pull towards the base, [V, U].
-    yields
-        Where what was trained goes, whatever sees it (`Shell.yields`), [V, U].
-    ears
-        Solids beside it, or None.
+    base : Distances [V, U] that it is in proportion to.
+    trust : How far what was trained tells where it lies, [V, U].
+    known : Where what was trained stays, [V, U].
+    tension : Pull towards the base, [V, U].
+    yields : Where what was trained goes, whatever sees it (`Shell.yields`), [V, U].
+    ears : Solids beside it, or None.
     """
 
     base: Float64

@@ -36,19 +36,13 @@ class Chart:
 
     Attributes
     ----------
-    axis
-        float64 [V, 3], where each row's rays end.
-    elevation
-        float64 [V], of each row's rays, radians.
-    angle
-        float64 [U], of each column's rays, 0 in front, radians.
-    cell
-        Distance of rows, world units.
-    level
-        Number of rows below the brows, whose rays are horizontal.
-    frame
-        float64 [4, 4], similarity from the world to the frame of ``axis`` and ``cell``; None: they
-        are of the world. Distances along rays are always world units.
+    axis : float64 [V, 3], where each row's rays end.
+    elevation : float64 [V], of each row's rays, radians.
+    angle : float64 [U], of each column's rays, 0 in front, radians.
+    cell : Distance of rows, world units.
+    level : Number of rows below the brows, whose rays are horizontal.
+    frame : float64 [4, 4], similarity from the world to the frame of ``axis`` and ``cell``; None:
+        they are of the world. Distances along rays are always world units.
     """
 
     axis: Float64
@@ -104,17 +98,13 @@ class Chart:
 
         Parameters
         ----------
-        field
-            Its lattice.
-        low, high
-            float64 [V, U] each, world units.
-        corners
-            float64 [N, 3], world units: only lattice points in their box.
+        field : Its lattice.
+        low, high : float64 [V, U] each, world units.
+        corners : float64 [N, 3], world units: only lattice points in their box.
 
         Returns
         -------
-        cells
-            int64 [M, 3] (x, y, z), z after z.
+        cells : int64 [M, 3] (x, y, z), z after z.
         """
         first, last = (np.rint((f(corners, axis=0) - field.bounds[0]) / field.spacing - 0.5)
                        .astype(np.int64) for f in (np.min, np.max))
@@ -140,15 +130,13 @@ class Chart:
 
         Parameters
         ----------
-        distance, margin
-            float64 [V, U] each, world units.
-        shape, center, radius
-            Lattice points along z, y, x, and their box, float64 [3] each (x, y, z).
+        distance, margin : float64 [V, U] each, world units.
+        shape, center, radius : Lattice points along z, y, x, and their box, float64 [3] each (x, y,
+            z).
 
         Returns
         -------
-        beyond, margins
-            float32 [Z, Y, X] each, interpolated between four rays.
+        beyond, margins : float32 [Z, Y, X] each, interpolated between four rays.
         """
         beyond, margins = np.empty(shape, np.float32), np.empty(shape, np.float32)
         spacing = 2.0 * np.asarray(radius, np.float64) / shape[::-1]
@@ -163,17 +151,14 @@ def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> 
 
     Parameters
     ----------
-    points
-        float64 [N, 3], lattice points of the surface, world units; the lowest begins the chart.
-    voxel
-        Their distance.
-    landmarks
-        [68, 3], iBUG order; the jaw's ends and a brow are known.
+    points : float64 [N, 3], lattice points of the surface, world units; the lowest begins the
+        chart.
+    voxel : Their distance.
+    landmarks : [68, 3], iBUG order; the jaw's ends and a brow are known.
 
     Returns
     -------
-    chart
-        None where face and field do not fit.
+    chart : None where face and field do not fit.
     """
     cell, lowest = CELL * voxel, float(points[:, 1].min())
     ears = np.asarray(landmarks, np.float64)[[0, 16]]
@@ -327,15 +312,12 @@ def continued(values: Float64, known: Bool, *, bending: float = 0.0,
 
     Parameters
     ----------
-    values, known
-        float64 [V, U, C], bool [V, U]; some cells are known.
-    bending
-        Weight of bending; 0: a membrane (Laplace's equation).
-    upwards
-        How strongly a membrane holds together across rows, over along them; one for all rows, or
-        one a row, [V].
-    apart
-        bool [V, U]: across the border of these cells next to nothing of a membrane holds together.
+    values, known : float64 [V, U, C], bool [V, U]; some cells are known.
+    bending : Weight of bending; 0: a membrane (Laplace's equation).
+    upwards : How strongly a membrane holds together across rows, over along them; one for all rows,
+        or one a row, [V].
+    apart : bool [V, U]: across the border of these cells next to nothing of a membrane holds
+        together.
     """
     bend, slope = _operators((known.shape[0], known.shape[1]))
     across = np.broadcast_to(np.reshape(upwards, (-1, 1)), known.shape)
@@ -364,12 +346,9 @@ def fitted_plate(values: Float64, weights: Float64, bending: float, slope: float
 
     Parameters
     ----------
-    values, weights
-        float64 [V, U]; weights of 0 leave a cell free.
-    bending, slope
-        Weights of second and first differences.
-    tension
-        Pull towards zero: one for all cells, or one a row, [V, 1].
+    values, weights : float64 [V, U]; weights of 0 leave a cell free.
+    bending, slope : Weights of second and first differences.
+    tension : Pull towards zero: one for all cells, or one a row, [V, 1].
     """
     bend, first = _operators((values.shape[0], values.shape[1]))
     matrix = (sparse.diags_array((weights + tension).ravel()) + bending * (bend.T @ bend)

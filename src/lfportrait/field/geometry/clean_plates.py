@@ -55,15 +55,11 @@ class Plate:
 
     Attributes
     ----------
-    color
-        float32 [h, w, 3], sRGB in [0, 1].
-    variance
-        float32 [h, w, 3], of the colors: noise, displacement, or how they vary around where they
-        are not known.
-    known
-        bool [h, w], where anchors show them.
-    texture
-        float32 [h, w], standard deviation of the colors around.
+    color : float32 [h, w, 3], sRGB in [0, 1].
+    variance : float32 [h, w, 3], of the colors: noise, displacement, or how they vary around where
+        they are not known.
+    known : bool [h, w], where anchors show them.
+    texture : float32 [h, w], standard deviation of the colors around.
     """
 
     color: Float32

@@ -27,16 +27,13 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
 
     Parameters
     ----------
-    maps
-        Photos with depth, which fix each other's gains.
-    others
-        Further photos (without depth), each compared with the former.
+    maps : Photos with depth, which fix each other's gains.
+    others : Further photos (without depth), each compared with the former.
 
     Returns
     -------
-    gains, other_gains
-        float64 [V, 3] and [W, 3]: photo = gain * color of the scene at the mean exposure. One
-        where a photo shares nothing with the others.
+    gains, other_gains : float64 [V, 3] and [W, 3]: photo = gain * color of the scene at the mean
+        exposure. One where a photo shares nothing with the others.
     """
     position = np.stack([item.camera.position[0] for item in maps])
     points = [item.points() for item in maps]
@@ -97,21 +94,16 @@ def matte_gains(field: VoxelField, capture: Capture, views: Int64,
 
     Parameters
     ----------
-    field, capture
-        The field, and the capture that it is being trained on.
-    views
-        The photos.
-    least
-        Where the gains' standard deviation is below this, the photos are taken as exposed alike;
-        0 takes the gains as they are.
-    size
-        Height or width of the small copies that are compared.
+    field, capture : The field, and the capture that it is being trained on.
+    views : The photos.
+    least : Where the gains' standard deviation is below this, the photos are taken as exposed
+        alike; 0 takes the gains as they are.
+    size : Height or width of the small copies that are compared.
 
     Returns
     -------
-    gains
-        float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and for
-        a field that is too inaccurate: one whose brightness is off by more from part to part of
+    gains : float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and
+        for a field that is too inaccurate: one whose brightness is off by more from part to part of
         a photo than from photo to photo.
     """
     # Layouts are built on first use: not by several threads.

@@ -41,10 +41,10 @@ class Solid:
 
     Attributes
     ----------
-    first, spacing
-        Coordinate of the first point along x, y and z, distance of the points, in world units.
-    distance
-        float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero inside.
+    first, spacing : Coordinate of the first point along x, y and z, distance of the points, in
+        world units.
+    distance : float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero
+        inside.
     """
 
     first: float
@@ -80,22 +80,16 @@ def backing_planes(points: Points, persons: Float32, cameras: Points, usual: flo
 
     Parameters
     ----------
-    points
-        float64 [K, 3], points of surfaces.
-    persons
-        float32 [K], how much the mattes call each of them the person.
-    cameras
-        float64 [V, 3], where the cameras stand.
-    usual
-        How much the mattes usually call the object the person. A plane that they call so nearly as
-        much is part of it (a back, a chest).
-    most
-        How many planes to look for.
+    points : float64 [K, 3], points of surfaces.
+    persons : float32 [K], how much the mattes call each of them the person.
+    cameras : float64 [V, 3], where the cameras stand.
+    usual : How much the mattes usually call the object the person. A plane that they call so nearly
+        as much is part of it (a back, a chest).
+    most : How many planes to look for.
 
     Returns
     -------
-    planes
-        float64 [P, 4], unit normals and offsets: ``normal . x > offset`` before the plane.
+    planes : float64 [P, 4], unit normals and offsets: ``normal . x > offset`` before the plane.
     """
     random = np.random.default_rng(0)
     near = np.linalg.norm(points, axis=1) < REACH + 0.2
@@ -145,16 +139,13 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
 
     Parameters
     ----------
-    maps
-        Depth maps of V views.
-    mattes
-        V mattes of a network in [0, 1], each of its depth map's size.
+    maps : Depth maps of V views.
+    mattes : V mattes of a network in [0, 1], each of its depth map's size.
 
     Returns
     -------
-    solid
-        The object, or None if nothing of known depth is near the origin, or if most mattes see no
-        person in what is.
+    solid : The object, or None if nothing of known depth is near the origin, or if most mattes see
+        no person in what is.
     """
     spacing = 2.0 * REACH / _SIZE
     axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)

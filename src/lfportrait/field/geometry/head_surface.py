@@ -118,16 +118,13 @@ def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64
 
     Parameters
     ----------
-    chart, distance
-        The surface, float64 [V, U], world units.
-    cameras
-        In the world.
+    chart, distance : The surface, float64 [V, U], world units.
+    cameras : In the world.
 
     Returns
     -------
-    cosines
-        One a camera, float64 [V, U]: between the normal and the way to the camera, -1 where the
-        surface hides itself.
+    cosines : One a camera, float64 [V, U]: between the normal and the way to the camera, -1 where
+        the surface hides itself.
     """
     points, normal = chart.points(distance), normals_of(chart, distance)
     cell, found = chart.cell / chart.scale, []
@@ -162,19 +159,15 @@ class SurfaceSweep:
 
         Parameters
         ----------
-        chart, distance
-            The surface, float64 [V, U], world units.
-        limit
-            Distances beyond which nothing is looked for, float64 [V, U].
-        reach, steps
-            How far outwards and inwards is looked, world units, and at how many places.
-        window
-            Width of the correlation's window in cells.
+        chart, distance : The surface, float64 [V, U], world units.
+        limit : Distances beyond which nothing is looked for, float64 [V, U].
+        reach, steps : How far outwards and inwards is looked, world units, and at how many places.
+        window : Width of the correlation's window in cells.
 
         Returns
         -------
-        offset, trust
-            float64 [V, U] each: outwards from the surface, and the photos' confidence in [0, 1].
+        offset, trust : float64 [V, U] each: outwards from the surface, and the photos' confidence
+            in [0, 1].
         """
         weights = []
         for cosine in cosines_of(chart, distance, self.cameras):
@@ -258,17 +251,12 @@ class HeadSurface:
 
     Attributes
     ----------
-    chart
-        Its frame is the portrait frame.
-    distance
-        float64 [V, U], of the surface from the chart's axis, world units.
-    trust
-        float64 [V, U] in [0, 1], confidence of the photos in it.
-    facing
-        float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
+    chart : Its frame is the portrait frame.
+    distance : float64 [V, U], of the surface from the chart's axis, world units.
+    trust : float64 [V, U] in [0, 1], confidence of the photos in it.
+    facing : float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
         after the fifth of the photos that see it best.
-    span
-        Degrees about the vertical axis that the cameras are spread over.
+    span : Degrees about the vertical axis that the cameras are spread over.
     """
 
     chart: Chart
@@ -482,19 +470,16 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
 
     Parameters
     ----------
-    surface
-        The surface.
-    shape
-        Lattice points along z, y, x.
-    center, radius
-        The box of the lattice, float64 [3] each (x, y, z).
+    surface : The surface.
+    shape : Lattice points along z, y, x.
+    center, radius : The box of the lattice, float64 [3] each (x, y, z).
 
     Returns
     -------
-    distance, clearance
-        float32 [Z, Y, X] each, world units. The distance is that along the chart's rays, below zero
-        inside; near the surface, outside, that through space where it is shorter. The clearance is
-        less where photos look along the surface or do not see it: only guesses could fill it there.
+    distance, clearance : float32 [Z, Y, X] each, world units. The distance is that along the
+        chart's rays, below zero inside; near the surface, outside, that through space where it is
+        shorter. The clearance is less where photos look along the surface or do not see it: only
+        guesses could fill it there.
     """
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale

@@ -44,18 +44,14 @@ def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    coarse
-        float32 [H, W] in [0, 1], right within a few cells.
-    cell
-        Pixels to a cell (`lfportrait.capture.refine_matte`).
+    image : uint8 [H, W, 3].
+    coarse : float32 [H, W] in [0, 1], right within a few cells.
+    cell : Pixels to a cell (`lfportrait.capture.refine_matte`).
 
     Returns
     -------
-    matte, follows
-        float32 [H, W] in [0, 1], and whether the edges agree with the rough matte; where they do
-        not, the matte is that itself, steeper.
+    matte, follows : float32 [H, W] in [0, 1], and whether the edges agree with the rough matte;
+        where they do not, the matte is that itself, steeper.
     """
     rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
     if not len(rows):
@@ -77,15 +73,12 @@ def refined_mattes(field: VoxelField, capture: Capture) -> list[UInt8]:
 
     Parameters
     ----------
-    field
-        The field so far.
-    capture
-        The photos, with mattes and what is behind the person.
+    field : The field so far.
+    capture : The photos, with mattes and what is behind the person.
 
     Returns
     -------
-    mattes
-        V mattes, uint8 [H, W]; a photo's own where its edges contradict the field.
+    mattes : V mattes, uint8 [H, W]; a photo's own where its edges contradict the field.
     """
     assert capture.alphas is not None
     given = capture.alphas

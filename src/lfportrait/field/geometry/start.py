@@ -52,20 +52,15 @@ def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int
 
     Parameters
     ----------
-    cameras, alphas
-        Views and their mattes, uint8 [H, W].
-    shape
-        Lattice points along z, y, x.
-    center, radius
-        The box of the lattice, float64 [3] each (x, y, z).
-    tolerance
-        A point is carved away when more than this share of the views that have it in the picture
-        show nothing within a voxel of it (mattes from a network err now and then).
+    cameras, alphas : Views and their mattes, uint8 [H, W].
+    shape : Lattice points along z, y, x.
+    center, radius : The box of the lattice, float64 [3] each (x, y, z).
+    tolerance : A point is carved away when more than this share of the views that have it in the
+        picture show nothing within a voxel of it (mattes from a network err now and then).
 
     Returns
     -------
-    hull
-        bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
+    hull : bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
         nothing would keep them from becoming floaters.
     """
     return _hull(*_votes(cameras, alphas, np.ones(shape, bool), center, radius, wide=True),
@@ -89,22 +84,17 @@ def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool,
 
     Parameters
     ----------
-    cameras, alphas
-        Views and their mattes, uint8 [H, W].
-    filled
-        bool [Z, Y, X], the points in question.
-    center, radius
-        The box of the lattice, float64 [3] each (x, y, z).
-    tolerance
-        A point is ruled out when more than this share of the views that have it in the picture
-        show less than a quarter of the light covered within half a voxel of it.
-    seldom
-        Share of the views.
+    cameras, alphas : Views and their mattes, uint8 [H, W].
+    filled : bool [Z, Y, X], the points in question.
+    center, radius : The box of the lattice, float64 [3] each (x, y, z).
+    tolerance : A point is ruled out when more than this share of the views that have it in the
+        picture show less than a quarter of the light covered within half a voxel of it.
+    seldom : Share of the views.
 
     Returns
     -------
-    ruled_out, hardly_shown
-        bool [Z, Y, X]; points that fewer views than ``seldom`` have in the picture.
+    ruled_out, hardly_shown : bool [Z, Y, X]; points that fewer views than ``seldom`` have in the
+        picture.
     """
     seen, against = _votes(cameras, alphas, filled, center, radius, wide=False)
     return against > tolerance * seen, filled & (seen < seldom * len(alphas))
@@ -147,14 +137,10 @@ class Start:
 
     Attributes
     ----------
-    lattice
-        Matter of low density where there may be any.
-    background
-        Spheres behind it, or None.
-    gains, test_gains
-        float64 [V, 3] and [W, 3], exposures of training and held-out photos.
-    haze
-        Whether the lattice is a whole cube because nothing is known of the surfaces.
+    lattice : Matter of low density where there may be any.
+    background : Spheres behind it, or None.
+    gains, test_gains : float64 [V, 3] and [W, 3], exposures of training and held-out photos.
+    haze : Whether the lattice is a whole cube because nothing is known of the surfaces.
     """
 
     lattice: Lattice

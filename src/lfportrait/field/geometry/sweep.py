@@ -33,12 +33,10 @@ class DepthMap:
 
     Attributes
     ----------
-    camera
-        Its camera, one view.
-    image
-        float32 [h, w, 3], sRGB in [0, 1].
-    depth
-        float32 [h, w], distance along the optical axis in world units, NaN where it is not known.
+    camera : Its camera, one view.
+    image : float32 [h, w, 3], sRGB in [0, 1].
+    depth : float32 [h, w], distance along the optical axis in world units, NaN where it is not
+        known.
     """
 
     camera: Camera
@@ -61,17 +59,12 @@ def sweep_depth(capture: Capture, views: Int64, reach: float = 0.0, *,
 
     Parameters
     ----------
-    capture
-        Photos and cameras.
-    views
-        The views, which are each other's neighbours.
-    reach
-        The planes of each view are dense up to this distance from the origin and few beyond; by
+    capture : Photos and cameras.
+    views : The views, which are each other's neighbours.
+    reach : The planes of each view are dense up to this distance from the origin and few beyond; by
         default they are the same for all views and as dense far away.
-    endless
-        Have the planes go on to infinity, so that a wall is found however far it is.
-    planes
-        How many planes.
+    endless : Have the planes go on to infinity, so that a wall is found however far it is.
+    planes : How many planes.
     """
     small = [small_view(capture, int(view)) for view in views]
     cameras = [item.camera for item in small]
@@ -245,12 +238,9 @@ class Surfaces:
 
     Attributes
     ----------
-    keep
-        bool [Z, Y, X], points that may hold matter.
-    solid
-        bool [Z, Y, X], points where surfaces are seen.
-    color
-        float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
+    keep : bool [Z, Y, X], points that may hold matter.
+    solid : bool [Z, Y, X], points where surfaces are seen.
+    color : float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
     """
 
     keep: Bool

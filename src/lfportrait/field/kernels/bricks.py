@@ -65,8 +65,7 @@ def halves(values: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
 
     Parameters
     ----------
-    values
-        Of any shape, without NaN.
+    values : Of any shape, without NaN.
     """
     flat = np.ascontiguousarray(values, np.float32).reshape(-1)
     out, whole = np.empty(len(flat), np.uint16), len(flat) // 16 * 16
@@ -101,16 +100,11 @@ class Bricks:
 
     Attributes
     ----------
-    table
-        int32 [BZ, BY, BX], brick numbers or minus distances.
-    links
-        int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
-    density
-        uint16 [bricks * 128 + 2], float16 bit patterns.
-    sh
-        float [N, 3, B], the coefficients that ``rows`` are made of.
-    shape
-        Lattice points along z, y, x.
+    table : int32 [BZ, BY, BX], brick numbers or minus distances.
+    links : int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
+    density : uint16 [bricks * 128 + 2], float16 bit patterns.
+    sh : float [N, 3, B], the coefficients that ``rows`` are made of.
+    shape : Lattice points along z, y, x.
     """
 
     table: Int32
@@ -205,12 +199,9 @@ def bright_table(table: Int32, brick_links: Int32,
 
     Parameters
     ----------
-    table, brick_links
-        From `brick_table`; bricks keep their numbers.
-    density
-        float32 [N + 1].
-    least
-        Per world unit.
+    table, brick_links : From `brick_table`; bricks keep their numbers.
+    density : float32 [N + 1].
+    least : Per world unit.
     """
     found = np.zeros(len(brick_links) // SLOTS, np.bool_)
     _brighter(brick_links, density, np.float32(least), found)
@@ -224,17 +215,13 @@ def brick_table(links: Int32, rows: int,
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point or -1.
-    rows
-        Number of rows N; empty points link to row N.
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    rows : Number of rows N; empty points link to row N.
 
     Returns
     -------
-    table
-        int32 [BZ, BY, BX].
-    brick_links
-        int32 [bricks * 128].
+    table : int32 [BZ, BY, BX].
+    brick_links : int32 [bricks * 128].
     """
     shape = tuple(max(1, -(-(n - 1) // BRICK)) for n in links.shape)
     occupied = np.zeros(shape, np.bool_)
@@ -253,12 +240,9 @@ def build_bricks(links: Int32, density: Float32,
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X].
-    density
-        float32 [N], per world unit.
-    sh
-        float [N, 3, B], spherical-harmonic coefficients.
+    links : int32 [Z, Y, X].
+    density : float32 [N], per world unit.
+    sh : float [N, 3, B], spherical-harmonic coefficients.
     """
     count = len(sh)
     table, brick_links = brick_table(links, count)
@@ -279,12 +263,10 @@ class Stretches:
 
     Attributes
     ----------
-    places
-        int32 [Y, Z, ceil(X / 16)], the number of each stretch; S where it has no point.
-    occupied
-        uint64 [Y, Z], bit b where stretch b of the row has a point; from 63 on they share a bit.
-    values
-        uint16 [(S + 1) * (1 + 3 B) * 16], float16 bit patterns: of each stretch the sixteen
+    places : int32 [Y, Z, ceil(X / 16)], the number of each stretch; S where it has no point.
+    occupied : uint64 [Y, Z], bit b where stretch b of the row has a point; from 63 on they share a
+        bit.
+    values : uint16 [(S + 1) * (1 + 3 B) * 16], float16 bit patterns: of each stretch the sixteen
         densities, then coefficients of red, of green, of blue, sixteen each.
     """
 
@@ -358,12 +340,9 @@ def build_stretches(links: Int32, density: Float32,
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point or -1.
-    density
-        float32 [N], per world unit.
-    sh
-        float [N, 3, B], spherical-harmonic coefficients.
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    density : float32 [N], per world unit.
+    sh : float [N, 3, B], spherical-harmonic coefficients.
     """
     return fill_stretches(place_stretches(links), links, density, sh)
 

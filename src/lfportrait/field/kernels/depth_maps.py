@@ -41,20 +41,15 @@ def fuse_depth(since, until, x, y, z, camera, depth, sure, image, margin, slack,
 
     Parameters
     ----------
-    x, y, z
-        float64, coordinates of the lattice's planes in the world.
-    camera
-        float64 [16], pose row by row, focal, principal point of the depth map.
-    depth, sure, image
-        float32 [h, w], distance along the optical axis; bool [h, w], whether it was measured or
-        only guessed; float32 [h, w, 3].
-    margin, slack
-        Half thickness of a measured surface in world units, of a guessed one in parts of its depth.
-    empty, solid, unsure
-        int16 [Z, Y, X]: views that look through the point, that see a surface there, that guess one
-        there.
-    color
-        float32 [Z, Y, X, 3], sum of the colors of those that see a surface.
+    x, y, z : float64, coordinates of the lattice's planes in the world.
+    camera : float64 [16], pose row by row, focal, principal point of the depth map.
+    depth, sure, image : float32 [h, w], distance along the optical axis; bool [h, w], whether it
+        was measured or only guessed; float32 [h, w, 3].
+    margin, slack : Half thickness of a measured surface in world units, of a guessed one in parts
+        of its depth.
+    empty, solid, unsure : int16 [Z, Y, X]: views that look through the point, that see a surface
+        there, that guess one there.
+    color : float32 [Z, Y, X, 3], sum of the colors of those that see a surface.
     """
     height, width = depth.shape
     for k in range(since, until):
@@ -84,24 +79,16 @@ def fuse_distance(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    axis
-        float64 [N], coordinates of the points along each of x, y, z.
-    camera
-        float64 [16], the view of the depth map.
-    depth, matte
-        float32 [h, w]: distance along the optical axis, 0 where it is not known; how much of the
-        pixel is the person, in [0, 1].
-    reach
-        Distance in world units at which the measure ends: 1 in front, -1 behind the surface.
-    total
-        float32 [N, N, N] (z, y, x), sum of the distances in parts of ``reach``.
-    count
-        int16 [N, N, N], how many views it is of. A point further behind a surface is hidden and
+    axis : float64 [N], coordinates of the points along each of x, y, z.
+    camera : float64 [16], the view of the depth map.
+    depth, matte : float32 [h, w]: distance along the optical axis, 0 where it is not known; how
+        much of the pixel is the person, in [0, 1].
+    reach : Distance in world units at which the measure ends: 1 in front, -1 behind the surface.
+    total : float32 [N, N, N] (z, y, x), sum of the distances in parts of ``reach``.
+    count : int16 [N, N, N], how many views it is of. A point further behind a surface is hidden and
         not counted.
-    person
-        float32 [N, N, N], sum of the matte over the views whose surface is within ``reach``.
-    seen
-        int16 [N, N, N], how many these are.
+    person : float32 [N, N, N], sum of the matte over the views whose surface is within ``reach``.
+    seen : int16 [N, N, N], how many these are.
     """
     height, width = depth.shape
     size = len(axis)
@@ -142,22 +129,16 @@ def outline_distance(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    distance
-        float32 [N, N, N] (z, y, x), 1 where space is empty.
-    clear
-        uint8 [N, N, N], from a cell (named by its lowest corner) this many cells in every
+    distance : float32 [N, N, N] (z, y, x), 1 where space is empty.
+    clear : uint8 [N, N, N], from a cell (named by its lowest corner) this many cells in every
         direction have the value 1 at all corners, 0 for a cell that has not.
-    first, spacing
-        Coordinate of the first point along each axis, distance of the points.
-    camera
-        float64 [16].
-    height, width
-        Size of the picture.
+    first, spacing : Coordinate of the first point along each axis, distance of the points.
+    camera : float64 [16].
+    height, width : Size of the picture.
 
     Returns
     -------
-    least
-        float32 [height, width], in (-1, 1]; a ray that is deep inside the solid ends there.
+    least : float32 [height, width], in (-1, 1]; a ray that is deep inside the solid ends there.
     """
     least = np.ones((height, width), np.float32)
     _outline_rows(distance, clear, first, spacing, camera, least)
@@ -215,25 +196,18 @@ def compose_plate(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    inverse
-        float32 [h, w], one over the surface's distance along the optical axis of the view.
-    wanted
-        uint8 [h, w], zero where nothing is to be filled.
-    camera, others
-        float64 [16] and [K, 16]: pose row by row, focal, principal point in pixels.
-    pictures
-        uint8 [K, H, W, 4], sRGB and the weight of each pixel: how surely it shows the surface.
-    gains
-        float32 [K, 3], by which the colors of each picture are multiplied.
-    enough
-        Sum of weights after which no more views are asked.
-    spread
-        Difference of colors, in [0, 1], from which on they count as different.
-    scratch
-        float32 [h, K, 4], overwritten.
-    color, noise, known
-        float32 [h, w, 3], [h, w] and [h, w], filled: mean color in [0, 1], its standard deviation
-        over the views (root of the channels' mean variance), and the sum of the weights.
+    inverse : float32 [h, w], one over the surface's distance along the optical axis of the view.
+    wanted : uint8 [h, w], zero where nothing is to be filled.
+    camera, others : float64 [16] and [K, 16]: pose row by row, focal, principal point in pixels.
+    pictures : uint8 [K, H, W, 4], sRGB and the weight of each pixel: how surely it shows the
+        surface.
+    gains : float32 [K, 3], by which the colors of each picture are multiplied.
+    enough : Sum of weights after which no more views are asked.
+    spread : Difference of colors, in [0, 1], from which on they count as different.
+    scratch : float32 [h, K, 4], overwritten.
+    color, noise, known : float32 [h, w, 3], [h, w] and [h, w], filled: mean color in [0, 1], its
+        standard deviation over the views (root of the channels' mean variance), and the sum of the
+        weights.
     """
     width = inverse.shape[1]
     count, high, wide = pictures.shape[0], pictures.shape[1], pictures.shape[2]

@@ -45,20 +45,17 @@ def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...
 
     Parameters
     ----------
-    workers
-        Number of workers, the leading axis.
-    table
-        The brick table: sixteen straight rays enter no more bricks than sixteen times its sides.
-    bricks
-        Number of bricks.
+    workers : Number of workers, the leading axis.
+    table : The brick table: sixteen straight rays enter no more bricks than sixteen times its
+        sides.
+    bricks : Number of bricks.
 
     Returns
     -------
-    pad
-        ``place`` int32 [W, bricks], number in the pad of each brick, -1 outside packets; ``opened``
-        int32 [W, C] the bricks; ``density`` float32 [W, 128 C + 32]; ``colors`` and ``slopes``
-        float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128 C], points
-        that have their color; ``counts`` int64 [W, 8], of opened bricks and of used points.
+    pad : ``place`` int32 [W, bricks], number in the pad of each brick, -1 outside packets;
+        ``opened`` int32 [W, C] the bricks; ``density`` float32 [W, 128 C + 32]; ``colors`` and
+        ``slopes`` float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128 C],
+        points that have their color; ``counts`` int64 [W, 8], of opened bricks and of used points.
     """
     room = max(1, min(bricks, 16 * (sum(table.shape) + 3)))
     return (np.full((workers, max(1, bricks)), -1, np.int32), np.empty((workers, room), np.int32),
@@ -75,16 +72,12 @@ class Records:
 
     Attributes
     ----------
-    keys
-        int32 [W, W, room, 2]: row and tile of each record, by the worker that wrote it and the one
-        that owns the row.
-    values
-        float32 [W, W, room, 5]: slopes of red, green and blue, weight of the rays, slope of the
-        density.
-    counts
-        int64 [W, W], records written; more than there was room for if some were lost.
-    recent
-        int32 [W, 4096], scratch: where a row's last record may be.
+    keys : int32 [W, W, room, 2]: row and tile of each record, by the worker that wrote it and the
+        one that owns the row.
+    values : float32 [W, W, room, 5]: slopes of red, green and blue, weight of the rays, slope of
+        the density.
+    counts : int64 [W, W], records written; more than there was room for if some were lost.
+    recent : int32 [W, 4096], scratch: where a row's last record may be.
     """
 
     keys: Int32

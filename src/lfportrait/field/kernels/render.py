@@ -27,10 +27,9 @@ def render_kernel(width: int) -> Callable[..., Any]:
 
     Returns
     -------
-    render
-        ``render(table, links, density, rows, lattice, count, camera, size, step, threshold, stop,
-        color, alpha, depth)`` with ``lattice`` float64 [9] (points along x, y, z; scale and offset
-        of the lattice per world unit), ``camera`` float64 [16] (pose row by row, focal x, y,
+    render : ``render(table, links, density, rows, lattice, count, camera, size, step, threshold,
+        stop, color, alpha, depth)`` with ``lattice`` float64 [9] (points along x, y, z; scale and
+        offset of the lattice per world unit), ``camera`` float64 [16] (pose row by row, focal x, y,
         principal point x, y), ``size`` (width, height); it fills ``color`` float32 [H W 3] without
         background, ``alpha`` [H W] and ``depth`` [H W] (along the optical axis).
     """
@@ -108,8 +107,7 @@ def render_kernel_one_lane(width: int) -> Callable[..., Any]:
 
     Returns
     -------
-    cast
-        ``cast(table, links, density, rows, lattice, count, origin, direction, step, delta,
+    cast : ``cast(table, links, density, rows, lattice, count, origin, direction, step, delta,
         threshold, stop)`` for one ray in lattice units with its unit world direction in
         ``direction[3:]``; returns (r, g, b, transmittance, lattice distance of the surface).
     """
@@ -262,24 +260,18 @@ def pose_equations(values, photo, depth, lens, usual, matrix, slope):
 
     Parameters
     ----------
-    values, photo
-        float32 [H, W, C], the rendering and the photo.
-    depth
-        float32 [H, W], along the optical axis in world units; pixels without one (not above zero,
-        infinite) and those on the picture's border do not count.
-    lens
-        Focal lengths x, y and principal point x, y in pixels.
-    usual
-        Difference of a pixel's colors (root of the sum of squares) that is nothing unusual:
+    values, photo : float32 [H, W, C], the rendering and the photo.
+    depth : float32 [H, W], along the optical axis in world units; pixels without one (not above
+        zero, infinite) and those on the picture's border do not count.
+    lens : Focal lengths x, y and principal point x, y in pixels.
+    usual : Difference of a pixel's colors (root of the sum of squares) that is nothing unusual:
         twice as much counts half.
-    matrix, slope
-        float64 [6, 6] and [6], out: sum of w J'J and of w J' (photo - rendering).
+    matrix, slope : float64 [6, 6] and [6], out: sum of w J'J and of w J' (photo - rendering).
 
     Returns
     -------
-    cost, count
-        Mean of Cauchy's log(1 + (difference / 2 usual)^2) over the pixels that count, and their
-        number.
+    cost, count : Mean of Cauchy's log(1 + (difference / 2 usual)^2) over the pixels that count, and
+        their number.
     """
     high, wide, channels = values.shape
     fx, fy, cx, cy = lens

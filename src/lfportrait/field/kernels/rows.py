@@ -18,10 +18,8 @@ def fill_neighbours(since, until, links, found):
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point or -1.
-    found
-        Written.
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    found : Written.
     """
     depth, height, width = links.shape
     for z in range(since, until):
@@ -59,23 +57,17 @@ def refine_rows(links, density, rows, keep, low, part, shape):
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each coarse point or -1.
-    density, rows
-        float32 [N + 1] and [N + 1, width].
-    keep
-        bool [Z, Y, X], the coarse points about which fine ones live.
-    low, part
-        Coarse cell and place inside it of each fine plane, per axis (z, y, x): int64 and float32
-        [3, longest side].
-    shape
-        Fine points along z, y, x.
+    links : int32 [Z, Y, X], row of each coarse point or -1.
+    density, rows : float32 [N + 1] and [N + 1, width].
+    keep : bool [Z, Y, X], the coarse points about which fine ones live.
+    low, part : Coarse cell and place inside it of each fine plane, per axis (z, y, x): int64 and
+        float32 [3, longest side].
+    shape : Fine points along z, y, x.
 
     Returns
     -------
-    links, density, rows
-        int32 [Z', Y', X'], float32 [M + 1] and [M + 1, width], the last row zero. Color is the mean
-        over the corners that exist: empty points have none to mix in.
+    links, density, rows : int32 [Z', Y', X'], float32 [M + 1] and [M + 1, width], the last row
+        zero. Color is the mean over the corners that exist: empty points have none to mix in.
     """
     fine = np.empty(shape, np.int32)
     counts = np.empty(shape[0], np.int64)
@@ -147,16 +139,11 @@ def put_means(since, until, sums, columns, count, rows, first):
 
     Parameters
     ----------
-    sums
-        float32 [M, columns or more].
-    columns
-        How many values of a row are written.
-    count
-        Number of states, a float32.
-    rows
-        float32 [first + M or more, columns or more], written.
-    first
-        The row that the first sums belong to.
+    sums : float32 [M, columns or more].
+    columns : How many values of a row are written.
+    count : Number of states, a float32.
+    rows : float32 [first + M or more, columns or more], written.
+    first : The row that the first sums belong to.
     """
     for row in range(since, until):
         for column in range(columns):
@@ -170,10 +157,8 @@ def add_rows(since, until, sums, rows):
 
     Parameters
     ----------
-    sums
-        float32 [N, columns], written.
-    rows
-        float32 [N, width], at least as wide.
+    sums : float32 [N, columns], written.
+    rows : float32 [N, width], at least as wide.
     """
     for row in range(since, until):
         for column in range(sums.shape[1]):

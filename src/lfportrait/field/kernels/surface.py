@@ -72,17 +72,14 @@ def depth_from_outside(density, spacing, directions):
 
     Parameters
     ----------
-    density
-        float32 [Z, Y, X], per world unit; linear between lattice points, zero beyond them.
-    spacing
-        float [3], distance of lattice points along z, y, x in world units.
-    directions
-        int [D, 3], steps (z, y, x) of -1, 0 or 1 in which light may come in; none all zero.
+    density : float32 [Z, Y, X], per world unit; linear between lattice points, zero beyond them.
+    spacing : float [3], distance of lattice points along z, y, x in world units.
+    directions : int [D, 3], steps (z, y, x) of -1, 0 or 1 in which light may come in; none all
+        zero.
 
     Returns
     -------
-    depth
-        float32 [Z, Y, X]; light that comes in is dimmed by exp(-depth).
+    depth : float32 [Z, Y, X]; light that comes in is dimmed by exp(-depth).
     """
     least = np.full(density.shape, np.inf, np.float32)
     for dz, dy, dx in np.asarray(directions, np.int64):
@@ -103,18 +100,12 @@ def seen_colors(since, until, links, density, sh, scale, offset, origins, direct
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
-    density, sh
-        float32 [N] and [N, 3, B].
-    scale, offset
-        float64 [3] (x, y, z): lattice coordinate = world * scale + offset.
-    origins, directions
-        float64 [K, 3] in the world; directions have unit length.
-    steps, step
-        Number of samples of a ray and their distance in world units.
-    color
-        float32 [K, 4] out: mean color of what the ray meets, and its opacity.
+    links : int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density, sh : float32 [N] and [N, 3, B].
+    scale, offset : float64 [3] (x, y, z): lattice coordinate = world * scale + offset.
+    origins, directions : float64 [K, 3] in the world; directions have unit length.
+    steps, step : Number of samples of a ray and their distance in world units.
+    color : float32 [K, 4] out: mean color of what the ray meets, and its opacity.
     """
     count = sh.shape[2]
     depth, height, width = links.shape
@@ -179,26 +170,17 @@ def march_chart(since, until, origins, rays, distances, density, colors, links, 
 
     Parameters
     ----------
-    origins, rays
-        float64 [N, 3] each, where rays end and unit vectors away from there, world units.
-    distances
-        float64 [K], falling, from there: where samples lie.
-    density
-        float32 [R + 1], optical depth of each row's voxel; the last one is zero.
-    colors
-        float64 [R + 1, 3].
-    links
-        int32 [Z, Y, X], row of each lattice point; -1: none.
-    lattice
-        float64 [2, 3], factor and offset from the world to lattice points (x, y, z).
-    cut
-        float64 [4], normal and height of a plane below which nothing counts.
-    within
-        Samples behind the half of the light after which a ray ends.
-    found
-        float64 [N], written where half of the light goes: the distance, between two samples.
-    clear, color
-        float64 [N] and [N, 3], changed: light that is left, and what was seen.
+    origins, rays : float64 [N, 3] each, where rays end and unit vectors away from there, world
+        units.
+    distances : float64 [K], falling, from there: where samples lie.
+    density : float32 [R + 1], optical depth of each row's voxel; the last one is zero.
+    colors : float64 [R + 1, 3].
+    links : int32 [Z, Y, X], row of each lattice point; -1: none.
+    lattice : float64 [2, 3], factor and offset from the world to lattice points (x, y, z).
+    cut : float64 [4], normal and height of a plane below which nothing counts.
+    within : Samples behind the half of the light after which a ray ends.
+    found : float64 [N], written where half of the light goes: the distance, between two samples.
+    clear, color : float64 [N] and [N, 3], changed: light that is left, and what was seen.
     """
     depth, height, width = links.shape
     empty = len(density) - 1
@@ -268,19 +250,14 @@ def mark_between(since, until, links, first, origin, spacing, frame, axis, cell,
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], rows of lattice points; -1: none, an empty one.
-    first
-        int64 [3] (x, y, z), the lattice point of the first mark.
-    origin, spacing, frame, axis, cell, level, step, angles
-        As for `outside_chart`; ``origin`` is lattice point 0.
-    low, high
-        float64 [V, U], bounds of the points whose nearest cell it is, in units of ``axis``.
-    least, most
-        float64 [level], the widest bounds from a row to the next one; of the last one, from there
-        on.
-    marks
-        bool [z, y, x], written.
+    links : int32 [Z, Y, X], rows of lattice points; -1: none, an empty one.
+    first : int64 [3] (x, y, z), the lattice point of the first mark.
+    origin, spacing, frame, axis, cell, level, step, angles : As for `outside_chart`; ``origin`` is
+        lattice point 0.
+    low, high : float64 [V, U], bounds of the points whose nearest cell it is, in units of ``axis``.
+    least, most : float64 [level], the widest bounds from a row to the next one; of the last one,
+        from there on.
+    marks : bool [z, y, x], written.
     """
     rows, columns = low.shape
     for k in range(since, until):
@@ -310,14 +287,10 @@ def place_points(since, until, points, frame, axis, cell, level, step, angles, p
 
     Parameters
     ----------
-    points
-        float64 [N, 3], world units.
-    frame, axis, cell, level, step, angles
-        As for `outside_chart`.
-    places
-        float64 [2, N], written: row, and column (which may lie below 0).
-    away
-        float64 [N], written: distance from the axis, in its units.
+    points : float64 [N, 3], world units.
+    frame, axis, cell, level, step, angles : As for `outside_chart`.
+    places : float64 [2, N], written: row, and column (which may lie below 0).
+    away : float64 [N], written: distance from the axis, in its units.
     """
     for n in range(since, until):
         height, east, front, over, away[n] = _from_axis(points[n, 0], points[n, 1], points[n, 2],
@@ -333,22 +306,17 @@ def outside_chart(since, until, origin, spacing, scale, frame, axis, cell, level
 
     Parameters
     ----------
-    origin, spacing
-        float64 [3] each, position of lattice point 0 and their distances, world units.
-    scale, frame
-        Units of the chart's frame in one world unit, and float64 [3, 4], to that frame.
-    axis
-        float64 [V, 3], where the rays of each row end.
-    cell, level, step
-        Distance of rows, number of those whose rays are horizontal, and radians from one of the
-        others to the next.
-    angles
-        float64 [2], of column 0, and from one column to the next; columns go around.
-    distance, margin
-        float64 [V, U] each, world units: the surface, and what is looked up beside it.
-    beyond, clearance
-        float32 [Z, Y, X] each, written: distance of each point from the surface, below zero inside,
-        and the margin.
+    origin, spacing : float64 [3] each, position of lattice point 0 and their distances, world
+        units.
+    scale, frame : Units of the chart's frame in one world unit, and float64 [3, 4], to that frame.
+    axis : float64 [V, 3], where the rays of each row end.
+    cell, level, step : Distance of rows, number of those whose rays are horizontal, and radians
+        from one of the others to the next.
+    angles : float64 [2], of column 0, and from one column to the next; columns go around.
+    distance, margin : float64 [V, U] each, world units: the surface, and what is looked up beside
+        it.
+    beyond, clearance : float32 [Z, Y, X] each, written: distance of each point from the surface,
+        below zero inside, and the margin.
     """
     rows, columns = distance.shape
     for k in range(since, until):

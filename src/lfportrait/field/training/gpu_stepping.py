@@ -127,19 +127,14 @@ class GpuSteps:
 
     Parameters
     ----------
-    process
-        The device's process.
-    lattice, data, config, level, basis, workers, options, lowest, scale, taken
-        As for `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of
-        so many threads.
-    tiles
-        Packets of each step.
-    behind
-        What trains the spheres behind the lattice, if there are any.
-    average
-        Sums to go on with.
-    table
-        Table of bricks to go on with, by `look_again`.
+    process : The device's process.
+    lattice, data, config, level, basis, workers, options, lowest, scale, taken : As for
+        `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of so many
+        threads.
+    tiles : Packets of each step.
+    behind : What trains the spheres behind the lattice, if there are any.
+    average : Sums to go on with.
+    table : Table of bricks to go on with, by `look_again`.
 
     Raises
     ------

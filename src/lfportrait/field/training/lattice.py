@@ -80,14 +80,10 @@ class Lattice:
 
     Attributes
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
-    density
-        float32 [N + 1], the last one zero.
-    rows
-        float32 [N + 1, width], color coefficients channel by channel, zero-padded.
-    center, radius
-        float64 [3] (x, y, z), the box.
+    links : int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density : float32 [N + 1], the last one zero.
+    rows : float32 [N + 1, width], color coefficients channel by channel, zero-padded.
+    center, radius : float64 [3] (x, y, z), the box.
     """
 
     links: NDArray[np.int32]
@@ -231,17 +227,13 @@ class Average:
 
     Parameters
     ----------
-    lattice
-        Whose states are added.
-    columns
-        Values of a row that are colors, from the first on; the others are left alone.
+    lattice : Whose states are added.
+    columns : Values of a row that are colors, from the first on; the others are left alone.
 
     Attributes
     ----------
-    density, rows
-        float32 [N + 1] and [N + 1, columns], sums of the states.
-    count
-        Number of states.
+    density, rows : float32 [N + 1] and [N + 1, columns], sums of the states.
+    count : Number of states.
     """
 
     def __init__(self, lattice: Lattice, columns: int) -> None:

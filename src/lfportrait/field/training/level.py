@@ -80,8 +80,7 @@ class Level:
 
     Parameters
     ----------
-    trainer
-        Its state is read, and is up to date after each step.
+    trainer : Its state is read, and is up to date after each step.
     """
 
     def __init__(self, trainer: Training) -> None:
@@ -230,15 +229,12 @@ def settled(trainer: Trained, field: VoxelField) -> VoxelField:
 
     Parameters
     ----------
-    trainer
-        Its last level is done. It stays as it is.
-    field
-        Without a texture, on a lattice as fine as the last level's.
+    trainer : Its last level is done. It stays as it is.
+    field : Without a texture, on a lattice as fine as the last level's.
 
     Returns
     -------
-    field
-        The same lattice points.
+    field : The same lattice points.
     """
     config, level = trainer.config, len(trainer.config.resolutions) - 1
     count, colors = len(field.density), 3 * trainer.basis

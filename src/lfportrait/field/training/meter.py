@@ -49,8 +49,7 @@ class CurveFile:
 
     Parameters
     ----------
-    path
-        The file. A run that goes on from a checkpoint adds its rows to those that are there.
+    path : The file. A run that goes on from a checkpoint adds its rows to those that are there.
 
     Raises
     ------
@@ -91,13 +90,10 @@ class Meter:
 
     Parameters
     ----------
-    log
-        Where the curves go.
-    every
-        Seconds between two points.
-    measure_every
-        Seconds between two measurements on held-out views; 0 does not measure. The clock stands
-        still meanwhile.
+    log : Where the curves go.
+    every : Seconds between two points.
+    measure_every : Seconds between two measurements on held-out views; 0 does not measure. The
+        clock stands still meanwhile.
     """
 
     def __init__(self, log: CurveFile | None = None, every: float = 1.0,
@@ -173,14 +169,10 @@ def outlook(config: Settings, seconds: float, count: int, laid: bool, used: int)
 
     Parameters
     ----------
-    config
-        With all defaults put in, of photos with mattes; at least two levels.
-    seconds, count
-        Time of the first level, and its lattice points.
-    laid
-        Whether mattes are recomputed.
-    used
-        Most memory used so far, in bytes.
+    config : With all defaults put in, of photos with mattes; at least two levels.
+    seconds, count : Time of the first level, and its lattice points.
+    laid : Whether mattes are recomputed.
+    used : Most memory used so far, in bytes.
     """
     first, last = config.resolutions[0], config.resolutions[-1]
     points = count * (last / first) ** _GROWTH

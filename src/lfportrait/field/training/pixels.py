@@ -93,14 +93,10 @@ class Batches:
 
     Parameters
     ----------
-    data
-        The pixels.
-    size
-        Tiles a step.
-    seed, level
-        What the order follows from.
-    importance
-        Share of the rays that errors draw, from 0 to 1.
+    data : The pixels.
+    size : Tiles a step.
+    seed, level : What the order follows from.
+    importance : Share of the rays that errors draw, from 0 to 1.
     """
 
     _PARTS, _BLOCK, _KEEP = 8, 12, 0.6

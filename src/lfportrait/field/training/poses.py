@@ -45,12 +45,10 @@ class _Photo:
 
     Attributes
     ----------
-    values
-        float32 [H, W, 3 or 4]: colors, times opacity where there is a matte, which comes fourth.
-    camera
-        The camera, one view, scaled to the picture.
-    gain
-        float64 [3], the photo's exposure.
+    values : float32 [H, W, 3 or 4]: colors, times opacity where there is a matte, which comes
+        fourth.
+    camera : The camera, one view, scaled to the picture.
+    gain : float64 [3], the photo's exposure.
     """
 
     values: NDArray[np.float32]
@@ -64,23 +62,17 @@ def aligned(field: VoxelField, capture: Capture, given: Camera, views: NDArray[n
 
     Parameters
     ----------
-    field
-        The field as far as it is trained.
-    capture
-        The photos, with the cameras to start from.
-    given
-        The cameras of all views before any correction, which hold the corrected ones.
-    views
-        Which views, W of them.
-    gains
-        float64 [W, 3], their exposures.
-    steps
-        Steps of Gauss-Newton at most.
+    field : The field as far as it is trained.
+    capture : The photos, with the cameras to start from.
+    given : The cameras of all views before any correction, which hold the corrected ones.
+    views : Which views, W of them.
+    gains : float64 [W, 3], their exposures.
+    steps : Steps of Gauss-Newton at most.
 
     Returns
     -------
-    cameras
-        One for each of ``views``, at the photos' own size; where nothing was better, as it was.
+    cameras : One for each of ``views``, at the photos' own size; where nothing was better, as it
+        was.
     """
     poses = [_align(field, _small(field, capture, int(view), gain), given.pose[view], steps)
              for view, gain in zip(views, gains)]
@@ -125,14 +117,10 @@ class _Comparison:
 
     Attributes
     ----------
-    photo, values
-        float32 [H, W, C] both.
-    depth
-        float32 [H, W].
-    lens
-        Focal lengths and principal point.
-    usual
-        A usual difference of a pixel, robustly.
+    photo, values : float32 [H, W, C] both.
+    depth : float32 [H, W].
+    lens : Focal lengths and principal point.
+    usual : A usual difference of a pixel, robustly.
     """
 
     photo: NDArray[np.float32]
@@ -216,10 +204,8 @@ class PoseRefiner:
 
     Parameters
     ----------
-    capture
-        The photos with the cameras as given.
-    views
-        The training views.
+    capture : The photos with the cameras as given.
+    views : The training views.
     """
 
     def __init__(self, capture: Capture, views: NDArray[np.int64]) -> None:
@@ -239,12 +225,9 @@ class PoseRefiner:
 
         Parameters
         ----------
-        field
-            The field as far as it is trained.
-        capture
-            The photos and the cameras so far.
-        gains
-            float64 [V, 3], the training photos' exposures.
+        field : The field as far as it is trained.
+        capture : The photos and the cameras so far.
+        gains : float64 [V, 3], the training photos' exposures.
         """
         self.rounds += 1
         found = aligned(field, capture, self.given, self.views, gains)
@@ -261,12 +244,9 @@ class PoseRefiner:
 
         Parameters
         ----------
-        field, capture
-            The field, and the photos.
-        gains
-            float64 [W, 3], the held-out photos' exposures.
-        some
-            Numbers of held-out views, from 0; by default all.
+        field, capture : The field, and the photos.
+        gains : float64 [W, 3], the held-out photos' exposures.
+        some : Numbers of held-out views, from 0; by default all.
         """
         tests = capture.testing()
         if some is not None:

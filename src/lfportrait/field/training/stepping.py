@@ -56,12 +56,9 @@ def variation_of(config: Settings, level: int, count: int,
 
     Returns
     -------
-    weights
-        Of the density's and of the colors'.
-    scale
-        Differences between neighbours are multiplied by this.
-    run
-        Rows that are smoothed in a step.
+    weights : Of the density's and of the colors'.
+    scale : Differences between neighbours are multiplied by this.
+    run : Rows that are smoothed in a step.
     """
     finest = level == len(config.resolutions) - 1
     return ((config.lambda_tv * 0.5 ** level, config.lambda_tv_sh * (0.1 if finest else 1.0)),
@@ -94,17 +91,13 @@ class Descent:
 
     Attributes
     ----------
-    neighbours
-        int32 [N + 1, 6], as `lfportrait.field.kernels.descent.total_variation` takes them.
-    variation
-        float32 [3]: weights of the density's and the colors' total variation over the rows of a
-        run, and the scale of differences.
-    slopes, color_slopes
-        float32 [R] and [R * width], scratch: R rows are a run.
-    decay, lowest
-        Of the density's running mean of squared slopes; densities are kept at or above this.
-    gains
-        float32 [width], from `color_gains`.
+    neighbours : int32 [N + 1, 6], as `lfportrait.field.kernels.descent.total_variation` takes them.
+    variation : float32 [3]: weights of the density's and the colors' total variation over the rows
+        of a run, and the scale of differences.
+    slopes, color_slopes : float32 [R] and [R * width], scratch: R rows are a run.
+    decay, lowest : Of the density's running mean of squared slopes; densities are kept at or above
+        this.
+    gains : float32 [width], from `color_gains`.
     """
 
     neighbours: NDArray[np.int32]
@@ -133,25 +126,17 @@ class Caster:
 
     Parameters
     ----------
-    lattice
-        What to cast through; its values may change between casts, its points may not.
-    data
-        The pixels.
-    basis
-        Harmonics a channel.
-    workers
-        Threads that cast, each with records of its own.
+    lattice : What to cast through; its values may change between casts, its points may not.
+    data : The pixels.
+    basis : Harmonics a channel.
+    workers : Threads that cast, each with records of its own.
 
     Attributes
     ----------
-    records
-        What the last cast found (`lfportrait.field.kernels.packet.Records`).
-    bases
-        float32 [T, 64], harmonics of the last cast's packets.
-    errors
-        float32 [T], squared errors of the last cast's tiles.
-    losses
-        float64 [workers, 3], of the last cast: squared errors, rays, samples.
+    records : What the last cast found (`lfportrait.field.kernels.packet.Records`).
+    bases : float32 [T, 64], harmonics of the last cast's packets.
+    errors : float32 [T], squared errors of the last cast's tiles.
+    losses : float64 [workers, 3], of the last cast: squared errors, rays, samples.
     """
 
     def __init__(self, lattice: Lattice, data: TrainingPixels, basis: int, workers: int) -> None:
@@ -193,19 +178,14 @@ class Caster:
 
         Parameters
         ----------
-        tiles
-            int32 [T, 3] (view, row, column).
-        ground
-            float32 [16 T, 3], the background of each ray.
-        scale
-            float32 [V, 3], what 8-bit colors of each view are multiplied with.
-        options
-            See `lfportrait.field.kernels.train.make_cast`.
+        tiles : int32 [T, 3] (view, row, column).
+        ground : float32 [16 T, 3], the background of each ray.
+        scale : float32 [V, 3], what 8-bit colors of each view are multiplied with.
+        options : See `lfportrait.field.kernels.train.make_cast`.
 
         Returns
         -------
-        slopes
-            float32 [16 T, 3], slope of the loss by each ray's background.
+        slopes : float32 [16 T, 3], slope of the loss by each ray's background.
         """
         slopes = np.empty_like(ground)
         unused = np.zeros((len(self.losses), 1), np.float32)
@@ -223,23 +203,17 @@ class Caster:
 
         Parameters
         ----------
-        tiles, greys
-            int32 [S, T, 3] (view, row, column) of each step, and the grey behind each, [S, T].
-        scale, options
-            As for `cast`.
-        descent
-            What all steps have in common.
-        rates
-            float32 [S, 2], the density's rate, and the weight of rays that colors are means of.
-        firsts
-            int64 [S], where the run of rows begins that total variation smooths.
+        tiles, greys : int32 [S, T, 3] (view, row, column) of each step, and the grey behind each,
+            [S, T].
+        scale, options : As for `cast`.
+        descent : What all steps have in common.
+        rates : float32 [S, 2], the density's rate, and the weight of rays that colors are means of.
+        firsts : int64 [S], where the run of rows begins that total variation smooths.
 
         Returns
         -------
-        errors
-            float32 [S, T], squared errors of the tiles.
-        losses
-            float64 [S, W, 3], as ``losses`` of each step.
+        errors : float32 [S, T], squared errors of the tiles.
+        losses : float64 [S, W, 3], as ``losses`` of each step.
         """
         lattice, data, width = self.lattice, self.data, self.lattice.rows.shape[1]
         steps, count = tiles.shape[:2]
@@ -353,18 +327,13 @@ class CpuSteps:
 
     Parameters
     ----------
-    lattice, data, config, level
-        What is trained, the pixels, the parameters, and the level's number.
-    basis, workers
-        Harmonics a channel, and threads.
-    options
-        See `lfportrait.field.kernels.train.make_cast`.
-    lowest
-        Densities are kept at or above this.
-    scale
-        Gives float32 [V, 3], what 8-bit colors of each view are multiplied with.
-    taken
-        Called after each step.
+    lattice, data, config, level : What is trained, the pixels, the parameters, and the level's
+        number.
+    basis, workers : Harmonics a channel, and threads.
+    options : See `lfportrait.field.kernels.train.make_cast`.
+    lowest : Densities are kept at or above this.
+    scale : Gives float32 [V, 3], what 8-bit colors of each view are multiplied with.
+    taken : Called after each step.
     """
 
     def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings,

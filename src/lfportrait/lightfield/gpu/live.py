@@ -38,14 +38,10 @@ class LivePicture:
 
     Attributes
     ----------
-    buffer
-        Its bytes: red, green, blue, pixel after pixel.
-    words
-        Words of 4 bytes from one row to the next.
-    rows
-        How many rows there are.
-    apart
-        How many rows of the panel each of them stands for.
+    buffer : Its bytes: red, green, blue, pixel after pixel.
+    words : Words of 4 bytes from one row to the next.
+    rows : How many rows there are.
+    apart : How many rows of the panel each of them stands for.
     """
 
     buffer: Any
@@ -65,10 +61,9 @@ class Blit:
 
     Parameters
     ----------
-    device, display
-        Where the pictures are, and the panel that they are for.
-    format
-        Of the targets, one of WebGPU's with 8 bits a color and without a conversion (``-srgb``).
+    device, display : Where the pictures are, and the panel that they are for.
+    format : Of the targets, one of WebGPU's with 8 bits a color and without a conversion
+        (``-srgb``).
     """
 
     def __init__(self, device: Device, display: Display, format: str) -> None:
@@ -128,15 +123,12 @@ class LiveGround:
 
     Parameters
     ----------
-    device, field, display
-        Where it is shown, what throws its shadow, and the panel.
+    device, field, display : Where it is shown, what throws its shadow, and the panel.
 
     Attributes
     ----------
-    made_for
-        The configuration that the latest one belongs to.
-    texture
-        Its texture on the device.
+    made_for : The configuration that the latest one belongs to.
+    texture : Its texture on the device.
     """
 
     def __init__(self, device: Device, field: VoxelField, display: Display) -> None:
@@ -218,27 +210,18 @@ class LiveCoder:
 
     Parameters
     ----------
-    device
-        The device.
-    field
-        The (stylised) field.
-    display
-        The panel: at most 8192 pixels a side, and a picture that a shader sees at once.
-    photo
-        A field of the same points with other colors, to mix in; or None.
-    page
-        Bytes of the field's arrays that a shader sees at once.
+    device : The device.
+    field : The (stylised) field.
+    display : The panel: at most 8192 pixels a side, and a picture that a shader sees at once.
+    photo : A field of the same points with other colors, to mix in; or None.
+    page : Bytes of the field's arrays that a shader sees at once.
 
     Attributes
     ----------
-    picture
-        The picture that was coded last.
-    exact
-        Whether it is what `lfportrait.lightfield.encode` gives for what was asked for last.
-    shown
-        The configuration and share that it was coded for.
-    seconds
-        What the last picture took.
+    picture : The picture that was coded last.
+    exact : Whether it is what `lfportrait.lightfield.encode` gives for what was asked for last.
+    shown : The configuration and share that it was coded for.
+    seconds : What the last picture took.
     """
 
     def __init__(self, device: Device, field: VoxelField, display: Display,
@@ -282,15 +265,12 @@ class LiveCoder:
 
         Parameters
         ----------
-        config
-            Placement and quality, without ``compose``.
-        share
-            Share of the photo's colors, 0 to 1.
+        config : Placement and quality, without ``compose``.
+        share : Share of the photo's colors, 0 to 1.
 
         Returns
         -------
-        new
-            Whether there is another picture than before.
+        new : Whether there is another picture than before.
         """
         if config.method == "slices":
             config = replace(config, method="auto")  # a head that is turned far has none
@@ -440,15 +420,12 @@ class _Work:
 
     Attributes
     ----------
-    job, apart, rows, wanted
-        What is coded, every how-many-th row, how many rows, and what was asked for.
-    lacks_detail, lacks_ground
-        Whether another picture of the same will be better, and whether it will once its ground is
-        there.
-    moving
-        Coded in one go, because something moves.
-    at, spent, worst
-        The next row of tiles, seconds so far, and most seconds of a row of tiles.
+    job, apart, rows, wanted : What is coded, every how-many-th row, how many rows, and what was
+        asked for.
+    lacks_detail, lacks_ground : Whether another picture of the same will be better, and whether it
+        will once its ground is there.
+    moving : Coded in one go, because something moves.
+    at, spent, worst : The next row of tiles, seconds so far, and most seconds of a row of tiles.
     """
 
     job: PanelJob

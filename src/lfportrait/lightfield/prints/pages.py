@@ -77,10 +77,8 @@ class Marks:
 
     Attributes
     ----------
-    sheet
-        The page.
-    text
-        A line below the picture.
+    sheet : The page.
+    text : A line below the picture.
     """
 
     sheet: PrintSheet
@@ -329,12 +327,9 @@ class TrialPage:
 
     Attributes
     ----------
-    sheet
-        Page and lens sheet in its middle, without borders.
-    pitches, phases
-        What the rows stand for, lenses per inch and lenses.
-    lines
-        From the top down.
+    sheet : Page and lens sheet in its middle, without borders.
+    pitches, phases : What the rows stand for, lenses per inch and lenses.
+    lines : From the top down.
     """
 
     sheet: PrintSheet

@@ -132,13 +132,10 @@ def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: 
 
     Parameters
     ----------
-    screens
-        Width and height of every screen.
-    display
-        The panel.
-    screen
-        Number of the screen; -1 = the one that has the panel's pixels (the last of several, because
-        the first is the desktop's).
+    screens : Width and height of every screen.
+    display : The panel.
+    screen : Number of the screen; -1 = the one that has the panel's pixels (the last of several,
+        because the first is the desktop's).
 
     Raises
     ------

@@ -30,22 +30,15 @@ class DeviceLattice:
 
     Attributes
     ----------
-    bricks
-        int32: the table of bricks, then the bricks' links.
-    density, states
-        float32 [N + 1], and [N + 1, 2]: remembered weight of rays, mean squared slope.
-    pages
-        float32 [rows of the page, `row_floats`] each: colors.
-    bounds
-        First row of each page and behind its last.
-    after, before
-        int32 [N, 3], next and previous rows along x, y, z.
-    heads
-        uint32 [N + 1], first record of each row's chain; none outside steps.
-    table
-        int32 [BZ, BY, BX], the table of all bricks.
-    count, basis
-        N, and harmonics a channel.
+    bricks : int32: the table of bricks, then the bricks' links.
+    density, states : float32 [N + 1], and [N + 1, 2]: remembered weight of rays, mean squared
+        slope.
+    pages : float32 [rows of the page, `row_floats`] each: colors.
+    bounds : First row of each page and behind its last.
+    after, before : int32 [N, 3], next and previous rows along x, y, z.
+    heads : uint32 [N + 1], first record of each row's chain; none outside steps.
+    table : int32 [BZ, BY, BX], the table of all bricks.
+    count, basis : N, and harmonics a channel.
     """
 
     bricks: Any
@@ -66,13 +59,11 @@ class DeviceLattice:
 
         Parameters
         ----------
-        device
-            Where to.
-        given
-            ``table`` int32 [BZ, BY, BX] and ``links`` int32 [bricks * 128] as of
-            `lfportrait.field.kernels.bricks.brick_table`; ``density`` float32 [N + 1]; and to
-            train it ``rows`` float32 [N + 1, width], whose last two values are its states,
-            ``neighbours`` int32 [N, 6] and ``basis``.
+        device : Where to.
+        given : ``table`` int32 [BZ, BY, BX] and ``links`` int32 [bricks * 128] as of
+            `lfportrait.field.kernels.bricks.brick_table`; ``density`` float32 [N + 1]; and to train
+            it ``rows`` float32 [N + 1, width], whose last two values are its states, ``neighbours``
+            int32 [N, 6] and ``basis``.
 
         Raises
         ------
@@ -140,14 +131,10 @@ class Notes:
 
     Attributes
     ----------
-    tiles
-        Packets that there is room for.
-    packet
-        Words of a packet's notes.
-    block_room, record_room
-        Blocks and records that there is room for.
-    buffers
-        By the names of the shaders' bindings.
+    tiles : Packets that there is room for.
+    packet : Words of a packet's notes.
+    block_room, record_room : Blocks and records that there is room for.
+    buffers : By the names of the shaders' bindings.
     """
 
     tiles: int
@@ -162,14 +149,10 @@ class Notes:
 
         Parameters
         ----------
-        device
-            Where.
-        tiles
-            Packets of a step.
-        blocks
-            Most blocks of a packet (`blocks_of_a_packet`).
-        block_room, record_room
-            Blocks and records of a step.
+        device : Where.
+        tiles : Packets of a step.
+        blocks : Most blocks of a packet (`blocks_of_a_packet`).
+        block_room, record_room : Blocks and records of a step.
 
         Raises
         ------
@@ -213,11 +196,9 @@ class Shells:
 
     Attributes
     ----------
-    count
-        Values of four numbers: places on the map times layers.
-    buffers
-        By the names of the shaders' bindings: the map, its values, their mean squared slopes, and
-        sums of slopes as integers, zero between steps.
+    count : Values of four numbers: places on the map times layers.
+    buffers : By the names of the shaders' bindings: the map, its values, their mean squared slopes,
+        and sums of slopes as integers, zero between steps.
     """
 
     count: int
@@ -230,12 +211,9 @@ class Shells:
 
         Parameters
         ----------
-        device
-            Where to.
-        links
-            int32 [2 R, R].
-        data, mean_square
-            float32 [N, layers, 4] and [N * layers, 4].
+        device : Where to.
+        links : int32 [2 R, R].
+        data, mean_square : float32 [N, layers, 4] and [N * layers, 4].
 
         Raises
         ------

@@ -107,14 +107,12 @@ class Steps:
 
     Parameters
     ----------
-    device
-        Where.
-    given
-        What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
-        ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total
-        variation a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance
-        between samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there
-        are any).
+    device : Where.
+    given : What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
+        ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total variation
+        a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance between
+        samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there are
+        any).
     """
 
     def __init__(self, device: Device, given: dict[str, Any]) -> None:
@@ -189,20 +187,15 @@ class Steps:
 
         Parameters
         ----------
-        steps
-            `STEP` [K], at most `SLOTS`.
-        inputs
-            uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
-        averaged
-            bool [K], whether the state after a step counts for the average.
-        looks
-            bool [K], whether it is looked for bright bricks before a step: rays leap over others
-            from then on.
+        steps : `STEP` [K], at most `SLOTS`.
+        inputs : uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
+        averaged : bool [K], whether the state after a step counts for the average.
+        looks : bool [K], whether it is looked for bright bricks before a step: rays leap over
+            others from then on.
 
         Returns
         -------
-        errors
-            float32 [K, T], squared errors of the tiles.
+        errors : float32 [K, T], squared errors of the tiles.
         """
         device, done = self.device, 0
         device.write(self.buffers["inputs"], inputs)
@@ -284,15 +277,12 @@ class Steps:
 
         Parameters
         ----------
-        steps, inputs
-            One step, as for `take`.
-        repeats
-            How often each is run.
+        steps, inputs : One step, as for `take`.
+        repeats : How often each is run.
 
         Returns
         -------
-        figures
-            ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
+        figures : ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
             ``blocks``, ``records`` and visible ``samples`` of the step.
         """
         # Once, for room and for compiled kernels.
@@ -355,19 +345,14 @@ def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
 
     Parameters
     ----------
-    device
-        Where.
-    given
-        ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes them.
-    steps
-        `STEP` [1], of which the rays' numbers count.
-    inputs
-        uint32 [T, 20], the tiles.
+    device : Where.
+    given : ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes them.
+    steps : `STEP` [1], of which the rays' numbers count.
+    inputs : uint32 [T, 20], the tiles.
 
     Returns
     -------
-    weights
-        float32 [N + 1].
+    weights : float32 [N + 1].
     """
     lattice = DeviceLattice.of(device, given)
     band = min(_BAND, len(inputs))
