@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..arrays import Bool, Float32, Float64, Int32
 from ..capture import Camera
 from .grid import Cut, VoxelField
-from .training.lattice import dilated
+from .training.lattice import dilated, labelled
 
 SIDES = 72
 """Directions around the body in which its lower end is looked for."""
@@ -202,7 +201,7 @@ def _crumbs(field: VoxelField, density: Float32) -> Int32:
     filled = field.links >= 0
     thick = np.zeros(filled.shape, np.float32)
     thick[filled] = density[field.links[filled]]
-    pieces, count = ndimage.label(thick > 0.25 * OPAQUE, np.ones((3, 3, 3), np.int8))
+    pieces, count = labelled(thick > 0.25 * OPAQUE)
     if count < 2:
         return np.empty(0, np.int32)
     sizes = np.bincount(pieces.ravel())

@@ -13,6 +13,7 @@ from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, normals_of, smoothed
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
+from ..training.lattice import dilated
 from .fitted_head import Ears
 from .photos import Photos
 
@@ -186,12 +187,9 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
 
 def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bool) -> Bool:
     """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbours, [N]."""
-    grid = np.zeros([size + 2 for size in shape], np.bool_)
-    grid[tuple(cells[chosen].T[::-1] + 1)] = True
-    found = np.zeros(len(cells), np.bool_)
-    for step in np.ndindex(3, 3, 3):
-        found |= grid[tuple(cells.T[::-1] + np.reshape(step, (3, 1)))]
-    return found
+    grid = np.zeros(shape, np.bool_)
+    grid[tuple(cells[chosen].T[::-1])] = True
+    return np.asarray(dilated(grid)[tuple(cells.T[::-1])], np.bool_)
 
 
 def _changed(field: VoxelField, shell: Shell, photos: Photos,

@@ -97,7 +97,10 @@ def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool,
         picture.
     """
     seen, against = _votes(cameras, alphas, filled, center, radius, wide=False)
-    return against > tolerance * seen, filled & (seen < seldom * len(alphas))
+    wrong, hardly = np.zeros(filled.shape, bool), np.zeros(filled.shape, bool)
+    seen, against = seen[filled], against[filled]
+    wrong[filled], hardly[filled] = against > tolerance * seen, seen < seldom * len(alphas)
+    return wrong, hardly
 
 
 def hull_box(cameras: Camera, alphas: list[UInt8], reach: float = 1.8,
