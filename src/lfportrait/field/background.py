@@ -80,9 +80,8 @@ def head_points(field: _Solid, most: int = 8192) -> Float32:
     return np.asarray(points if len(points) else np.zeros((1, 3)), np.float32)
 
 
-def cube_rays(cameras: Camera, view: int, center: Float64,
-              radius: Float64, pixels: Float64 | None = None,
-              ) -> Float32:
+def cube_rays(cameras: Camera, view: int, center: Float64, radius: Float64,
+              pixels: Float64 | None = None) -> Float32:
     """Rays of a view in the coordinates of a box's cube: float32 [K, 6], origin, unit direction.
 
     Parameters
@@ -123,8 +122,7 @@ class Background:
         return int(self.data.shape[1])
 
     @staticmethod
-    def seen(rays: list[Float32], resolution: int, layers: int,
-             density: float) -> Background:
+    def seen(rays: list[Float32], resolution: int, layers: int, density: float) -> Background:
         """Grey spheres of ``density`` where any of the rays [K, 6] looks, ``resolution`` rows."""
         marks = np.zeros((2 * resolution, resolution), np.uint8)
         for part in rays:
@@ -137,8 +135,7 @@ class Background:
         data[..., 3] = density
         return Background(links, data)
 
-    def color(self, rays: Float32, grey: float, stop: float = 1e-3,
-              ) -> Float32:
+    def color(self, rays: Float32, grey: float, stop: float = 1e-3) -> Float32:
         """Color of each ray [K, 6] behind the lattice, float32 [K, 3]."""
         found = np.empty((len(rays), 3), np.float32)
         shells_forward(rays, self.links, self.data.reshape(-1, 4), self.layers, grey, stop, found)

@@ -43,8 +43,7 @@ class Layouts:
     _places: Places | None = None
     _cells: tuple[UInt8, Int32] | None = None
 
-    def bricks(self, links: Int32, density: Float32,
-               sh: NDArray[np.floating[Any]]) -> Bricks:
+    def bricks(self, links: Int32, density: Float32, sh: NDArray[np.floating[Any]]) -> Bricks:
         """The layout for casting, in the colors ``sh``, float [N, 3, B]."""
         if self._bricks is None:
             built = build_bricks(links, density, sh)
@@ -52,8 +51,7 @@ class Layouts:
             return built
         return replace(self._bricks, sh=sh)
 
-    def stretches(self, links: Int32, density: Float32,
-                  sh: NDArray[np.floating[Any]]) -> Stretches:
+    def stretches(self, links: Int32, density: Float32, sh: NDArray[np.floating[Any]]) -> Stretches:
         """The layout for slices, in the colors ``sh``, float [N, 3, B]."""
         if self._places is None:
             self._places = place_stretches(links)
@@ -326,8 +324,7 @@ class VoxelField:
                          depth.reshape(height, width))
         return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
 
-    def depth(self, cameras: Camera, view: int = 0,
-              ) -> tuple[Float32, Float32]:
+    def depth(self, cameras: Camera, view: int = 0) -> tuple[Float32, Float32]:
         """Opacity and depth [H, W] of one view as `render` gives them, in less time."""
         size = int(cameras.width[view]), int(cameras.height[view])
         alpha, depth = (np.empty(size[0] * size[1], np.float32) for _ in range(2))
@@ -394,8 +391,7 @@ class VoxelField:
         return Rendering(color[0], alpha[0], depth[0])
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
-                       step: float = 0.5, inside: Bool | None = None,
-                       ) -> SampleWeights:
+                       step: float = 0.5, inside: Bool | None = None) -> SampleWeights:
         """The view as a sparse linear map of the lattice rows' colors.
 
         Parameters

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..capture import Capture
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
@@ -77,8 +78,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
                              log: Path | None = None, measure_every: float = 0.0,
                              device: str = "auto",
                              look: Callable[[Callable[[], VoxelField]], None] | None = None,
-                             fit_head: FitHead | None = None,
-                             ) -> tuple[VoxelField, dict[str, Any]]:
+                             fit_head: FitHead | None = None) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
     Parameters
@@ -205,7 +205,7 @@ def _tested(field: VoxelField, trainer: Trainer, capture: Capture) -> dict[str, 
     background, gains, tested = trainer.config.background, trainer.test_gains, trainer.capture
     if trainer.poses is not None:
         tested = trainer.poses.tested(field, trainer.capture, gains)
-    others: dict[str, tuple[Capture, NDArray[np.float64] | None]] = {}
+    others: dict[str, tuple[Capture, Float64 | None]] = {}
     if not np.allclose(gains, 1.0):
         others["psnr_without_exposure"] = tested, None
     if trainer.laid is not None:
@@ -227,9 +227,8 @@ def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
-              config: ReconstructConfig, figures: dict[str, Any],
-              progress: Progress | None, fit_head: FitHead | None, roughly: bool = False,
-              ) -> VoxelField:
+              config: ReconstructConfig, figures: dict[str, Any], progress: Progress | None,
+              fit_head: FitHead | None, roughly: bool = False) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures.
 
     ``roughly``: what was added is not trained.

@@ -235,8 +235,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
                 _eight_bit(_seen(field, vertices, normals, float(spacing.mean()))))
 
 
-def _seen(field: VoxelField, points: Float64, normals: Float64,
-          voxel: float) -> Float32:
+def _seen(field: VoxelField, points: Float64, normals: Float64, voxel: float) -> Float32:
     """Color of surface points as seen from outside, float32 [K, 3].
 
     A short ray, in the direction of `_gaze`, goes through the surface's few voxels.

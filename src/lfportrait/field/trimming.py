@@ -80,8 +80,7 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
     return cut
 
 
-def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float,
-                   ) -> Float64 | None:
+def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float) -> Float64 | None:
     """The plane on which all but ``share`` of the photos end, [3] as `_plane`; None if none are.
 
     A photo counts for a point if it shows the place above it at the chin's height: one that passes

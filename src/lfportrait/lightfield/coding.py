@@ -389,9 +389,8 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
         sliced=config.method == "slices" and len(colors) == 1)
 
 
-def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
-          fixed: int, first: int = 0, apart: int = 1,
-          ground: Ground | None = None) -> UInt8:
+def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any], fixed: int,
+          first: int = 0, apart: int = 1, ground: Ground | None = None) -> UInt8:
     """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
     bricks = field.bricks
     placement = Placement.of(display, config)
@@ -521,8 +520,7 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
 
 def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
-                count: int, apart: int = 1, *,
-                views: NDArray[np.unsignedinteger] | None = None,
+                count: int, apart: int = 1, *, views: NDArray[np.unsignedinteger] | None = None,
                 ground: Ground | None = None) -> UInt8:
     """Code some rows of a panel: the same as these rows of `encode`.
 

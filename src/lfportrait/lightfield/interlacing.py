@@ -120,8 +120,7 @@ def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
     return np.stack(tiles)
 
 
-def assemble_quilt(tiles: UInt8, layout: QuiltLayout,
-                   size: tuple[int, int] | None = None) -> UInt8:
+def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | None = None) -> UInt8:
     """The inverse of `quilt_tiles`.
 
     Parameters
@@ -251,8 +250,7 @@ _MEMORY = 400_000_000
 """Bytes that the sums of one pass may take."""
 
 
-def deinterlace(image: UInt8, display: Display, view: int,
-                ) -> tuple[UInt8, Bool]:
+def deinterlace(image: UInt8, display: Display, view: int) -> tuple[UInt8, Bool]:
     """The sub-pixels of a coded picture that one view owns.
 
     Parameters

@@ -74,8 +74,7 @@ def _word(text: str, height: int, width: int, size: int) -> Float32:
     return np.asarray(picture, np.float32) / np.float32(255)
 
 
-def _sampled(texture: Float32, down: Float64, right: Float64,
-             ) -> Float32:
+def _sampled(texture: Float32, down: Float64, right: Float64) -> Float32:
     """A texture [h, w] at places in [0, 1] (from the top left), interpolated; 0 outside."""
     height, width = texture.shape
     padded = np.pad(texture, 1)
@@ -111,8 +110,7 @@ def _views(display: Display) -> Paint:
     inside = (np.abs(y % 1 - 0.78) < 0.14) & (np.abs(x % 1 - 0.5) < 0.42)
     cell = np.where(inside, cell, -1)
 
-    def paint(view: Int64, x: Float64, y: Float64,
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         row = (np.clip((1 - y) / 2, 0, 0.999999) * 2 % 1 * height).astype(np.intp)
         column = (np.clip((x / display.aspect + 1) / 2, 0, 0.999999) * 2 % 1 * width).astype(
             np.intp)
@@ -127,8 +125,7 @@ def _slant(display: Display) -> Paint:
     half = 0.5 + min(max(display.views / 24, 1.6 * display.views / display.pitch),
                      display.views / 4)
 
-    def paint(view: Int64, x: Float64, y: Float64,
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         white = np.abs(view - middle) <= half
         side = (view < middle) if channel == 0 else (view > middle) if channel == 2 else view < 0
         return np.where(white, 1.0, np.where(side, 0.6, 0.0))
@@ -139,8 +136,7 @@ def _slant(display: Display) -> Paint:
 def _fringe(display: Display) -> Paint:
     eyes, depth = display.eyes(), 0.5 * max(DepthReport.of(display).back, -display.distance)
 
-    def paint(view: Int64, x: Float64, y: Float64,
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         third = (view * 3 // display.views == channel).astype(float)
         x_z = eyes[view] + (x - eyes[view]) * (display.distance - depth) / display.distance
         bars = (np.floor(x_z * 8) % 2 == 0).astype(float)
@@ -163,8 +159,7 @@ def _depth(display: Display) -> Paint:
         textures.append(_word(text, height, width,
                               round(min(0.4 * height, 1.4 * width / len(text)))))
 
-    def paint(view: Int64, x: Float64, y: Float64,
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         band = np.clip(((1 - y) / 2 * count).astype(np.int64), 0, count - 1)
         x, y = np.broadcast_arrays(x, y)
         value = np.zeros(view.shape)

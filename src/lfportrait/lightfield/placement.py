@@ -192,8 +192,7 @@ class DepthReport:
     millimetres: float
 
     @staticmethod
-    def of(display: Display, config: EncodeConfig | None = None,
-           views: float = 0.0) -> DepthReport:
+    def of(display: Display, config: EncodeConfig | None = None, views: float = 0.0) -> DepthReport:
         """The report for a head placed as ``config`` says.
 
         ``views``: how many views the lenses tell apart, where that is not the display's number.

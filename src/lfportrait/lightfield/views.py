@@ -51,8 +51,7 @@ def eight_bit(color: Float32) -> UInt8:
     return np.clip(color, 0.5, 255.5, out=color).astype(np.uint8)
 
 
-def _rays(row: Float64, size: tuple[int, int], corners: Float64,
-          ) -> tuple[float, float] | None:
+def _rays(row: Float64, size: tuple[int, int], corners: Float64) -> tuple[float, float] | None:
     """Slopes x / z of the first and last ray that a camera sends at the lattice, in its own frame.
 
     Parameters
@@ -155,9 +154,8 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
         del wanted[:len(rows)]
 
 
-def _together(field: VoxelField, cameras: Camera, views: Sequence[int],
-              rows: Float64, size: tuple[int, int], reach: float,
-              background: float | NDArray[np.floating],
+def _together(field: VoxelField, cameras: Camera, views: Sequence[int], rows: Float64,
+              size: tuple[int, int], reach: float, background: float | NDArray[np.floating],
               ground: Ground | None) -> Iterator[Rendering]:
     """Views whose rows lie in the same planes; ``reach`` is the largest slope of their rays."""
     stretches, lattice = field.stretches, field.lattice

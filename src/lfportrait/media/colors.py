@@ -87,8 +87,7 @@ def coded_space(primaries: int, transfer: int) -> ColorSpace:
                       known, curve)
 
 
-def from_space(values: UInt8 | NDArray[np.uint16], space: ColorSpace,
-               ) -> UInt8:
+def from_space(values: UInt8 | NDArray[np.uint16], space: ColorSpace) -> UInt8:
     """Values [H, W, 3] of a color space, full range, as sRGB, uint8 [H, W, 3]."""
     most = float(np.iinfo(values.dtype).max)
     if _coded(space):

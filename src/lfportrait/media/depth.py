@@ -328,8 +328,7 @@ def _count(item: dict[str, str], name: str) -> int:
     return number
 
 
-def _first_readable(data: bytes, items: list[dict[str, str]],
-                    wanted: int) -> tuple[Float32, int]:
+def _first_readable(data: bytes, items: list[dict[str, str]], wanted: int) -> tuple[Float32, int]:
     """The depth's grey picture, and where the appended files start.
 
     They follow the JPEG. Some phones put other data between, so they may also end with the file.

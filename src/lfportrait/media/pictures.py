@@ -141,8 +141,7 @@ def read_image(path: str | os.PathLike[str]) -> UInt8:
         raise UserError(f"can't read the picture {path}: {error}") from error
 
 
-def read_images(paths: Iterable[str | os.PathLike[str]],
-                ) -> Iterator[UInt8 | UserError]:
+def read_images(paths: Iterable[str | os.PathLike[str]]) -> Iterator[UInt8 | UserError]:
     """Read pictures in order, several at a time: `read_image`'s pictures, or its errors."""
     def read(path: str | os.PathLike[str]) -> UInt8 | UserError:
         try:

@@ -246,8 +246,7 @@ def _trust(view: StyleView) -> Float32:
     return np.ascontiguousarray(np.where(view.alpha > 0.05, weight, 0.0), np.float32)
 
 
-def affine_color_map(source: Float32, target: Float32, weight: Float32,
-                     ) -> tuple[Float64, Float64]:
+def affine_color_map(source: Float32, target: Float32, weight: Float32) -> tuple[Float64, Float64]:
     """The affine map of colors, target ~ matrix source + offset, by weighted least squares.
 
     Parameters

@@ -277,8 +277,7 @@ class StyledField(VoxelField):
     @staticmethod
     def of(real: VoxelField, painted: NDArray[Any], styles: Collection[str], photo: NDArray[Any],
            labels: UInt8, regions: Collection[str] | None = None,
-           textures: Sequence[SurfaceTexture] = (),
-           texel_rows: Int32 | None = None) -> StyledField:
+           textures: Sequence[SurfaceTexture] = (), texel_rows: Int32 | None = None) -> StyledField:
         """A field that shows its first style at full strength.
 
         Parameters

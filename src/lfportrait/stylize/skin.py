@@ -144,8 +144,7 @@ def _row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
     return out, names
 
 
-def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
-                ) -> list[StyleView]:
+def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1) -> list[StyleView]:
     """The charts as views of a fit, and the lattice rows behind each pixel.
 
     Parameters

@@ -381,9 +381,8 @@ def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[E
 def stylize_with_figures(field: VoxelField, capture: Capture,
                          exemplar: Exemplar | Sequence[Exemplar],
                          config: StylizeConfig | None = None, progress: Progress | None = None,
-                         device: str = "auto", dump: Path | None = None,
-                         skin: Skin | None = None, painters: Painters | None = None,
-                         ) -> tuple[StyledField, dict[str, Any]]:
+                         device: str = "auto", dump: Path | None = None, skin: Skin | None = None,
+                         painters: Painters | None = None) -> tuple[StyledField, dict[str, Any]]:
     """Stylise a field by one or more exemplars.
 
     Parameters

@@ -87,8 +87,7 @@ class End:
     width: float
 
 
-def vignetted(field: VoxelField, capture: Capture, seed: int = 0,
-              ) -> tuple[VoxelField, list[End]]:
+def vignetted(field: VoxelField, capture: Capture, seed: int = 0) -> tuple[VoxelField, list[End]]:
     """A field whose cuts end in strokes.
 
     Parameters

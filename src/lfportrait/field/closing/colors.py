@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64
+from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, continued, smoothed
@@ -88,13 +88,12 @@ def _mirrored(detail: Float64, shown: Bool) -> Float64:
     return out
 
 
-def _ends(shown: Bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _ends(shown: Bool) -> tuple[Int64, Int64]:
     """The first and the last shown cell of each line [N, M], [N] each."""
     return shown.argmax(axis=1), shown.shape[1] - 1 - shown[:, ::-1].argmax(axis=1)
 
 
-def _between(place: NDArray[np.int64], low: NDArray[np.int64] | int,
-             high: NDArray[np.int64] | int) -> NDArray[np.int64]:
+def _between(place: Int64, low: Int64 | int, high: Int64 | int) -> Int64:
     """Where places are seen between two mirrors: there and back again."""
     width = np.maximum(np.subtract(high, low), 1)
     way = (place - low) % (2 * width)

@@ -16,12 +16,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from ...arrays import Bool, Float64
+from ...arrays import Bool, Float64, Int32, Int64
 from ...capture import Capture
 from ..geometry.chart import Chart, roughly_fitted_plate
 from .photos import Photos
@@ -52,7 +51,7 @@ class FittedHead:
     """
 
     points: Float64
-    triangles: NDArray[np.int32]
+    triangles: Int32
     ears: Bool
 
 
@@ -62,8 +61,8 @@ normals [N, 3] and how far each is to be trusted [N], 0 to 1; all in the portrai
 there is no model of heads."""
 
 
-def mesh_samples(points: Float64, triangles: NDArray[np.int32], step: float = STEP,
-                 ) -> tuple[Float64, Float64, NDArray[np.int64]]:
+def mesh_samples(points: Float64, triangles: Int32, step: float = STEP,
+                 ) -> tuple[Float64, Float64, Int64]:
     """Places on a mesh about ``step`` apart.
 
     Returns
@@ -122,8 +121,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
         ratio, np.where(known, 1.0, 0.0), 0.5, 0.01, GIVES_WAY)), np.float64)
 
 
-def _cells(chart: Chart, places: Float64,
-           ) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64]:
+def _cells(chart: Chart, places: Float64) -> tuple[Int64, Int64, Float64]:
     """Row, column and distance in world units of places [N, 3] in the chart's frame, [N] each."""
     world = places
     if chart.frame is not None:
@@ -188,7 +186,7 @@ class Ears:
     reach: float
     step: float
 
-    def distance(self, points: Float64) -> tuple[Float64, NDArray[np.int64]]:
+    def distance(self, points: Float64) -> tuple[Float64, Int64]:
         """How far points [N, 3] lie outside, and their nearest samples; infinite far from ears."""
         low, high = (f(self.points[self.own], axis=0) for f in (np.min, np.max))
         near = np.flatnonzero(((points > low - self.reach) & (points < high + self.reach))
@@ -251,7 +249,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) ->
                 STEP * unit)
 
 
-def _around(head: FittedHead, side: Bool) -> NDArray[np.int64]:
+def _around(head: FittedHead, side: Bool) -> Int64:
     """The triangles of an ear and next to it."""
     mark = head.ears & side
     for _ in range(3):
@@ -261,7 +259,7 @@ def _around(head: FittedHead, side: Bool) -> NDArray[np.int64]:
     return np.flatnonzero(mark[head.triangles].all(axis=1))
 
 
-def _views(count: int) -> NDArray[np.int64]:
+def _views(count: int) -> Int64:
     return np.linspace(0, count - 1, min(_VIEWS, count)).astype(np.int64)
 
 

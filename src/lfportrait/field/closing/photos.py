@@ -10,10 +10,9 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float64, Int32
+from ...arrays import Bool, Float32, Float64, Int32, Int64
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
@@ -57,7 +56,7 @@ class Photos:
                            ndimage.maximum_filter(np.where(np.isfinite(depth), depth, -np.inf), 3)),
             self._depths))
 
-    def faced(self, points: Float64, least: float) -> NDArray[np.int32]:
+    def faced(self, points: Float64, least: float) -> Int32:
         """How many views see points [N, 3] on a surface that faces them, int32 [N].
 
         ``least``: the cosine from which on it does. Fringes are steep in every view; an ear that
@@ -68,8 +67,7 @@ class Photos:
             votes += sees
         return votes
 
-    def seen(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
-             ) -> NDArray[np.int32]:
+    def seen(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0) -> Int32:
         """How many views see points [N, 3] on a surface, int32 [N].
 
         ``outwards`` [N, 3], unit: only from directions with a cosine above ``least`` to it.
@@ -99,7 +97,7 @@ class Photos:
         return side_by_side(sees, range(len(self._depths)))
 
     @functools.cached_property
-    def _cosines(self) -> list[NDArray[np.float32]]:
+    def _cosines(self) -> list[Float32]:
         """Between the way to each camera and the surface that it sees, by its depths, [H, W]."""
         return side_by_side(lambda view: _facing(self._depths[view],
                                                  float(self.cameras.focal[view, 0])),
@@ -156,8 +154,7 @@ class Photos:
         _, place, depth = self._shown(view, points)
         return depth, np.asarray(self._depths[view][place], np.float64)
 
-    def _shown(self, view: int, points: Float64,
-               ) -> tuple[Bool, tuple[NDArray[np.int64], ...], Float64]:
+    def _shown(self, view: int, points: Float64) -> tuple[Bool, tuple[Int64, ...], Float64]:
         """Which points a view shows, their (row, column) and depths."""
         height, width = self._depths[view].shape
         pixels, depth = (part[0] for part in self.cameras[view].project(points))
@@ -166,7 +163,7 @@ class Photos:
         return shown, (row[shown], column[shown]), depth[shown]
 
 
-def _facing(depth: Float64, focal: float) -> NDArray[np.float32]:
+def _facing(depth: Float64, focal: float) -> Float32:
     """Cosine between rays and the surface of a depth map [H, W]; the map is inf beside it."""
     slopes = []
     with np.errstate(invalid="ignore"):

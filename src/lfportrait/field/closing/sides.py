@@ -173,9 +173,8 @@ LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
 
-def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
-                cut: Cut | None = None, fit_head: FitHead | None = None,
-                ) -> tuple[VoxelField, Closed | None]:
+def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: Cut | None = None,
+                fit_head: FitHead | None = None) -> tuple[VoxelField, Closed | None]:
     """Close a field's surface where an arc of photos does not show it.
 
     Parameters

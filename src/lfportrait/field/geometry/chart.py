@@ -124,8 +124,7 @@ class Chart:
         return np.stack([x, y, z], axis=1) + first
 
     def outside(self, distance: Float64, margin: Float64, shape: tuple[int, int, int],
-                center: Float64, radius: Float64,
-                ) -> tuple[Float32, Float32]:
+                center: Float64, radius: Float64) -> tuple[Float32, Float32]:
         """How far lattice points lie outside of a surface along the rays, and a margin there.
 
         Parameters

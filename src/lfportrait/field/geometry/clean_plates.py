@@ -28,7 +28,7 @@ from ..grid import camera_row
 from ..kernels.depth_maps import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth
 
-Plane = NDArray[np.float32]
+Plane = Float32
 
 _ANCHORS, _PLANES = 16, 48
 _SIDE = 480  # height or width of a plate
@@ -247,7 +247,7 @@ class CleanPlates:
         return _one_piece(np.asarray(cv2.medianBlur(sure, 5)))
 
 
-def _total(channels: NDArray[np.float32]) -> Plane:
+def _total(channels: Float32) -> Plane:
     """Sum of three channels [h, w, 3], [h, w]: along an axis of three NumPy is ten times slower."""
     return channels[..., 0] + channels[..., 1] + channels[..., 2]
 
@@ -287,8 +287,7 @@ def _chosen(one: DepthMap, mask: Bool) -> Float64:
     return DepthMap(one.camera, one.image, depth).points()
 
 
-def _seen(points: Float64, camera: Camera,
-          ) -> tuple[Bool, Int64, Float64]:
+def _seen(points: Float64, camera: Camera) -> tuple[Bool, Int64, Float64]:
     """Which points a camera has in its picture, their pixels in scan order, all points' depth."""
     pixels, along = camera.project(points)
     column, row = np.floor(pixels[0]).astype(np.int64).T

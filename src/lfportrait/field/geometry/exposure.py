@@ -21,8 +21,7 @@ from .sweep import DepthMap
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
 
 
-def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
-                   ) -> tuple[Float64, Float64]:
+def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float64, Float64]:
     """Gains of photos.
 
     Parameters
@@ -65,8 +64,7 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
     return np.exp(gains), np.exp(found)
 
 
-def _ratio(points: Float64, colors: Float32, other: DepthMap,
-           ) -> Float64 | None:
+def _ratio(points: Float64, colors: Float32, other: DepthMap) -> Float64 | None:
     """Median log ratio [3] of another photo's colors to those of points; None if few are seen."""
     pixels, along = other.camera.project(points)
     height, width = other.depth.shape
@@ -115,8 +113,7 @@ def matte_gains(field: VoxelField, capture: Capture, views: Int64,
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
 
 
-def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int,
-                ) -> tuple[Float64, float]:
+def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int) -> tuple[Float64, float]:
     """Logarithm of a photo's gains [3], and how much they differ from part to part of it."""
     assert capture.alphas is not None
     camera = capture.cameras[view]

@@ -32,7 +32,7 @@ _PERSON = 0.4  # share of the votes below which what stands at the origin is no 
 _DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
 _HIDDEN = 0.85  # and above which a point without depth is inside
 
-Points = NDArray[np.float64]
+Points = Float64
 
 
 @dataclass(frozen=True)

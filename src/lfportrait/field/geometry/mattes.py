@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import UInt8
+from ...arrays import Float32, UInt8
 from ...capture import Capture, refine_matte
 from ...progress import Progress
 from ...simd.threads import side_by_side
@@ -33,7 +33,7 @@ from ..grid import VoxelField
 from .fused_depth import REACH, Solid, find_solid
 from .sweep import sweep_depth
 
-Plane = NDArray[np.float32]
+Plane = Float32
 
 _AGREE = 0.8
 """Overlap with a rough outline below which a photo's edges are not followed."""

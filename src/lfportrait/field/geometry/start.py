@@ -22,9 +22,8 @@ from .head_surface import HeadSurface, distance_outside
 from .sweep import fuse, scene_box, small_view, sweep_depth
 
 
-def _votes(cameras: Camera, alphas: Sequence[UInt8], asked: Bool,
-           center: Float64, radius: Float64, wide: bool,
-           ) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+def _votes(cameras: Camera, alphas: Sequence[UInt8], asked: Bool, center: Float64, radius: Float64,
+           wide: bool) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """How many views have each of the lattice points ``asked`` in the picture, and show it empty.
 
     Empty are pixels with nothing in their mattes within a voxel (``wide``), or not a quarter of
@@ -45,9 +44,8 @@ def _votes(cameras: Camera, alphas: Sequence[UInt8], asked: Bool,
     return seen, against
 
 
-def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int],
-                center: Float64, radius: Float64,
-                tolerance: float = 0.03) -> Bool:
+def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int], center: Float64,
+                radius: Float64, tolerance: float = 0.03) -> Bool:
     """Lattice points that (nearly) no matte rules out.
 
     Parameters
@@ -73,10 +71,8 @@ def _hull(seen: NDArray[np.int16], against: NDArray[np.int16], views: int,
     return (seen >= max(1, round(0.05 * views))) & (against <= tolerance * seen)
 
 
-def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool,
-              center: Float64, radius: Float64,
-              tolerance: float = 0.08, seldom: float = 0.2,
-              ) -> tuple[Bool, Bool]:
+def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool, center: Float64,
+              radius: Float64, tolerance: float = 0.08, seldom: float = 0.2) -> tuple[Bool, Bool]:
     """Points of a fine lattice that mattes rule out, though the hull on a coarse one held them.
 
     Crumbs about an outline come from mattes that are a pixel too wide here and there; most other
@@ -103,8 +99,7 @@ def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool,
     return wrong, hardly
 
 
-def hull_box(cameras: Camera, alphas: list[UInt8], reach: float = 1.8,
-             ) -> tuple[Float64, Float64]:
+def hull_box(cameras: Camera, alphas: list[UInt8], reach: float = 1.8) -> tuple[Float64, Float64]:
     """Center and radius [3] of a box about what the mattes show, within ``reach`` of the origin.
 
     A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least two fifths of

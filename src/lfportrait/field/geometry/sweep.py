@@ -102,8 +102,7 @@ def small_view(capture: Capture, view: int) -> DepthMap:
     return DepthMap(camera, pixels, np.full(pixels.shape[:2], np.nan, np.float32))
 
 
-def _neighbours(view: int, position: Float64, forward: Float64,
-                ) -> list[int]:
+def _neighbours(view: int, position: Float64, forward: Float64) -> list[int]:
     """The nearest views that see the scene from a sufficiently different place."""
     away = np.linalg.norm(position - position[view], axis=1)
     reach = float(np.linalg.norm(position[view]))
@@ -162,8 +161,7 @@ def _intrinsics(camera: Camera) -> Float64:
                      [0.0, camera.focal[0, 1], camera.center[0, 1] - 0.5], [0.0, 0.0, 1.0]])
 
 
-def _homographies(reference: Camera, other: Camera,
-                  ) -> tuple[Float64, Float64]:
+def _homographies(reference: Camera, other: Camera) -> tuple[Float64, Float64]:
     """From the reference's pixels to the other's, for planes at depth d.
 
     The first matrix [3, 3] plus 1 / d times the second.
@@ -197,8 +195,7 @@ def _confirmed(view: int, found: list[Float32], cameras: list[Camera],
     return kept
 
 
-def scene_box(maps: list[DepthMap], least: float, most: float,
-              ) -> tuple[Float64, Float64] | None:
+def scene_box(maps: list[DepthMap], least: float, most: float) -> tuple[Float64, Float64] | None:
     """Center and radius [3] of a box about nine tenths of the points, or None without points.
 
     The box reaches at least ``least`` and at most ``most`` from the origin along each axis.
@@ -248,8 +245,7 @@ class Surfaces:
     color: Float32
 
 
-def fuse(maps: list[DepthMap], resolution: int, center: Float64,
-         radius: Float64) -> Surfaces:
+def fuse(maps: list[DepthMap], resolution: int, center: Float64, radius: Float64) -> Surfaces:
     """The votes of all maps on a lattice with ``resolution`` points to two world units."""
     shape = box_shape(resolution, radius)
     x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)

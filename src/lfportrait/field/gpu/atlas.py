@@ -268,8 +268,7 @@ class Atlas:
                     steps.append((self._kernel, group, (columns, -(-many // columns), 1)))
         device.run(*steps)
 
-    def march_uniform(self, threshold: float, stop: float, whole: bool,
-                      textured: float) -> UInt8:
+    def march_uniform(self, threshold: float, stop: float, whole: bool, textured: float) -> UInt8:
         """The uniform ``field`` of `march.wgsl`, uint8 [64]; the texture's strength is 0 to 1."""
         uniform = np.zeros(64, np.uint8)
         floats, words = uniform.view(np.float32), uniform.view(np.uint32)

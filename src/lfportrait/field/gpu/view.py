@@ -229,8 +229,7 @@ def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: flo
     return key, name
 
 
-def views_on_gpu(process: GpuProcess, field: Castable, job: ViewJob, footprint: float,
-                 ) -> Any:
+def views_on_gpu(process: GpuProcess, field: Castable, job: ViewJob, footprint: float) -> Any:
     """Render views on the device (`render_views`), where the field is sent first if it must be."""
     keys = keep_field(process, field, 1, footprint, whole=False)
     return process.call(f"{_STAGE}.view:render_views", keys, job)

@@ -193,8 +193,7 @@ def _brighter(since, until, links, density, least, found):
         found[brick] = most > least
 
 
-def bright_table(table: Int32, brick_links: Int32,
-                 density: Float32, least: float) -> Int32:
+def bright_table(table: Int32, brick_links: Int32, density: Float32, least: float) -> Int32:
     """The table without the bricks in which no density is above ``least``, as `brick_table`'s.
 
     Parameters
@@ -209,8 +208,7 @@ def bright_table(table: Int32, brick_links: Int32,
     return np.where(bright, table, _distances(bright)).astype(np.int32)
 
 
-def brick_table(links: Int32, rows: int,
-                ) -> tuple[Int32, Int32]:
+def brick_table(links: Int32, rows: int) -> tuple[Int32, Int32]:
     """Table and links of the bricks of a lattice.
 
     Parameters
@@ -234,8 +232,7 @@ def brick_table(links: Int32, rows: int,
     return table, brick_links
 
 
-def build_bricks(links: Int32, density: Float32,
-                 sh: NDArray[Any]) -> Bricks:
+def build_bricks(links: Int32, density: Float32, sh: NDArray[Any]) -> Bricks:
     """Lay a field out for casting.
 
     Parameters
@@ -334,8 +331,7 @@ def _fill(since, until, links, density, sh, none, places, values):
                                _load(flat, np.uintp(16 * line)))
 
 
-def build_stretches(links: Int32, density: Float32,
-                    sh: NDArray[np.floating]) -> Stretches:
+def build_stretches(links: Int32, density: Float32, sh: NDArray[np.floating]) -> Stretches:
     """Lay a field out for slices.
 
     Parameters

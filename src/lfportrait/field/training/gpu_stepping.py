@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
@@ -30,8 +31,7 @@ _LONG = 0.2
 """Seconds that a call should take at most, so that clocks are kept on slow devices, too."""
 
 
-def tiles_given(data: TrainingPixels, tiles: NDArray[np.int32], greys: NDArray[np.float32],
-                ) -> NDArray[np.uint32]:
+def tiles_given(data: TrainingPixels, tiles: Int32, greys: Float32) -> NDArray[np.uint32]:
     """Tiles with their pixels as the GPU takes them: uint32 [T, 20].
 
     View, row, column, the grey's bits as a float32, and 16 pixels of four bytes; pixels beyond a
@@ -49,8 +49,7 @@ def tiles_given(data: TrainingPixels, tiles: NDArray[np.int32], greys: NDArray[n
     return out
 
 
-def cameras_given(data: TrainingPixels, geometry: NDArray[np.float64],
-                  scale: NDArray[np.float32]) -> NDArray[np.float32]:
+def cameras_given(data: TrainingPixels, geometry: Float64, scale: Float32) -> Float32:
     """Cameras as the GPU takes them: float32 [V, 32].
 
     Origin in lattice coordinates, rotation row by row, the lattice's scale, focal lengths and
@@ -67,7 +66,7 @@ def cameras_given(data: TrainingPixels, geometry: NDArray[np.float64],
     return out
 
 
-def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: NDArray[np.float32],
+def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: Float32,
                 pace: float) -> dict[str, Any]:
     """A lattice and its cameras as the GPU takes them, without what is trained."""
     table, links, _ = geometry
@@ -98,7 +97,7 @@ def warn(progress: Progress | None, line: str) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def ray_numbers(options: NDArray[np.float64], count: int = 1) -> NDArray[Any]:
+def ray_numbers(options: Float64, count: int = 1) -> NDArray[Any]:
     """`STEP` [count] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
     steps = np.zeros(count, STEP)
     for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "sparsity", "narrow"),
@@ -108,9 +107,8 @@ def ray_numbers(options: NDArray[np.float64], count: int = 1) -> NDArray[Any]:
     return steps
 
 
-def largest_on_gpu(process: GpuProcess, lattice: Lattice, data: TrainingPixels,
-                   tiles: NDArray[np.int32], scale: NDArray[np.float32],
-                   options: NDArray[np.float64]) -> NDArray[np.float32]:
+def largest_on_gpu(process: GpuProcess, lattice: Lattice, data: TrainingPixels, tiles: Int32,
+                   scale: Float32, options: Float64) -> Float32:
     """The largest weight of each row on the rays of tiles, as `Caster.largest`: float32 [N + 1]."""
     geometry = lattice.geometry()
     given = level_given(lattice, geometry, cameras_given(data, geometry[2], scale),
@@ -143,11 +141,10 @@ class GpuSteps:
     """
 
     def __init__(self, process: GpuProcess, lattice: Lattice, data: TrainingPixels,
-                 config: Settings, level: int, basis: int, workers: int,
-                 options: NDArray[np.float64], lowest: np.float32,
-                 scale: Callable[[], NDArray[np.float32]], taken: Taken, tiles: int,
+                 config: Settings, level: int, basis: int, workers: int, options: Float64,
+                 lowest: np.float32, scale: Callable[[], Float32], taken: Taken, tiles: int,
                  behind: BackgroundTrainer | None = None, average: Average | None = None,
-                 table: NDArray[np.int32] | None = None) -> None:
+                 table: Int32 | None = None) -> None:
         self.behind = behind
         self.process, self.lattice, self.data, self.scale = process, lattice, data, scale
         self.taken, self.average, self.basis = taken, average, basis
@@ -173,7 +170,7 @@ class GpuSteps:
         self.table = table
         self._looks_next, self._looked = False, False
         self._waiting: list[tuple[Plan, bool]] = []
-        self._under_way: tuple[list[Plan], Future[tuple[NDArray[np.float32], float]]] | None = None
+        self._under_way: tuple[list[Plan], Future[tuple[Float32, float]]] | None = None
         self._together = _FIRST
         self._thread = ThreadPoolExecutor(1)
         self._call("begin", {
@@ -197,7 +194,7 @@ class GpuSteps:
         if len(self._waiting) >= self._together:
             self._send()
 
-    def _timed(self, *arguments: Any) -> tuple[NDArray[np.float32], float]:
+    def _timed(self, *arguments: Any) -> tuple[Float32, float]:
         """Errors of some steps, and the seconds that they took."""
         start = time.perf_counter()
         return self._call("take", *arguments), time.perf_counter() - start
@@ -283,8 +280,8 @@ class GpuSteps:
             self.average.count = self._states
         lattice.rows[:, -2:] = self._bring(lattice.density, lattice.rows)
 
-    def _bring(self, density: NDArray[np.float32], rows: NDArray[np.float32],
-               states: int = 0, sums: bool = False) -> NDArray[np.float32] | None:
+    def _bring(self, density: Float32, rows: Float32,
+               states: int = 0, sums: bool = False) -> Float32 | None:
         """Write what the device has into densities [N + 1] and the colors of rows.
 
         The lattice's values, the mean of ``states`` of them, or their sums. Returns what the

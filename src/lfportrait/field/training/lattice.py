@@ -14,15 +14,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64, Int32
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
 from ..kernels.rows import add_rows, fill_neighbours, mark_points, put_means, refine_rows
 
 
-def _box(points: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice, slice] | None:
+def _box(points: Bool, margin: int = 0) -> tuple[slice, slice, slice] | None:
     """The box about points, by so much wider; None without a point."""
     flat = np.any(points, axis=0)
     sides = [np.flatnonzero(some) for some in (np.any(points, axis=(1, 2)), np.any(flat, axis=1),
@@ -33,7 +33,7 @@ def _box(points: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice, slic
     return z, y, x
 
 
-def dilated(points: NDArray[np.bool_], steps: int = 1) -> NDArray[np.bool_]:
+def dilated(points: Bool, steps: int = 1) -> Bool:
     """Points, and all that are at most ``steps`` from one along each axis: bool [Z, Y, X].
 
     It is `scipy.ndimage.binary_dilation` by a cube, axis by axis.
@@ -55,7 +55,7 @@ def dilated(points: NDArray[np.bool_], steps: int = 1) -> NDArray[np.bool_]:
     return out
 
 
-def labelled(points: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+def labelled(points: Bool) -> tuple[Int32, int]:
     """Pieces of points that touch, also across corners: their numbers from 1, and how many.
 
     It is `scipy.ndimage.label` with a cube. int32 [Z, Y, X], 0 elsewhere.
@@ -68,7 +68,7 @@ def labelled(points: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
     return out, int(count)
 
 
-def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, int]:
+def box_shape(resolution: int, radius: Float64) -> tuple[int, int, int]:
     """Lattice points along z, y, x of a box: ``resolution`` to two world units."""
     x, y, z = (max(8, round(resolution * float(r))) for r in radius)
     return z, y, x
@@ -86,15 +86,15 @@ class Lattice:
     center, radius : float64 [3] (x, y, z), the box.
     """
 
-    links: NDArray[np.int32]
-    density: NDArray[np.float32]
-    rows: NDArray[np.float32]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
+    links: Int32
+    density: Float32
+    rows: Float32
+    center: Float64
+    radius: Float64
 
     @staticmethod
-    def filled(points: NDArray[np.bool_], density: float, width: int, center: NDArray[np.float64],
-               radius: NDArray[np.float64]) -> Lattice:
+    def filled(points: Bool, density: float, width: int, center: Float64,
+               radius: Float64) -> Lattice:
         """Grey matter of one density on the given points, bool [Z, Y, X]."""
         count = int(points.sum())
         links = np.full(points.shape, -1, np.int32)
@@ -115,7 +115,7 @@ class Lattice:
         """Distance between lattice points along x in world units."""
         return 2.0 * float(self.radius[0]) / self.links.shape[2]
 
-    def geometry(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    def geometry(self) -> tuple[Int32, Int32, Float64]:
         """What rays are cast through: brick table, brick links, size and scale of the lattice."""
         table, links = brick_table(self.links, self.count)
         depth, height, width = self.links.shape
@@ -123,15 +123,14 @@ class Lattice:
         return table, links, np.concatenate([np.array([width, height, depth], float), scale,
                                              offset])
 
-    def neighbours(self) -> NDArray[np.int32]:
+    def neighbours(self) -> Int32:
         """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
         found = np.empty((self.count, 6), np.int32)
         found[:] = np.arange(self.count, dtype=np.int32)[:, None]
         fill_neighbours(self.links, found)
         return found
 
-    def attached(self, loose: NDArray[np.bool_] | None = None,
-                 among: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    def attached(self, loose: Bool | None = None, among: Bool | None = None) -> Bool:
         """Lattice points within two steps of the large connected pieces of solid matter.
 
         Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
@@ -155,17 +154,17 @@ class Lattice:
             return self.links >= 0 if among is None else among & (self.links >= 0)
         return dilated(solid, 2)
 
-    def seen(self, weights: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
+    def seen(self, weights: Float32, least: float) -> Bool:
         """Points whose row has more than ``least`` of ``weights`` [N + 1], and their neighbours."""
         return dilated(self._points(weights > least)) & (self.links >= 0)
 
-    def _points(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _points(self, rows: Bool) -> Bool:
         """The points of marked rows, bool [N + 1]: bool [Z, Y, X]."""
         points = np.empty(self.links.shape, bool)
         mark_points(self.links, rows, points)
         return points
 
-    def kept(self, keep: NDArray[np.bool_]) -> Lattice:
+    def kept(self, keep: Bool) -> Lattice:
         """The same lattice with only the points in ``keep``, bool [Z, Y, X]."""
         keep = keep & (self.links >= 0)
         stays = np.zeros(len(self.density), bool)
@@ -178,8 +177,7 @@ class Lattice:
         return Lattice(place[self.links], self.density[rows], self.rows[rows], self.center,
                        self.radius)
 
-    def cropped(self, keep: NDArray[np.bool_], margin: int = 2,
-                ) -> tuple[Lattice, NDArray[np.bool_]]:
+    def cropped(self, keep: Bool, margin: int = 2) -> tuple[Lattice, Bool]:
         """The same lattice in a box about the points in ``keep``, and ``keep`` in that box.
 
         Rows of points outside stay, without a link.
@@ -202,7 +200,7 @@ class Lattice:
         links = np.ascontiguousarray(self.links[inside])
         return Lattice(links, self.density, self.rows, *box), keep[inside]
 
-    def refined(self, shape: tuple[int, int, int], keep: NDArray[np.bool_]) -> Lattice:
+    def refined(self, shape: tuple[int, int, int], keep: Bool) -> Lattice:
         """Trilinear interpolation on a lattice of ``shape`` points, where ``keep`` holds here."""
         # Coarse cell and place inside it of each fine plane, per axis (z, y, x).
         low, part = [], []

@@ -13,8 +13,8 @@ import time
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..config import Settings
@@ -50,10 +50,10 @@ class Training(State, Protocol):
     lays_mattes: bool
 
     @property
-    def scale(self) -> NDArray[np.float32]:
+    def scale(self) -> Float32:
         """What 8-bit colors of each view are multiplied with, [V, 3]."""
 
-    def options(self) -> NDArray[np.float64]:
+    def options(self) -> Float64:
         """Options of the kernels."""
 
     def deadline(self) -> float:
@@ -180,7 +180,7 @@ class Level:
                     (float(LR_COLOR_BG * 0.05 ** done),
                      float(LR_SIGMA_BG * rate / config.lr_sigma)), averaged)
 
-    def _taken(self, plan: Plan, errors: NDArray[np.float32], squared: float) -> None:
+    def _taken(self, plan: Plan, errors: Float32, squared: float) -> None:
         """Learn from a step's errors."""
         self.batches.learn(errors, plan.blocks)
         self.trainer.recent = 0.98 * self.trainer.recent + np.array([squared,
@@ -217,10 +217,10 @@ class Trained(Protocol):
     rays_done: int
 
     @property
-    def scale(self) -> NDArray[np.float32]:
+    def scale(self) -> Float32:
         """What 8-bit colors of each view are multiplied with, [V, 3]."""
 
-    def options(self) -> NDArray[np.float64]:
+    def options(self) -> Float64:
         """Options of the kernels."""
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...arrays import Float64
+from ...arrays import Float32, Float64, Int64
 from ...capture import Camera, Capture, pose_corrections, without_drift
 from ..grid import VoxelField
 from ..kernels.render import pose_equations
@@ -51,12 +51,12 @@ class _Photo:
     gain : float64 [3], the photo's exposure.
     """
 
-    values: NDArray[np.float32]
+    values: Float32
     camera: Camera
     gain: Float64
 
 
-def aligned(field: VoxelField, capture: Capture, given: Camera, views: NDArray[np.int64],
+def aligned(field: VoxelField, capture: Capture, given: Camera, views: Int64,
             gains: Float64, steps: int = 2) -> Camera:
     """Cameras under which the field looks more like the photos.
 
@@ -95,11 +95,11 @@ def _small(field: VoxelField, capture: Capture, view: int, gain: Float64) -> _Ph
     return _Photo(_smooth(cv2.resize(photo, size, interpolation=cv2.INTER_AREA)), camera, gain)
 
 
-def _smooth(picture: NDArray[Any]) -> NDArray[np.float32]:
+def _smooth(picture: NDArray[Any]) -> Float32:
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8))
 
 
-def _beside_the_outline(depth: NDArray[np.float32], reach: float = 6.0) -> NDArray[np.float32]:
+def _beside_the_outline(depth: Float32, reach: float = 6.0) -> Float32:
     """Depth with that of the outline for ``reach`` pixels beside it."""
     missing = ~np.isfinite(depth)
     if not missing.any() or missing.all():
@@ -123,9 +123,9 @@ class _Comparison:
     usual : A usual difference of a pixel, robustly.
     """
 
-    photo: NDArray[np.float32]
-    values: NDArray[np.float32]
-    depth: NDArray[np.float32]
+    photo: Float32
+    values: Float32
+    depth: Float32
     lens: tuple[float, float, float, float]
     usual: float
 
@@ -208,7 +208,7 @@ class PoseRefiner:
     views : The training views.
     """
 
-    def __init__(self, capture: Capture, views: NDArray[np.int64]) -> None:
+    def __init__(self, capture: Capture, views: Int64) -> None:
         self.given, self.views, self.names = capture.cameras, views, capture.names
         self.found = self.given[views]
         self.level, self.rounds = 0, 0
@@ -239,7 +239,7 @@ class PoseRefiner:
         return _with_poses(capture, self.views, self.found.pose)
 
     def tested(self, field: VoxelField, capture: Capture, gains: Float64,
-               some: NDArray[np.int64] | None = None) -> Capture:
+               some: Int64 | None = None) -> Capture:
         """The capture with held-out cameras laid on the field, too, which learns nothing by it.
 
         Parameters
@@ -285,7 +285,7 @@ class PoseRefiner:
         return self.placed(capture)
 
 
-def _with_poses(capture: Capture, views: NDArray[np.int64], poses: Float64) -> Capture:
+def _with_poses(capture: Capture, views: Int64, poses: Float64) -> Capture:
     every = capture.cameras.pose.copy()
     every[views] = poses
     return replace(capture, cameras=replace(capture.cameras, pose=every))

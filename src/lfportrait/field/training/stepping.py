@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32, Int64
 from ...simd.barrier import together
 from ..background import BackgroundTrainer
 from ..config import Settings
@@ -35,7 +35,7 @@ def falling(first: float, last: float, done: float) -> np.float32:
     return np.float32(first * (last / first) ** done)
 
 
-def color_gains(rays: int, basis: int, width: int) -> NDArray[np.float32]:
+def color_gains(rays: int, basis: int, width: int) -> Float32:
     """What gradients of a step of ``rays`` rays are multiplied with, [width].
 
     The squares of a band's harmonics add up to (2 l + 1) / (4 pi) in every direction, so that
@@ -65,9 +65,8 @@ def variation_of(config: Settings, level: int, count: int,
             config.resolutions[level] / 256.0, max(1, int(config.tv_sparsity * count)))
 
 
-def smooth_run(lattice: Lattice, config: Settings, level: int,
-               neighbours: NDArray[np.int32], place: float, rate: np.float32,
-               lowest: np.float32, gains: NDArray[np.float32]) -> None:
+def smooth_run(lattice: Lattice, config: Settings, level: int, neighbours: Int32, place: float,
+               rate: np.float32, lowest: np.float32, gains: Float32) -> None:
     """Total variation (Eq. 3) on a run of rows that begins at ``place``, from 0 to 1.
 
     ``lowest`` is the least density that stays, ``gains`` those of `color_gains`.
@@ -100,17 +99,17 @@ class Descent:
     gains : float32 [width], from `color_gains`.
     """
 
-    neighbours: NDArray[np.int32]
-    variation: NDArray[np.float32]
-    slopes: NDArray[np.float32]
-    color_slopes: NDArray[np.float32]
+    neighbours: Int32
+    variation: Float32
+    slopes: Float32
+    color_slopes: Float32
     decay: np.float32
     lowest: np.float32
-    gains: NDArray[np.float32]
+    gains: Float32
 
     @staticmethod
     def of(lattice: Lattice, config: Settings, level: int, lowest: np.float32,
-           gains: NDArray[np.float32]) -> Descent:
+           gains: Float32) -> Descent:
         """That of a level; ``lowest`` and ``gains`` are given."""
         weights, scale, run = variation_of(config, level, lattice.count)
         return Descent(
@@ -153,9 +152,8 @@ class Caster:
         """Cast rays from the cameras that the pixels have now."""
         self._cameras = self.data.cameras.copy()
 
-    def _run(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
-             scale: NDArray[np.float32], options: NDArray[np.float64],
-             slopes: NDArray[np.float32], seen: NDArray[np.float32]) -> None:
+    def _run(self, tiles: Int32, ground: Float32, scale: Float32, options: Float64, slopes: Float32,
+             seen: Float32) -> None:
         lattice, data = self.lattice, self.data
         # A slice with gaps is another type of array, for which all would be compiled once more.
         tiles = np.ascontiguousarray(tiles)
@@ -172,8 +170,7 @@ class Caster:
             self.bases = np.zeros((tiles, 64), np.float32)
             self.errors = np.zeros(tiles, np.float32)
 
-    def cast(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
-             scale: NDArray[np.float32], options: NDArray[np.float64]) -> NDArray[np.float32]:
+    def cast(self, tiles: Int32, ground: Float32, scale: Float32, options: Float64) -> Float32:
         """Cast the rays of tiles; leaves ``records``, ``bases`` and ``losses``.
 
         Parameters
@@ -196,9 +193,8 @@ class Caster:
                 return slopes
             self.records = grown
 
-    def take(self, tiles: NDArray[np.int32], greys: NDArray[np.float32], scale: NDArray[np.float32],
-             options: NDArray[np.float64], descent: Descent, rates: NDArray[np.float32],
-             firsts: NDArray[np.int64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    def take(self, tiles: Int32, greys: Float32, scale: Float32, options: Float64, descent: Descent,
+             rates: Float32, firsts: Int64) -> tuple[Float32, Float64]:
         """Cast rays and take up what they found, step by step.
 
         Parameters
@@ -242,8 +238,7 @@ class Caster:
         """Let rays leap over bricks in which no density is above ``least``, from now on."""
         self.table = bright_table(self._whole, self.links, self.lattice.density, least)
 
-    def largest(self, tiles: NDArray[np.int32], scale: NDArray[np.float32],
-                options: NDArray[np.float64]) -> NDArray[np.float32]:
+    def largest(self, tiles: Int32, scale: Float32, options: Float64) -> Float32:
         """The largest weight of each row on the rays of tiles: float32 [N + 1]."""
         seen = np.zeros((len(self.losses), len(self.lattice.density)), np.float32)
         options = options.copy()
@@ -275,9 +270,9 @@ class Plan:
         Whether the state after the step counts for the average.
     """
 
-    tiles: NDArray[np.int32]
-    blocks: NDArray[np.int64]
-    greys: NDArray[np.float32]
+    tiles: Int32
+    blocks: Int64
+    greys: Float32
     rate: np.float32
     rate_sh: np.float32
     place: float
@@ -288,7 +283,7 @@ class Plan:
 _TOGETHER = 16
 """Steps of a call at most: enough that a call's own time does not count, and little to wait for."""
 
-Taken = Callable[[Plan, NDArray[np.float32], float], None]
+Taken = Callable[[Plan, Float32, float], None]
 """Called after a step with its plan, the tiles' squared errors [T], and their sum."""
 
 
@@ -297,7 +292,7 @@ class Steps(Protocol):
 
     average: Average | None
     """Sums of states, as far as they are known here."""
-    table: NDArray[np.int32] | None
+    table: Int32 | None
     """Table of bricks that rays are cast by, as far as it is known here; None: of all bricks."""
 
     def take(self, plan: Plan) -> None:
@@ -336,17 +331,16 @@ class CpuSteps:
     taken : Called after each step.
     """
 
-    def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings,
-                 level: int, basis: int, workers: int, options: NDArray[np.float64],
-                 lowest: np.float32, scale: Callable[[], NDArray[np.float32]], taken: Taken,
-                 ) -> None:
+    def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings, level: int,
+                 basis: int, workers: int, options: Float64, lowest: np.float32,
+                 scale: Callable[[], Float32], taken: Taken) -> None:
         self.lattice, self.data, self.config, self.level = lattice, data, config, level
         self.basis, self.width = basis, lattice.rows.shape[1]
         self.options, self.lowest, self.scale, self.taken = options, lowest, scale, taken
         self.caster = Caster(lattice, data, basis, workers)
         self.behind: BackgroundTrainer | None = None
         self.average: Average | None = None
-        self.table: NDArray[np.int32] | None = None
+        self.table: Int32 | None = None
         self._waiting: list[Plan] = []
         # The first one is taken at once, so that its error is known.
         self._together = 1
@@ -412,7 +406,7 @@ class CpuSteps:
         self.caster.skip_clear(least)
         self.table = self.caster.table
 
-    def go_on_with(self, table: NDArray[np.int32]) -> None:
+    def go_on_with(self, table: Int32) -> None:
         """Cast rays by a table that `look_again` gave."""
         self.table = self.caster.table = table
 

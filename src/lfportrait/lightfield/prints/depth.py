@@ -214,9 +214,8 @@ def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDep
         sheet.depth_budget, front, back, *ends, depth_scale, focus, parallax, touching, behind)
 
 
-def through_lenses(coded: UInt8, display: Display, eye: float,
-                   rows: Int64 | None = None, *, distance: float | None = None,
-                   ) -> Float32:
+def through_lenses(coded: UInt8, display: Display, eye: float, rows: Int64 | None = None, *,
+                   distance: float | None = None) -> Float32:
     """The color of each lens to an eye.
 
     Parameters

@@ -48,15 +48,13 @@ _LINE = 0.15
 """Width of a line in millimetres."""
 
 
-def stripes(display: Display, rows: Int64, columns: Int64,
-            ) -> Bool:
+def stripes(display: Display, rows: Int64, columns: Int64) -> Bool:
     """Where half of each lens is black, its middle: [rows, columns]."""
     phase = display.phase(rows[:, None], columns[None], 0) / display.pitch
     return np.asarray(np.abs(phase - 0.5) < 0.25)
 
 
-def lettering(text: str, height: int, width: int, size: int, align: str = "center",
-              ) -> UInt8:
+def lettering(text: str, height: int, width: int, size: int, align: str = "center") -> UInt8:
     """A line of text, black on white, uint8 [height, width]; letters shrink where it is narrow."""
     from PIL import Image, ImageDraw, ImageFont
 
@@ -180,9 +178,8 @@ def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
                                  ground=ground)
 
 
-def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
-                progress: Progress | None = None, *, coding: EncodeConfig | None = None,
-                ) -> dict[str, Any]:
+def write_print(field: VoxelField, sheet: PrintSheet, path: Path, progress: Progress | None = None,
+                *, coding: EncodeConfig | None = None) -> dict[str, Any]:
     """Code a field for a lens sheet and write the page.
 
     Parameters
@@ -236,8 +233,7 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
 Profile = Literal["arc", "sine"]
 
 
-def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64,
-                 ) -> Float64:
+def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
     """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W].
 
     Raises

@@ -303,9 +303,8 @@ class OffscreenWindow:
     screen = 0
 
     def __init__(self, size: tuple[int, int],
-                 script: Mapping[int, Sequence[Mapping[str, Any]]] | None = None,
-                 frames: int = 1, rate: float = 30.0, keep: bool = True,
-                 exact: bool = False) -> None:
+                 script: Mapping[int, Sequence[Mapping[str, Any]]] | None = None, frames: int = 1,
+                 rate: float = 30.0, keep: bool = True, exact: bool = False) -> None:
         self.size = size
         self._script, self._frames, self._rate, self._keep = script or {}, frames, rate, keep
         self._exact = exact

@@ -84,8 +84,7 @@ class DeviceLattice:
             own._fill(device, given["rows"], given["neighbours"])
         return own
 
-    def _fill(self, device: Device, rows: Float32,
-              neighbours: Int32) -> None:
+    def _fill(self, device: Device, rows: Float32, neighbours: Int32) -> None:
         """Copy what is trained."""
         wide, columns = row_floats(self.basis), 3 * self.basis
         self.states = device.buffer(np.ascontiguousarray(rows[:, -2:]))
@@ -104,8 +103,7 @@ class DeviceLattice:
         """Cast rays by another table of the same bricks from now on."""
         device.write(self.bricks, np.ascontiguousarray(table, np.int32))
 
-    def read(self, device: Device, density: Any, pages: list[Any],
-             ) -> tuple[Float32, list[Float32]]:
+    def read(self, device: Device, density: Any, pages: list[Any]) -> tuple[Float32, list[Float32]]:
         """Densities [N + 1] and colors, page by page, of such buffers as the lattice's own."""
         wide = row_floats(self.basis)
         return (device.read(density, np.float32, self.count + 1),
@@ -205,8 +203,7 @@ class Shells:
     buffers: dict[str, Any]
 
     @staticmethod
-    def of(device: Device, links: Int32, data: Float32,
-           mean_square: Float32) -> Shells:
+    def of(device: Device, links: Int32, data: Float32, mean_square: Float32) -> Shells:
         """Copy a background to the device.
 
         Parameters

@@ -428,8 +428,7 @@ def fetch_table(device: Device) -> Int32:
     return np.asarray(device.kept[_KEY].table())
 
 
-def fetch(device: Device, sums: bool = False,
-          ) -> tuple[Float32, list[Float32], Float32 | None]:
+def fetch(device: Device, sums: bool = False) -> tuple[Float32, list[Float32], Float32 | None]:
     """Densities [N + 1], pages of colors [rows, `row_floats`], states [N + 1, 2].
 
     Or the sums of the average, without states.
