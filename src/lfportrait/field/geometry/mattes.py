@@ -102,7 +102,7 @@ def _opacity(field: VoxelField, capture: Capture, view: int) -> tuple[Plane, int
     return np.clip(large, 0.0, 1.0).astype(np.float32), max(2, round(0.5 * voxel))
 
 
-_OUTLINE = 384  # height or width in which outlines are drawn
+_OUTLINE = 256  # height or width in which outlines are drawn
 _FEW = 48  # photos whose depth is enough to see what lies far from the object
 _ALIKE = 0.75  # overlap with the outline from which a matte is thought to show the same
 
