@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from ...arrays import Bool, Float64, Int32, Int64
 from ...capture import Capture
-from ..geometry.chart import Chart, roughly_fitted_plate
+from ..geometry.chart import Chart, fitted_plate
 from .photos import Photos
 
 STEP = 0.006
@@ -117,7 +117,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
     if not known.any():
         return around
     ratio = np.log(np.where(known, found, around) / around)
-    return np.asarray(around * np.exp(roughly_fitted_plate(
+    return np.asarray(around * np.exp(fitted_plate(
         ratio, np.where(known, 1.0, 0.0), 0.5, 0.01, GIVES_WAY)), np.float64)
 
 
