@@ -23,8 +23,8 @@ LABORATORY = ROOT / "src" / "lfportrait_eval"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
-          "gpu", "graphics", "health", "labels", "leftovers", "measure",
+GROUND = ("arrays", "browsing", "cache", "color", "containers", "device", "download", "errors",
+          "files", "gpu", "graphics", "health", "labels", "leftovers", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "runner", "simd", "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
@@ -72,11 +72,25 @@ def offered(path: Path) -> set[str]:
             if isinstance(node, ast.ImportFrom) for alias in node.names}
 
 
-def imported(name: str, path: Path, files: dict[str, Path]) -> set[str]:
-    """The modules that a module imports anywhere in it, functions and type checks included."""
+def home(base: str, name: str, files: dict[str, Path]) -> str:
+    """The module that a package with a stub takes a name from when it is asked; else ``base``."""
+    if base in files and files[base].with_suffix(".pyi").is_file():
+        for node in import_lines(files[base]):
+            if (isinstance(node, ast.ImportFrom) and node.level == 1 and node.module
+                    and name in {alias.asname or alias.name for alias in node.names}):
+                return home(f"{base}.{node.module}", name, files)
+    return base
+
+
+def imported(name: str, path: Path, files: dict[str, Path], *, asked: bool = False) -> set[str]:
+    """The modules that a module imports anywhere in it, functions and type checks included.
+
+    Where packages load their names when they are ``asked`` for them, these lead to the modules that
+    have them; else to the package, and from it to all that it offers.
+    """
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in import_lines(path):
+    for node in [] if asked and path.with_suffix(".pyi").is_file() else import_lines(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names} & set(files)
         else:
@@ -89,13 +103,13 @@ def imported(name: str, path: Path, files: dict[str, Path]) -> set[str]:
             for alias in node.names:
                 inner = f"{base}.{alias.name}"
                 found |= ({inner} if inner in files and alias.name not in names
-                          else {base} & set(files))
+                          else {home(base, alias.name, files) if asked else base} & set(files))
     return found - {name}
 
 
-def graph_of(files: dict[str, Path]) -> Graph:
-    """The imports of all modules."""
-    return {name: imported(name, path, files) for name, path in files.items()}
+def graph_of(files: dict[str, Path], *, asked: bool = False) -> Graph:
+    """The imports of all modules (`imported`)."""
+    return {name: imported(name, path, files, asked=asked) for name, path in files.items()}
 
 
 def circles(graph: Graph) -> list[list[str]]:

@@ -36,7 +36,7 @@ from lfportrait.example.painter.picture_materials import CLOTHES, EARS, GROUND, 
 from lfportrait.field import VoxelField
 from lfportrait.files import write_image
 from lfportrait.stylize import StylizeConfig
-from lfportrait.stylize.on_skin import Painters
+from lfportrait.stylize.stylization import Painters
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
-from lfportrait.field.training.averaging import STATES, Average
-from lfportrait.field.training.lattice import Lattice
+from lfportrait.field.training.lattice import STATES, Average, Lattice
 from tests.field.test_field import ball_capture
 
 

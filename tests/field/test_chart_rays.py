@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from lfportrait.field.geometry.chart import WITHIN, Chart, read_surface
-from lfportrait.field.harmonics import C0
-from lfportrait.field.trimming import Cut
+from lfportrait.field.grid import Cut
+from lfportrait.field.kernels.march import C0
 from tests.fields import head_field
 
 FRAME = np.array([[0.8, 0.0, -0.6, 0.03], [0.0, 1.0, 0.0, -0.02], [0.6, 0.0, 0.8, 0.01],

@@ -9,7 +9,7 @@ import pytest
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.clean_plates import CleanPlates, _one_piece, plate_mattes
 from lfportrait.field.grid import camera_row
-from lfportrait.field.kernels.plates import compose_plate
+from lfportrait.field.kernels.depth_maps import compose_plate
 from tests.reference import plates as reference
 
 WALL, RADIUS, VIEWS = -3.0, 0.6, 11

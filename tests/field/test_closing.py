@@ -10,12 +10,11 @@ from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field import VoxelField
-from lfportrait.field.closing import back, close_back
+from lfportrait.field.closing import close_back, sides
 from lfportrait.field.closing.photos import Photos
 from lfportrait.field.closing.shell import with_shell
-from lfportrait.field.geometry.chart import Chart
-from lfportrait.field.geometry.plate import continued, large_pieces
-from lfportrait.field.harmonics import C0
+from lfportrait.field.geometry.chart import Chart, continued, large_pieces
+from lfportrait.field.kernels.march import C0
 from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.portraits import HEAD_LANDMARKS
@@ -107,7 +106,7 @@ def test_one_photo_with_a_notch_makes_no_hole(monkeypatch):
     field = opened(head_field(SIZE))
     behind = cameras([150, 180, 210])
     whole, _ = close_back(field, HEAD_LANDMARKS, FRONT)
-    monkeypatch.setattr(back, "Photos", Notched)
+    monkeypatch.setattr(sides, "Photos", Notched)
     closed, _ = close_back(field, HEAD_LANDMARKS, FRONT)
     for view in range(3):
         found, wanted = (one.render(behind, view) for one in (closed, whole))
@@ -131,7 +130,7 @@ def discolored(monkeypatch, field, **change):
     def doubtful(field, shell, _, cut):
         return with_shell(field, replace(shell, **change), Doubtful(field, FRONT), cut)
 
-    monkeypatch.setattr(back, "with_shell", doubtful)
+    monkeypatch.setattr(sides, "with_shell", doubtful)
     sh = np.zeros_like(field.sh)
     sh[..., 0] = (np.array([0.9, 0.5, 0.1]) - 0.5) / C0
     field = replace(field, sh=sh)

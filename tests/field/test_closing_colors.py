@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.closing.colors import continued_colors
-from lfportrait.field.closing.hairline import hair_cells
+from lfportrait.field.closing.colors import continued_colors, hair_cells
 from lfportrait.field.geometry.chart import Chart
 
 ROWS, COLUMNS = 90, 120

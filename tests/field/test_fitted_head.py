@@ -7,13 +7,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.field.closing import FittedHead, back, close_back, sides
-from lfportrait.field.closing.ears import Ears, _moved, ears_of
-from lfportrait.field.closing.fitted_head import head_distance, mesh_samples
+from lfportrait.field.closing import FittedHead, close_back, sides
+from lfportrait.field.closing.fitted_head import Ears, _moved, ears_of, head_distance, mesh_samples
 from lfportrait.field.closing.photos import Photos
 from lfportrait.field.closing.shell import Shell, _changed, with_shell
-from lfportrait.field.geometry.bust import bust_chart, bust_distance
-from lfportrait.field.geometry.head_surface import HeadSurface
+from lfportrait.field.geometry.head_surface import HeadSurface, bust_chart, bust_distance
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 
@@ -223,7 +221,7 @@ def closed(monkeypatch, field, capture, **change):
     def changed(field, shell, photos, cut):
         return with_shell(field, replace(shell, guessed=True, **change), photos, cut)
 
-    monkeypatch.setattr(back, "with_shell", changed)
+    monkeypatch.setattr(sides, "with_shell", changed)
     return close_back(field, HEAD_LANDMARKS, capture)[0]
 
 

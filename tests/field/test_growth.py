@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lfportrait.field.training.growth import dilated, labelled
-from lfportrait.field.training.lattice import Lattice
+from lfportrait.field.training.lattice import Lattice, dilated, labelled
 
 CUBE = np.ones((3, 3, 3), bool)
 SHAPE = (13, 21, 9)

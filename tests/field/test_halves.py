@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.kernels.halves import floats_of, halves
+from lfportrait.field.kernels.bricks import floats_of, halves
 
 
 @pytest.mark.parametrize("shape", [(0,), (5,), (16,), (1000, 27), (3, 16384), (7, 3, 9)])

@@ -12,16 +12,17 @@ from lfportrait.face.capture_head import fit_in_space
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.field.closing import FittedHead, close_sides
-from lfportrait.field.closing.hairline import usual_hair
-from lfportrait.field.coverage import Coverage
-from lfportrait.field.geometry.bust import bust_chart, bust_distance
+from lfportrait.field.closing.colors import usual_hair
+from lfportrait.field.closing.photos import Coverage
+from lfportrait.field.geometry.chart import continued, fitted_plate
 from lfportrait.field.geometry.head_surface import (
+    bust_chart,
+    bust_distance,
     distance_outside,
     find_surface,
     is_narrow,
     span_of,
 )
-from lfportrait.field.geometry.plate import continued, fitted_plate
 from modelled_head import SITTER, landmarks, photograph
 
 SIDE = 112

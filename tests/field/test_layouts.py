@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from lfportrait.capture import Camera
-from lfportrait.field.kernels import bricks, stretches
+from lfportrait.field.kernels import bricks
 from lfportrait.lightfield import render_views
 from lfportrait.stylize import StyledField
 from tests.fields import shell_field
@@ -42,7 +42,7 @@ def test_a_lattice_is_laid_out_once_for_all_its_colors(monkeypatch):
 
         return count
 
-    for module, name, key in ((bricks, "_occupied", "bricks"), (stretches, "_count", "stretches")):
+    for module, name, key in ((bricks, "_occupied", "bricks"), (bricks, "_count", "stretches")):
         monkeypatch.setattr(module, name, counted(getattr(module, name), key))
     real = shell_field(shape=(20, 20, 20), basis=4)
     first, second = painted(real, 0), painted(real, 1)

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from lfportrait.capture import Capture
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
-from lfportrait.field.geometry.outlines import refined_mattes
+from lfportrait.field.geometry.mattes import refined_mattes
 from lfportrait.field.training import level, trainer
 from lfportrait.field.training.trainer import Trainer
 from tests.field.test_field import ball_capture

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from lfportrait.field import ReconstructConfig, lattice_points
-from lfportrait.field.training.outlook import outlook
+from lfportrait.field.training.meter import outlook
 
 
 def _numbers(text: str) -> list[float]:

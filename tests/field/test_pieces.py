@@ -5,7 +5,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from lfportrait.field.pieces import read_array, write_array
+from lfportrait.field.storage import read_array, write_array
 from lfportrait.files import UNREADABLE_ARRAYS
 
 RANDOM = np.random.default_rng(0)

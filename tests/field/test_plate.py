@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.geometry.plate import _operators, fitted_plate
+from lfportrait.field.geometry.chart import _operators, fitted_plate
 
 
 @pytest.mark.parametrize("shape", [(1, 3), (3, 5), (64, 9), (9, 14), (31, 40)])

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from lfportrait.capture import Camera, Capture, pose_corrections, without_drift
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
-from lfportrait.field.kernels.align import pose_equations
-from lfportrait.field.training.align import aligned
+from lfportrait.field.kernels.render import pose_equations
+from lfportrait.field.training.poses import aligned
 from lfportrait.field.training.trainer import Trainer
 
 TINY = ReconstructConfig(resolutions=(40, 80), rays=(0.2, 0.7), batch=(2048,), sh_degree=0)

@@ -5,9 +5,7 @@ import pytest
 
 from lfportrait.field.kernels.descent import descend
 from lfportrait.field.kernels.packet import Records
-from lfportrait.field.training.casting import Caster
-from lfportrait.field.training.stepping import CpuSteps
-from lfportrait.field.training.steps import DECAY, color_gains, smooth_run
+from lfportrait.field.training.stepping import DECAY, Caster, CpuSteps, color_gains, smooth_run
 from tests.field.gpu.training.scene import on_cpu, taken_steps
 
 

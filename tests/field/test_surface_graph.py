@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.surface_graph import LEAST, SurfaceGraph
+from lfportrait.field.surface import LEAST, SurfaceGraph
 
 DARK, LIGHT = (0.2, 0.12, 0.08), (0.9, 0.7, 0.6)
 

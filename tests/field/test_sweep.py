@@ -6,7 +6,7 @@ import pytest
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.exposure import exposure_gains
 from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
-from lfportrait.field.kernels.depth_votes import fuse_depth
+from lfportrait.field.kernels.depth_maps import fuse_depth
 
 GAINS = 1.0 + 0.2 * np.sin(np.arange(9))
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.field.harmonics import C0, real_harmonics
-from lfportrait.field.kernels.march import sh_basis
-from lfportrait.field.unseen_directions import with_steady_colors
+from lfportrait.field.closing.colors import with_steady_colors
+from lfportrait.field.kernels.march import C0, real_harmonics, sh_basis
 from tests.fields import head_field
 
 NOWHERE = np.zeros(3)

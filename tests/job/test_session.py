@@ -12,7 +12,7 @@ from lfportrait.example import Exemplar
 from lfportrait.example.skin import SkinPainter
 from lfportrait.files import write_image
 from lfportrait.job import Session
-from lfportrait.stylize import on_skin as module
+from lfportrait.stylize import stylization as module
 from lfportrait.stylize import stylize_with_figures
 from tests.stylize.test_on_skin import PREVIEW, SMALL, capture, head, violet  # noqa: F401
 

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from lfportrait.errors import UserError
-from lfportrait.field.kernels.stretches import build_stretches
+from lfportrait.field.kernels.bricks import build_stretches
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,

@@ -19,7 +19,7 @@ from draw_house import (
     untangled,
     up_to_date,
 )
-from house import ROOT, STAGES, stage_imports, without_detours
+from house import ROOT, STAGES, graph_of, module_files, stage_imports, without_detours
 from measure_house import deepest_chain, rooms_entered
 
 
@@ -92,6 +92,20 @@ def test_the_drawing_is_sound_xml():
 def test_the_deepest_chain_of_imports_is_followed():
     graph = {"a": {"b", "c"}, "b": {"d"}, "c": set(), "d": {"c"}, "e": {"e"}}
     assert deepest_chain(graph) == ["a", "b", "d", "c"]
+
+
+def test_names_of_a_package_lead_to_their_modules_where_it_loads_them_when_asked(tmp_path):
+    (tmp_path / "door").mkdir()
+    for name, text in (("user.py", "from .door import thing"), ("door/__init__.py", ""),
+                       ("door/__init__.pyi", "from .one import thing\nfrom .two import other"),
+                       ("door/one.py", ""), ("door/two.py", "from ..far import away"),
+                       ("far.py", "")):
+        (tmp_path / name).write_text(text)
+    files = module_files(tmp_path, "pack")
+    assert graph_of(files)["pack.user"] == {"pack.door"}
+    assert deepest_chain(graph_of(files))[-1] == "pack.far"
+    loaded = graph_of(files, asked=True)
+    assert loaded["pack.user"] == {"pack.door.one"} and loaded["pack.door"] == set()
 
 
 def test_rooms_are_noted_as_calls_enter_them():

@@ -15,11 +15,11 @@ from lfportrait.stylize import (
     StyledField,
     StylizeConfig,
     kept_skin,
-    on_skin,
     paint,
+    stylization,
     stylize_with_figures,
 )
-from lfportrait.stylize.optimize import mouth_opening, notices
+from lfportrait.stylize.stylization import mouth_opening, notices
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 
@@ -83,12 +83,12 @@ def large():
 
 def test_a_preview_is_painted_by_a_picture_that_is_no_finer_than_itself(
         head, capture, large, monkeypatch):
-    monkeypatch.setattr(on_skin, "LEAST", 10.0)
+    monkeypatch.setattr(stylization, "LEAST", 10.0)
     skin = Skin.of(head, capture.landmarks, capture.cameras, SMALL.pixels)
     quick, whole = (Painters().of(large, skin, one).exemplar for one in (PREVIEW, SMALL))
     assert 0.94 * skin.face / 2 < quick.size < 1.02 * skin.face / 2
     assert 0.95 * 2 * skin.face < whole.size < 1.05 * 2 * skin.face < large.size
-    monkeypatch.setattr(on_skin, "LEAST", 48.0)
+    monkeypatch.setattr(stylization, "LEAST", 48.0)
     assert 45 < Painters().of(large, skin, PREVIEW).exemplar.size < 49
 
 
@@ -106,7 +106,7 @@ def test_the_picture_of_a_preview_stays_the_same_while_a_landmark_moves(head, ca
 def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, large, monkeypatch):
     config = replace(PREVIEW, pixels=160.0)
     quick, inside = front(stylize_with_figures(head, capture, large, config)[0])
-    monkeypatch.setattr(on_skin, "PREVIEWED", 4.0)
+    monkeypatch.setattr(stylization, "PREVIEWED", 4.0)
     whole, _ = front(stylize_with_figures(head, capture, large, config)[0])
     away = np.abs(quick - whole)[inside]
     assert 0 < away.mean() < 0.02 and np.quantile(away, 0.95) < 0.1
@@ -127,7 +127,7 @@ def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, viole
 
 
 def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet, monkeypatch):
-    monkeypatch.setattr(on_skin, "RELAXATION", 1.0)
+    monkeypatch.setattr(stylization, "RELAXATION", 1.0)
     config = replace(SMALL, steps=0, fit_iterations=6)
     errors = stylize_with_figures(head, capture, violet, config)[1]["fit"]["rmse"]
     assert errors[-1] < 0.9 * errors[0]

@@ -1,14 +1,13 @@
-from .backdrop import Backdrop, head_points
+from .background import Backdrop, head_points
+from .closing.photos import Coverage
 from .config import ReconstructConfig, lattice_points
-from .coverage import Coverage
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
-from .harmonics import C0
-from .quality import held_out_quality
+from .kernels.march import C0
 from .reconstruction import reconstruct, reconstruct_with_figures
 from .storage import check_field_path, read_arrays, save_checkpoint, save_field
-from .surface import Mesh, PointCloud, field_mesh, field_points
-from .surface_graph import SurfaceGraph
+from .surface import Mesh, PointCloud, SurfaceGraph, field_mesh, field_points
 from .texture import SurfaceTexture
+from .training.meter import held_out_quality
 
 __all__ = ["C0", "Backdrop", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
            "SampleWeights", "SurfaceGraph", "SurfaceTexture", "VoxelField", "camera_row",

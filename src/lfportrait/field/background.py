@@ -1,35 +1,94 @@
-"""The background of a field: svox2's concentric spheres, for photos of a head in a room."""
+"""What is behind a head: a room in svox2's concentric spheres, or a painted plane on a panel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..arrays import Float32, Float64, Int32, UInt8
 from ..capture import Camera
-from .kernels.shells import (
-    shells_backward,
-    shells_forward,
-    shells_mark,
-    shells_step,
-)
+from .kernels.shells import shells_backward, shells_forward, shells_mark, shells_step
 
-__all__ = ["Background", "cube_rays"]
+SOLID = 10.0
+"""Density from which a voxel stops light within about a twentieth of a head."""
 
 
-def cube_rays(cameras: Camera, view: int, center: NDArray[np.float64],
-              radius: NDArray[np.float64], pixels: NDArray[np.float64] | None = None,
-              ) -> NDArray[np.float32]:
+class _Solid(Protocol):
+    """What is asked of a field; see `VoxelField`."""
+
+    density: Float32
+
+    def lattice_points(self) -> Float64:
+        """See `VoxelField`."""
+
+
+@dataclass(frozen=True)
+class Backdrop:
+    """The painted ground of a stylised field.
+
+    Attributes
+    ----------
+    picture
+        uint8 [h, w, 3], sRGB; its middle lies behind the middle of the eyes, and beyond its borders
+        its mirror image goes on.
+    pixels
+        Its pixels per world unit.
+    light
+        float64 [3], direction to the light in the portrait frame; z is above 0.
+    points
+        float32 [P, 3], places of the head in the world: what throws a shadow (`head_points`).
+    """
+
+    picture: UInt8
+    pixels: float
+    light: Float64
+    points: Float32
+
+    def __post_init__(self) -> None:
+        if self.picture.ndim != 3 or self.picture.shape[2] != 3 or min(self.picture.shape) < 2 or (
+                self.picture.dtype != np.uint8):
+            raise ValueError(f"a backdrop needs a picture uint8 [h, w, 3], not "
+                             f"{self.picture.dtype} {list(self.picture.shape)}")
+        if not (np.isfinite(self.pixels) and self.pixels > 0 and self.light.shape == (3,)
+                and np.isfinite(self.light).all() and self.light[2] > 0):
+            raise ValueError("a backdrop needs pixels per world unit, and light from the front")
+        if self.points.ndim != 2 or self.points.shape[1] != 3 or len(self.points) == 0 or (
+                not np.isfinite(self.points).all()):
+            raise ValueError("a backdrop needs places of the head, [P, 3]")
+
+    @property
+    def color(self) -> Float64:
+        """Its mean color, float64 [3] in [0, 1]."""
+        return np.asarray(self.picture.mean(axis=(0, 1)) / 255.0, np.float64)
+
+
+def head_points(field: _Solid, most: int = 8192) -> Float32:
+    """Places of the field's solid voxels, float32 [P, 3] in the world, at most so many.
+
+    Their choice is random, but always the same.
+    """
+    solid = np.flatnonzero(field.density > SOLID)
+    if not len(solid):
+        solid = np.arange(len(field.density))
+    if len(solid) > most:
+        rng = np.random.Generator(np.random.Philox(key=[45, most]))
+        solid = np.sort(rng.choice(solid, most, replace=False))
+    points = field.lattice_points()[solid]
+    return np.asarray(points if len(points) else np.zeros((1, 3)), np.float32)
+
+
+def cube_rays(cameras: Camera, view: int, center: Float64, radius: Float64,
+              pixels: Float64 | None = None) -> Float32:
     """Rays of a view in the coordinates of a box's cube: float32 [K, 6], origin, unit direction.
 
     Parameters
     ----------
-    center, radius
-        float64 [3], the box in the world.
-    pixels
-        float64 [K, 2], pixel positions (x, y; centres at + 0.5); all pixels in scan order without.
+    center, radius : float64 [3], the box in the world.
+    pixels : float64 [K, 2], pixel positions (x, y; centres at + 0.5); all pixels in scan order
+        without.
     """
     if pixels is None:
         width, height = int(cameras.width[view]), int(cameras.height[view])
@@ -50,14 +109,12 @@ class Background:
 
     Attributes
     ----------
-    links
-        int32 [2 R, R], place of a map pixel (longitude, latitude) in the data, -1 without.
-    data
-        float32 [N, layers, 4]: red, green, blue, density, near layer first.
+    links : int32 [2 R, R], place of a map pixel (longitude, latitude) in the data, -1 without.
+    data : float32 [N, layers, 4]: red, green, blue, density, near layer first.
     """
 
-    links: NDArray[np.int32]
-    data: NDArray[np.float32]
+    links: Int32
+    data: Float32
 
     @property
     def layers(self) -> int:
@@ -65,8 +122,7 @@ class Background:
         return int(self.data.shape[1])
 
     @staticmethod
-    def seen(rays: list[NDArray[np.float32]], resolution: int, layers: int,
-             density: float) -> Background:
+    def seen(rays: list[Float32], resolution: int, layers: int, density: float) -> Background:
         """Grey spheres of ``density`` where any of the rays [K, 6] looks, ``resolution`` rows."""
         marks = np.zeros((2 * resolution, resolution), np.uint8)
         for part in rays:
@@ -79,8 +135,7 @@ class Background:
         data[..., 3] = density
         return Background(links, data)
 
-    def color(self, rays: NDArray[np.float32], grey: float, stop: float = 1e-3,
-              ) -> NDArray[np.float32]:
+    def color(self, rays: Float32, grey: float, stop: float = 1e-3) -> Float32:
         """Color of each ray [K, 6] behind the lattice, float32 [K, 3]."""
         found = np.empty((len(rays), 3), np.float32)
         shells_forward(rays, self.links, self.data.reshape(-1, 4), self.layers, grey, stop, found)
@@ -103,8 +158,8 @@ class BackgroundTrainer:
         self.gradients = np.zeros((workers, *shape), np.float32)
         self.mean_square = np.zeros(shape, np.float32)
 
-    def step(self, rays: NDArray[np.float32], color: NDArray[np.float32],
-             slopes: NDArray[np.float32], rate_color: float, rate_density: float) -> None:
+    def step(self, rays: Float32, color: Float32,
+             slopes: Float32, rate_color: float, rate_density: float) -> None:
         """Descend, given the gradient of the loss [K, 3] with respect to the rays' colors."""
         data = self.background.data.reshape(-1, 4)
         shells_backward(rays, self.background.links, data, self.background.layers, self.grey, 1e-3,

@@ -10,8 +10,6 @@ import tyro
 
 from ..errors import UserError
 
-__all__ = ["ReconstructConfig", "Settings", "lattice_points"]
-
 _LEAST = 0.4
 """Share of a coarse level's usual rays that it has however short the time is."""
 

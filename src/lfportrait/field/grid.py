@@ -8,28 +8,61 @@ et al. 2022). A ray's color is Eq. 1 of Shen et al. 2023.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
-from .backdrop import SOLID, Backdrop
-from .background import Background, cube_rays
-from .kernels.bricks import Bricks
+from .background import SOLID, Backdrop, Background, cube_rays
+from .kernels.bricks import Bricks, Places, Stretches, build_bricks, fill_stretches, place_stretches
 from .kernels.march import lattice_of_world
-from .kernels.render import render_kernel
-from .kernels.stretches import Stretches
+from .kernels.render import CAPACITY, pixel_weights, render_kernel
 from .kernels.texture import PROBES, REACH, add_texture
-from .kernels.weights import CAPACITY, pixel_weights
-from .layouts import Layouts
 from .storage import load_field, read_back, save_field
-from .texture import NO_TEXTURE, SurfaceTexture, TextureRows
+from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
-__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
+_NO_COLORS = np.zeros((0, 3, 1), np.float32)
+
+
+@dataclass(eq=False)
+class Layouts:
+    """The layouts of a lattice, each made when it is first asked for.
+
+    Attributes
+    ----------
+    extent : `VoxelField.solid_extent`, once it is known.
+    """
+
+    extent: tuple[float, float, float] | None = None
+    _bricks: Bricks | None = None
+    _places: Places | None = None
+    _cells: tuple[UInt8, Int32] | None = None
+
+    def bricks(self, links: Int32, density: Float32, sh: NDArray[np.floating[Any]]) -> Bricks:
+        """The layout for casting, in the colors ``sh``, float [N, 3, B]."""
+        if self._bricks is None:
+            built = build_bricks(links, density, sh)
+            self._bricks = replace(built, sh=_NO_COLORS)
+            return built
+        return replace(self._bricks, sh=sh)
+
+    def stretches(self, links: Int32, density: Float32, sh: NDArray[np.floating[Any]]) -> Stretches:
+        """The layout for slices, in the colors ``sh``, float [N, 3, B]."""
+        if self._places is None:
+            self._places = place_stretches(links)
+        return fill_stretches(self._places, links, density, sh)
+
+    def cells(self, texture: SurfaceTexture, bricks: Bricks) -> Int32:
+        """`texture_cells`; those of the last charts are kept."""
+        if self._cells is None or self._cells[0] is not texture.charts:
+            self._cells = texture.charts, texture_cells(texture, bricks)
+        return self._cells[1]
+
 
 TEXEL = 1.6
 """Width in pixels of the texture's detail in a view. A picture of the head that is filtered ideally
@@ -51,16 +84,16 @@ class Rendering:
         transmittance passes 0.5; infinite where the ray meets none.
     """
 
-    color: NDArray[np.float32]
-    alpha: NDArray[np.float32]
-    depth: NDArray[np.float32]
+    color: Float32
+    alpha: Float32
+    depth: Float32
 
-    def points(self, cameras: Camera, view: int) -> NDArray[np.float64]:
+    def points(self, cameras: Camera, view: int) -> Float64:
         """World point of the surface under each pixel, float64 [H, W, 3], NaN without one."""
         return surface_points(cameras, view, self.depth)
 
 
-def surface_points(cameras: Camera, view: int, depth: NDArray[np.float32]) -> NDArray[np.float64]:
+def surface_points(cameras: Camera, view: int, depth: Float32) -> Float64:
     """World points [H, W, 3] at depths [H, W] along a view's optical axis; NaN where infinite."""
     height, width = depth.shape
     origins, directions = cameras.rays(view)
@@ -83,16 +116,34 @@ class SampleWeights:
         float32 [P].
     """
 
-    indptr: NDArray[np.int64]
-    rows: NDArray[np.int32]
-    weights: NDArray[np.float32]
-    alpha: NDArray[np.float32]
+    indptr: Int64
+    rows: Int32
+    weights: Float32
+    alpha: Float32
 
 
-def camera_row(cameras: Camera, view: int) -> NDArray[np.float64]:
+def camera_row(cameras: Camera, view: int) -> Float64:
     """One camera as the kernels take it: float64 [16], pose row by row, focal, principal point."""
     return np.concatenate([cameras.pose[view, :3].ravel(), cameras.focal[view],
                            cameras.center[view]])
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A plane: what lies below it goes.
+
+    Attributes
+    ----------
+    normal : float64 [3], unit, upwards.
+    height : Its distance from the origin along the normal, world units.
+    """
+
+    normal: Float64
+    height: float
+
+    def above(self, points: NDArray[np.floating]) -> Float64:
+        """How far points [..., 3] lie above the plane, [...]."""
+        return np.asarray(points @ self.normal - self.height, np.float64)
 
 
 @dataclass
@@ -123,12 +174,12 @@ class VoxelField:
         Degrees in all over which the head can be looked at; 0: no limit is known.
     """
 
-    links: NDArray[np.int32]
-    density: NDArray[np.float32]
-    sh: NDArray[np.float32]
-    center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    radius: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
-    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    links: Int32
+    density: Float32
+    sh: Float32
+    center: Float64 = field(default_factory=lambda: np.zeros(3))
+    radius: Float64 = field(default_factory=lambda: np.ones(3))
+    frame: Float64 = field(default_factory=lambda: np.eye(4))
     background: Background | None = None
     texture: SurfaceTexture | None = None
     backdrop: Backdrop | None = None
@@ -153,12 +204,12 @@ class VoxelField:
         return int(self.sh.shape[2])
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Float64:
         """float64 [2, 3]: the lowest and the highest corner of the cube in the world."""
         return np.stack([self.center - self.radius, self.center + self.radius])
 
     @property
-    def spacing(self) -> NDArray[np.float64]:
+    def spacing(self) -> Float64:
         """float64 [3], world units between lattice points along x, y and z."""
         return np.asarray(2.0 * self.radius / np.array(self.links.shape[::-1]), np.float64)
 
@@ -186,7 +237,7 @@ class VoxelField:
         self._layouts = other._layouts
 
     @property
-    def lattice(self) -> NDArray[np.float64]:
+    def lattice(self) -> Float64:
         """float64 [9]: lattice points along x, y, z; scale and offset of lattice coordinates."""
         scale, offset = lattice_of_world(self.center, self.radius, self.bricks.shape)
         return np.concatenate([np.array(self.links.shape[::-1], np.float64), scale, offset])
@@ -201,7 +252,7 @@ class VoxelField:
         cells = self._layouts.cells(self.texture, self.bricks)
         return self.texture.rows(cells, self.lattice, footprint, whole)
 
-    def lattice_points(self) -> NDArray[np.float64]:
+    def lattice_points(self) -> Float64:
         """World positions of the rows, float64 [N, 3]."""
         # In three dimensions `numpy.nonzero` takes four times as long.
         there = np.flatnonzero(self.links >= 0)
@@ -273,8 +324,7 @@ class VoxelField:
                          depth.reshape(height, width))
         return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
 
-    def depth(self, cameras: Camera, view: int = 0,
-              ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def depth(self, cameras: Camera, view: int = 0) -> tuple[Float32, Float32]:
         """Opacity and depth [H, W] of one view as `render` gives them, in less time."""
         size = int(cameras.width[view]), int(cameras.height[view])
         alpha, depth = (np.empty(size[0] * size[1], np.float32) for _ in range(2))
@@ -341,8 +391,7 @@ class VoxelField:
         return Rendering(color[0], alpha[0], depth[0])
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
-                       step: float = 0.5, inside: NDArray[np.bool_] | None = None,
-                       ) -> SampleWeights:
+                       step: float = 0.5, inside: Bool | None = None) -> SampleWeights:
         """The view as a sparse linear map of the lattice rows' colors.
 
         Parameters

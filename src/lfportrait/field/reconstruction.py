@@ -8,7 +8,7 @@ Where the photos have mattes, the field starts from their visual hull, the opaci
 fitted, too, and every batch is composited on random backgrounds, so that empty space ends clean;
 rays that the hull and the mattes make idle are not drawn. Mattes that were made from the photos are
 recomputed along the photos' edges before and within the last level
-(`lfportrait.field.geometry.outlines`). Photos without mattes get spheres behind the lattice that
+(`lfportrait.field.geometry.mattes`). Photos without mattes get spheres behind the lattice that
 learn the room. Steps are counted in rays, not in seconds, unless a time budget is given.
 """
 
@@ -24,24 +24,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..capture import Capture
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
-from .closing import FitHead, close_back, close_sides
+from .closing.colors import with_steady_colors
+from .closing.fitted_head import FitHead
+from .closing.sides import close_back, close_sides
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
-from .quality import held_out_quality
-from .training.casting_cost import casting_figures
-from .training.meter import CurveFile, Meter
-from .training.settling import settled
+from .kernels.descent import descend
+from .training.gpu_stepping import GpuSteps
+from .training.level import settled
+from .training.meter import CurveFile, Meter, held_out_quality
+from .training.pixels import Batches
+from .training.stepping import Caster, Plan
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
-from .unseen_directions import with_steady_colors
-
-__all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
@@ -76,8 +78,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
                              log: Path | None = None, measure_every: float = 0.0,
                              device: str = "auto",
                              look: Callable[[Callable[[], VoxelField]], None] | None = None,
-                             fit_head: FitHead | None = None,
-                             ) -> tuple[VoxelField, dict[str, Any]]:
+                             fit_head: FitHead | None = None) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
     Parameters
@@ -204,7 +205,7 @@ def _tested(field: VoxelField, trainer: Trainer, capture: Capture) -> dict[str, 
     background, gains, tested = trainer.config.background, trainer.test_gains, trainer.capture
     if trainer.poses is not None:
         tested = trainer.poses.tested(field, trainer.capture, gains)
-    others: dict[str, tuple[Capture, NDArray[np.float64] | None]] = {}
+    others: dict[str, tuple[Capture, Float64 | None]] = {}
     if not np.allclose(gains, 1.0):
         others["psnr_without_exposure"] = tested, None
     if trainer.laid is not None:
@@ -226,9 +227,8 @@ def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
-              config: ReconstructConfig, figures: dict[str, Any],
-              progress: Progress | None, fit_head: FitHead | None, roughly: bool = False,
-              ) -> VoxelField:
+              config: ReconstructConfig, figures: dict[str, Any], progress: Progress | None,
+              fit_head: FitHead | None, roughly: bool = False) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures.
 
     ``roughly``: what was added is not trained.
@@ -273,3 +273,71 @@ def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, floa
                      f"{100 * head:.0f} % of it well; the rest follows a generic head; for more, "
                      "take photos from further left, right, above and below")
     return figures
+
+
+def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
+    """Time of casting rays forward and backward, and of applying their gradients.
+
+    Parameters
+    ----------
+    trainer : A reconstruction that is finished.
+    batches : How many to cast; the fastest counts.
+
+    Returns
+    -------
+    figures : ``rays_per_second`` of the two kernels alone; ``samples_per_ray``; ``rows_per_ray``,
+        records of lattice points that a batch leaves by its number of rays; ``row_width``, values a
+        point; ``batch``, rays of a step. On a GPU all kernels of a step count.
+    """
+    if trainer.process is not None:
+        return _on_gpu(trainer, trainer.process, batches)
+    zero = np.float32(0.0)
+    lattice, data, config = trainer.lattice, trainer.data, trainer.config
+    assert lattice is not None
+    caster = Caster(lattice, data, trainer.basis, trainer.workers)
+    caster.skip_clear(trainer.options()[1])
+    last = len(config.resolutions) - 1
+    order = Batches(data, config.batch[last] // 16, config.seed, last)
+    fastest, samples, records, rays = np.inf, 0.0, 0, 0
+    for number in range(batches):
+        tiles = order.step(number)
+        ground = np.ones((16 * len(tiles), 3), np.float32)
+        start = time.perf_counter()
+        caster.cast(tiles, ground, trainer.scale, trainer.options())
+        # Steps of no length: the field stays as it is.
+        descend(lattice.density, lattice.rows.ravel(), trainer.width, caster.records.arrays,
+                caster.bases, zero, zero, zero, np.zeros(trainer.width, np.float32),
+                np.float32(1.0))
+        fastest = min(fastest, (time.perf_counter() - start) / (16 * len(tiles)))
+        samples += float(caster.losses[:, 2].sum())
+        records += int(caster.records.counts.sum())
+        rays += 16 * len(tiles)
+    return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
+            "rows_per_ray": records / rays, "row_width": trainer.width,
+            "batch": rays // batches}
+
+
+def _on_gpu(trainer: Trainer, process: GpuProcess, batches: int) -> dict[str, float]:
+    """The same of the steps on a GPU."""
+    lattice, data, config = trainer.lattice, trainer.data, trainer.config
+    assert lattice is not None
+    last = len(config.resolutions) - 1
+    order = Batches(data, config.batch[last] // 16, config.seed, last)
+    samples, records, rays, fastest = 0.0, 0, 0, np.inf
+    for number in range(batches):
+        tiles = order.step(number)
+        steps = GpuSteps(process, lattice, data, config, last, trainer.basis, trainer.workers,
+                         trainer.options(), np.float32(0.0), lambda: trainer.scale,
+                         lambda *_: None, len(tiles), trainer.background_trainer())
+        steps.look_again(float(trainer.options()[1]))
+        found = steps.measure(Plan(tiles, order.blocks, np.ones(len(tiles), np.float32),
+                                   np.float32(0.0), np.float32(1.0), 0.0, (0.0, 0.0), False),
+                              100 if process.adapter.real else 1)
+        steps.close()
+        fastest = min(fastest, found["seconds"] / (16 * len(tiles)))
+        samples += found["samples"]
+        records += found["records"]
+        rays += 16 * len(tiles)
+    return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
+            "rows_per_ray": records / rays, "row_width": trainer.width,
+            "batch": rays // batches}

@@ -1,4 +1,15 @@
-"""A field as a point cloud or as a colored mesh of its surface."""
+"""The surface of a field: a point cloud, a colored mesh, or a graph of cells.
+
+A network or a color says of some places for sure what they are, of others hardly, of those that no
+photo saw nothing. Asked place by place, the ends of what was seen come out as regions of their own.
+So what is known is carried over the graph (`SurfaceGraph`): a random walker (Grady 2006; with
+priors 2005) goes from cell to cell, easily between cells of one color, hardly across an edge, and a
+cell is what most walkers from it come to first. Its chances x minimize
+
+    sum w_ij (x_i - x_j)^2 + sum a_i (x_i - p_i)^2
+
+over the edges ij and the cells i, with votes p and their trust a: a sparse linear system.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
+from scipy.sparse import linalg
+from scipy.spatial import cKDTree
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..errors import UserError
 from .grid import VoxelField
-from .harmonics import C0
-from .kernels.march import lattice_of_world
+from .kernels.march import C0, lattice_of_world
 from .kernels.surface import depth_from_outside, seen_colors, sh_bases
-
-__all__ = ["Mesh", "PointCloud", "field_mesh", "field_points"]
-
-Float = NDArray[np.float32]
 
 _FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -36,10 +45,10 @@ class PointCloud:
         float32 [K], part of the light that a step of one voxel takes.
     """
 
-    positions: Float
-    normals: Float
-    colors: NDArray[np.uint8]
-    opacity: Float
+    positions: Float32
+    normals: Float32
+    colors: UInt8
+    opacity: Float32
 
 
 @dataclass(frozen=True)
@@ -56,13 +65,13 @@ class Mesh:
         uint8 [V, 3], sRGB.
     """
 
-    vertices: Float
-    normals: Float
-    faces: NDArray[np.int32]
-    colors: NDArray[np.uint8]
+    vertices: Float32
+    normals: Float32
+    faces: Int32
+    colors: UInt8
 
 
-def _eight_bit(color: NDArray[Any]) -> NDArray[np.uint8]:
+def _eight_bit(color: NDArray[Any]) -> UInt8:
     return (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
@@ -123,7 +132,7 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
                       taken[rows].astype(np.float32))
 
 
-def _gaze(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gaze(normals: Float64) -> Float64:
     """The direction in which somebody looks who sees a surface with the given normals, [K, 3].
 
     Against the normal, but rather level and rather from the front, as people are photographed: in
@@ -132,7 +141,7 @@ def _gaze(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     return _unit(-(normals * (1.0, 0.5, 1.0) + (0.0, 0.0, 0.5)), -_FRONT)
 
 
-def _cropped(field: VoxelField, margin: int) -> tuple[Float, NDArray[np.int64]]:
+def _cropped(field: VoxelField, margin: int) -> tuple[Float32, Int64]:
     """Density [z, y, x] about the filled lattice points, and the first point's place (z, y, x)."""
     filled = field.links >= 0
     if not filled.any():
@@ -147,7 +156,7 @@ def _cropped(field: VoxelField, margin: int) -> tuple[Float, NDArray[np.int64]]:
     return np.pad(values[links], margin), np.array(low) - margin
 
 
-def _looked_from() -> NDArray[np.int64]:
+def _looked_from() -> Int64:
     """Steps (z, y, x) in which light comes in: level and from above.
 
     Not from below: people are cut off there, and one would look into the shell.
@@ -156,7 +165,7 @@ def _looked_from() -> NDArray[np.int64]:
     return np.array(steps)
 
 
-def _largest_pieces(faces: NDArray[np.int32], count: int, least: float) -> NDArray[np.bool_]:
+def _largest_pieces(faces: Int32, count: int, least: float) -> Bool:
     """Faces of the connected pieces with at least ``least`` of the largest one's faces."""
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])
     graph = sparse.coo_matrix((np.ones(len(edges), bool), edges.T), shape=(count, count))
@@ -226,8 +235,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
                 _eight_bit(_seen(field, vertices, normals, float(spacing.mean()))))
 
 
-def _seen(field: VoxelField, points: NDArray[np.float64], normals: NDArray[np.float64],
-          voxel: float) -> NDArray[np.float32]:
+def _seen(field: VoxelField, points: Float64, normals: Float64, voxel: float) -> Float32:
     """Color of surface points as seen from outside, float32 [K, 3].
 
     A short ray, in the direction of `_gaze`, goes through the surface's few voxels.
@@ -245,3 +253,84 @@ def _seen(field: VoxelField, points: NDArray[np.float64], normals: NDArray[np.fl
         _, nearest = cKDTree(points[~lost]).query(points[lost])
         color[lost] = color[~lost][nearest]
     return color[:, :3]
+
+
+REACH = 1.8
+"""Cells whose middles are nearer than this many sides are neighbors."""
+CONTRAST = 0.08
+"""Distance of colors (sRGB in [0, 1]) across which a walker goes 0.6 times as easily."""
+LEAST = 0.01
+"""So easily it goes across any edge."""
+LOOSE = 1e-6
+"""Weight of the mean of all votes, which holds cells that nothing hangs together with."""
+ACCURACY = 1e-4
+"""Relative, of the solution."""
+
+
+@dataclass(frozen=True)
+class SurfaceGraph:
+    """C cells of N places of a surface.
+
+    Attributes
+    ----------
+    cell
+        int64 [N], the cell of each place.
+    count
+        float64 [C], places of each cell.
+    edges
+        int64 [E, 2], neighbors.
+    ease
+        float64 [E] in (0, 1], of a walker's step between them.
+    """
+
+    cell: Int64
+    count: Float64
+    edges: Int64
+    ease: Float64
+
+    @staticmethod
+    def over(points: NDArray[np.floating], colors: NDArray[np.floating],
+             side: float) -> SurfaceGraph:
+        """The graph of a surface.
+
+        Parameters
+        ----------
+        points
+            [N, 3], places of it.
+        colors
+            [N, 3], sRGB in [0, 1]; NaN where none is known: there all steps are easy.
+        side
+            Of a cell, in the unit of the points.
+        """
+        places = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
+        number = np.ravel_multi_index(tuple(places.T), tuple(places.max(axis=0) + 1))
+        _, cell, count = np.unique(number, return_inverse=True, return_counts=True)
+        middle, color = (np.stack([np.bincount(cell, part) for part in values.T], axis=1)
+                         / count[:, None] for values in (points, colors))
+        edges = cKDTree(middle).query_pairs(REACH * side, output_type="ndarray").astype(np.int64)
+        away = ((color[edges[:, 0]] - color[edges[:, 1]]) ** 2).sum(axis=1)
+        ease = np.exp(-0.5 * np.nan_to_num(away) / CONTRAST ** 2)
+        return SurfaceGraph(cell, count.astype(np.float64), edges, LEAST + (1 - LEAST) * ease)
+
+    def decided(self, votes: NDArray[np.floating], trust: NDArray[np.floating]) -> Float32:
+        """What places are, float32 [N] in [0, 1], from votes.
+
+        Parameters
+        ----------
+        votes
+            [N] in [0, 1].
+        trust
+            [N], their weight over that of a step within one color; somewhere above 0.
+        """
+        cells = len(self.count)
+        weight = np.bincount(self.cell, trust, cells) / self.count
+        pull = np.bincount(self.cell, trust * votes, cells) / self.count
+        first, second = self.edges.T
+        steps = sparse.coo_array((self.ease, (first, second)), (cells, cells)).tocsr()
+        steps = steps + steps.T
+        mean = float(pull.sum() / max(float(weight.sum()), 1e-12))
+        diagonal = np.asarray(steps.sum(axis=1)).ravel() + weight + LOOSE
+        found, _ = linalg.cg((sparse.diags_array(diagonal) - steps).tocsr(), pull + LOOSE * mean,
+                             np.full(cells, mean), rtol=ACCURACY, maxiter=2000,
+                             M=sparse.diags_array(1.0 / diagonal))
+        return np.clip(found, 0, 1).astype(np.float32)[self.cell]

@@ -24,10 +24,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, Int32, UInt8
 from .kernels.bricks import Bricks
 from .kernels.texture import NONE, cell_charts, halve
-
-__all__ = ["NO_TEXTURE", "SurfaceTexture", "TextureRows", "texture_cells"]
 
 OCTAVES = 6
 """Octaves of the pyramid; at the last one a texel is as large as eight lattice points."""
@@ -36,7 +35,7 @@ STEPS = 4
 FULL = 254.0
 """Texels per full scale: differences up to one half either way are kept exactly enough."""
 
-TextureRows = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.int32]]
+TextureRows = tuple[Int32, Float32, Int32]
 """What kernels take (`kernels.texture.make_detail`): charts of cells, projections, texels."""
 
 NO_TEXTURE: TextureRows = (np.zeros(0, np.int32), np.zeros((0, 12), np.float32),
@@ -62,8 +61,8 @@ class SurfaceTexture:
     """
 
     texels: NDArray[np.int8]
-    projections: NDArray[np.float64]
-    charts: NDArray[np.uint8]
+    projections: Float64
+    charts: UInt8
     pixels: float
 
     def __post_init__(self) -> None:
@@ -79,13 +78,13 @@ class SurfaceTexture:
 
     @staticmethod
     def of(detail: NDArray[np.floating[Any]], projections: NDArray[np.floating[Any]],
-           charts: NDArray[np.uint8], pixels: float) -> SurfaceTexture:
+           charts: UInt8, pixels: float) -> SurfaceTexture:
         """A texture of differences [H, W, 3] of sRGB; those beyond one half are clipped."""
         texels = np.clip(np.rint(detail * np.float32(FULL)), -127, 127).astype(np.int8)
         return SurfaceTexture(texels, np.asarray(projections, np.float64), charts, float(pixels))
 
     @property
-    def detail(self) -> NDArray[np.float32]:
+    def detail(self) -> Float32:
         """Differences of sRGB, float32 [H, W, 3]."""
         return self.texels * np.float32(1 / FULL)
 
@@ -94,7 +93,7 @@ class SurfaceTexture:
         return replace(self, texels=texels)
 
     @functools.cached_property
-    def _octaves(self) -> list[NDArray[np.int32]]:
+    def _octaves(self) -> list[Int32]:
         """Texels as the kernels take them, int32 [h, w], each half the size of the one before."""
         height, width = self.texels.shape[:2]
         first = np.zeros((height, width, 4), np.int8)
@@ -107,7 +106,7 @@ class SurfaceTexture:
         return [octave.view("<i4")[..., 0] for octave in octaves]
 
     @functools.cached_property
-    def _between(self) -> dict[int, NDArray[np.int32]]:
+    def _between(self) -> dict[int, Int32]:
         """Levels between the octaves that were asked for before."""
         return {}
 
@@ -125,7 +124,7 @@ class SurfaceTexture:
         """Width of the detail, in world units, of the level nearest to ``footprint``."""
         return float(2.0 ** (self.level(footprint) / STEPS) / self.pixels)
 
-    def words(self, level: int) -> NDArray[np.int32]:
+    def words(self, level: int) -> Int32:
         """Texels of a level as the kernels take them, int32 [h, w] of its octave; kept once made.
 
         Between two octaves they are the finer one's, and by the share of the way the coarser one's
@@ -139,7 +138,7 @@ class SurfaceTexture:
                                           part / STEPS)
         return self._between[level]
 
-    def rows(self, cells: NDArray[np.int32], lattice: NDArray[np.float64],
+    def rows(self, cells: Int32, lattice: Float64,
              footprint: float, whole: bool = False) -> TextureRows:
         """Arrays for the kernels.
 
@@ -163,7 +162,7 @@ class SurfaceTexture:
         return cells, np.ascontiguousarray(maps.reshape(-1, 12), np.float32), self.words(level)
 
 
-def _mixed(fine: NDArray[np.int32], coarse: NDArray[np.int32], share: float) -> NDArray[np.int32]:
+def _mixed(fine: Int32, coarse: Int32, share: float) -> Int32:
     """Texels of an octave [h, w] mixed with ``share`` of the next one's, looked up between them."""
     # OpenCV's fast paths are for unsigned bytes.
     one, other = (np.ascontiguousarray(words).view(np.uint8).reshape(*words.shape, 4)
@@ -177,7 +176,7 @@ def _mixed(fine: NDArray[np.int32], coarse: NDArray[np.int32], share: float) -> 
     return np.ascontiguousarray(out).view("<i4")[..., 0]
 
 
-def texture_cells(texture: SurfaceTexture, bricks: Bricks) -> NDArray[np.int32]:
+def texture_cells(texture: SurfaceTexture, bricks: Bricks) -> Int32:
     """Charts of the cells of a field's layout, int32 [bricks * 128]."""
     out = np.empty(len(bricks.links), np.int32)
     cell_charts(bricks.links, np.append(texture.charts, np.uint8(NONE)), out)

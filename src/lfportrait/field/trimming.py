@@ -11,19 +11,13 @@ above the plane.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, Int32
 from ..capture import Camera
-from .grid import VoxelField
-from .training.growth import dilated, labelled
-
-__all__ = ["Cut", "find_cut", "trim"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from .grid import Cut, VoxelField
+from .training.lattice import dilated, labelled
 
 SIDES = 72
 """Directions around the body in which its lower end is looked for."""
@@ -54,40 +48,16 @@ CRUMB = 0.02
 """Pieces smaller than this part of the largest are crumbs."""
 
 
-@dataclass(frozen=True)
-class Cut:
-    """A plane: what lies below it goes.
-
-    Attributes
-    ----------
-    normal
-        float64 [3], unit, upwards.
-    height
-        Its distance from the origin along the normal, world units.
-    """
-
-    normal: Float64
-    height: float
-
-    def above(self, points: NDArray[np.floating]) -> Float64:
-        """How far points [..., 3] lie above the plane, [...]."""
-        return np.asarray(points @ self.normal - self.height, np.float64)
-
-
 def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera,
              surely: bool = False) -> Cut | None:
     """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    landmarks
-        [68, 3], iBUG order, of its face.
-    cameras
-        Of the photos that it was reconstructed from.
-    surely
-        Whether the mattes were given, not guessed.
+    field : In the portrait frame.
+    landmarks : [68, 3], iBUG order, of its face.
+    cameras : Of the photos that it was reconstructed from.
+    surely : Whether the mattes were given, not guessed.
     """
     voxel = float(field.spacing.mean())
     points = field.lattice_points()[field.density > OPAQUE]
@@ -110,8 +80,7 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
     return cut
 
 
-def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float,
-                   ) -> Float64 | None:
+def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float) -> Float64 | None:
     """The plane on which all but ``share`` of the photos end, [3] as `_plane`; None if none are.
 
     A photo counts for a point if it shows the place above it at the chin's height: one that passes
@@ -134,7 +103,7 @@ def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float,
     return _plane(ends) if len(ends) >= SIDES // 4 else None
 
 
-def _border(points: Float64, enough: Bools) -> Float64 | None:
+def _border(points: Float64, enough: Bool) -> Float64 | None:
     """The point of a side that parts best, by height, those that are shown enough from the rest."""
     order = np.argsort(points[:, 1])
     lower = ~enough[order]
@@ -163,7 +132,7 @@ def _ends(points: Float64) -> Float64:
     return np.asarray(found, np.float64).reshape(-1, 3)
 
 
-def _sides(points: Float64) -> list[Bools]:
+def _sides(points: Float64) -> list[Bool]:
     """Which points lie in each direction around the body's middle, where eight or more do."""
     middle = np.median(points[:, [0, 2]], axis=0)
     angle = np.arctan2(points[:, 2] - middle[1], points[:, 0] - middle[0])
@@ -226,7 +195,7 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
                       field.background)
 
 
-def _crumbs(field: VoxelField, density: NDArray[np.float32]) -> NDArray[np.int32]:
+def _crumbs(field: VoxelField, density: Float32) -> Int32:
     """Rows of pieces that do not hang together with any large one."""
     filled = field.links >= 0
     thick = np.zeros(filled.shape, np.float32)

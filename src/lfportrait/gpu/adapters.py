@@ -16,8 +16,6 @@ from typing import Any
 from ..errors import UserError
 from ..graphics import lacking
 
-__all__ = ["Adapter", "adapters", "chosen", "handle_of", "missing"]
-
 _KINDS = {"DiscreteGPU": "discrete", "IntegratedGPU": "integrated", "CPU": "software"}
 _ORDER = ("discrete", "integrated", "other", "software")
 _BACKENDS = ("Vulkan", "Metal", "D3D12")

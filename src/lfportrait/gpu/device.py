@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from .adapters import Adapter, handle_of, quiet_driver
 
-__all__ = ["BINDING", "LIMITS", "Device", "Kernel", "bands"]
-
 LIMITS = {
     "max-buffer-size": 256 << 20,
     "max-storage-buffer-binding-size": 128 << 20,
@@ -242,21 +240,15 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
 
     Parameters
     ----------
-    total
-        Rows of work.
-    first
-        Rows of the calibration dispatch.
-    run
-        ``run(since, until)`` sends a band off.
-    wait
-        Waits until all that was sent off is done.
-    longest
-        Seconds that a band should take at most.
+    total : Rows of work.
+    first : Rows of the calibration dispatch.
+    run : ``run(since, until)`` sends a band off.
+    wait : Waits until all that was sent off is done.
+    longest : Seconds that a band should take at most.
 
     Returns
     -------
-    size
-        Rows that a band may have: for more work of the same kind.
+    size : Rows that a band may have: for more work of the same kind.
     """
     bound = 0
     since, size = 0, max(1, min(first, total))
@@ -274,3 +266,32 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
             size = max(1, size)
         since = until
     return size
+
+
+def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
+    """Seconds that a device needs to copy so many bytes within its own memory.
+
+    Parameters
+    ----------
+    device : The device.
+    size : Bytes; what is more than a binding holds is copied in parts.
+    repeats : Copies whose mean is taken.
+    """
+    part = min(max(size // 4 * 4, 4), BINDING)
+    source, target = device.buffer(part), device.buffer(part)
+
+    def copy() -> None:
+        encoder = device.raw.create_command_encoder()
+        for _ in range(repeats):
+            left = size
+            while left > 0:
+                some = max(min(left, part) // 4 * 4, 4)
+                encoder.copy_buffer_to_buffer(source, 0, target, 0, some)
+                left -= part
+        device.raw.queue.submit([encoder.finish()])
+        device.wait()
+
+    copy()
+    start = time.perf_counter()
+    copy()
+    return (time.perf_counter() - start) / repeats

@@ -1,7 +1,7 @@
 """The process that holds the device, and what happens when it is lost.
 
 A driver that resets takes its process's device with it, one that hangs takes the process. So GPU
-work runs in a child (`lfportrait.gpu.worker`), which answers one call after the other. A child that
+work runs in a child (`main`), which answers one call after the other. A child that
 dies or takes too long is ended and started again once; after that `GpuLostError` is raised, and the
 caller computes on the CPU.
 """
@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import importlib
 import threading
 import warnings
 from collections.abc import Callable, Collection
 from typing import Any, TypeVar
 
-from ..runner import Child
+from ..runner import Child, Pipe
 from .adapters import Adapter
-
-__all__ = ["GpuLostError", "GpuProcess", "attempted", "gpu_process"]
+from .device import Device
 
 _TIMEOUT = 120.0
 """Seconds after which a call is taken to hang."""
@@ -120,7 +120,7 @@ class GpuProcess:
         if self._child is None or not self._child.alive:
             self.close()
             self.starts += 1
-            self._child = Child("lfportrait.gpu.worker:main")
+            self._child = Child("lfportrait.gpu.process:main")
             with contextlib.suppress(OSError):
                 self._child.send(self.adapter)
         return self._child
@@ -151,3 +151,37 @@ def gpu_process(adapter: Adapter) -> GpuProcess:
         _processes[adapter] = GpuProcess(adapter)
         atexit.register(_processes[adapter].close)
     return _processes[adapter]
+
+
+def _answer(device: Device, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
+    """What a call returns, or the error that it raised."""
+    module, function = name.split(":")
+    try:
+        return True, getattr(importlib.import_module(module), function)(device, *arguments)
+    except MemoryError as error:
+        return False, GpuLostError(f"{device.adapter.title} has too little memory: {error}")
+    except Exception as error:
+        text, kind = str(error), type(error)
+        if kind.__name__ == "GPUOutOfMemoryError" or any(
+                words in text.lower() for words in ("out of memory", "not enough memory")):
+            return False, GpuLostError(f"{device.adapter.title} has too little memory")
+        if "lost" in text.lower():
+            return False, GpuLostError(f"{device.adapter.title} was lost")
+        if kind.__module__.split(".")[0] in ("builtins", "lfportrait"):
+            return False, error
+        # The parent need not have the module that this error is from.
+        return False, RuntimeError(f"{kind.__name__}: {text}")
+
+
+def main() -> None:
+    """Answer calls until the parent is gone."""
+    pipe = Pipe()
+    adapter = pipe.requests.get()
+    try:
+        device = Device(adapter)
+    except Exception as error:
+        pipe.requests.get()
+        pipe.tell(False, GpuLostError(f"{adapter.title} can't be used: {error}"))
+        return
+    while True:
+        pipe.tell(*_answer(device, *pipe.requests.get()))

@@ -67,7 +67,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     (`lfportrait.field.geometry.clean_plates`), or else made consistent over the views and freed of
     what the photos' depth puts elsewhere, and sharpened along the photos' edges. Where they do not
     agree, as with a sculpture, the object that the cameras look at, cut out by its geometry
-    (`lfportrait.field.geometry.cutout`).
+    (`lfportrait.field.geometry.mattes`).
 
     Parameters
     ----------

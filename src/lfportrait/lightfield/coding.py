@@ -29,6 +29,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64, UInt8
 from ..cache import key_of, user_cache
 from ..capture import Camera
 from ..device import device_name, gpu_adapter
@@ -51,10 +52,8 @@ def row_views(display: Display, first: int, count: int, apart: int = 1,
 
     Parameters
     ----------
-    display
-        The panel.
-    first, count, apart
-        The first row, how many, and how far apart they are.
+    display : The panel.
+    first, count, apart : The first row, how many, and how far apart they are.
     """
     kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
     views = np.empty((count, display.width, 3), kind)
@@ -204,7 +203,6 @@ def _kept_depth(display: Display, scale: float) -> float:
             stacklevel=4)
     return float(max(wanted, _FLATTEST))
 
-
 _APART = math.radians(3.0)
 """Angle between neighbouring eyes that colors are evaluated for."""
 _LAYERS = 16
@@ -215,19 +213,16 @@ _MEMORY = 512 << 20
 """Bytes that their colors may take."""
 
 
-def viewpoints(field: VoxelField, eyes: NDArray[np.float64], distance: float, height: float,
-               to_world: NDArray[np.float64]) -> NDArray[np.float64]:
+def viewpoints(field: VoxelField, eyes: Float64, distance: float, height: float,
+               to_world: Float64) -> Float64:
     """Eyes that colors are evaluated for, float64 [L, 3] in the field's world.
 
     Parameters
     ----------
-    field
-        The field; colors of one coefficient are the same for all eyes.
-    eyes
-        float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
+    field : The field; colors of one coefficient are the same for all eyes.
+    eyes : float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
         up.
-    to_world
-        float64 [3, 4], from that frame to the world.
+    to_world : float64 [3, 4], from that frame to the world.
     """
     first, last = float(eyes[0]), float(eyes[-1])
     layers = 1
@@ -242,7 +237,7 @@ def viewpoints(field: VoxelField, eyes: NDArray[np.float64], distance: float, he
 
 
 def code_on_gpu(process: GpuProcess, field: VoxelField, job: PanelJob, footprint: float,
-                read: bool = True, repeats: int = 0) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+                read: bool = True, repeats: int = 0) -> tuple[UInt8, dict[str, Any]]:
     """Code a panel on the device (`code_panel`), where the field is sent first if it must be."""
     keys = keep_field(process, field, len(job.viewpoints), footprint)
     image, figures = process.call("lfportrait.lightfield.gpu.panel:code_panel", keys, job, read,
@@ -251,7 +246,7 @@ def code_on_gpu(process: GpuProcess, field: VoxelField, job: PanelJob, footprint
 
 
 def pictures_on_gpu(process: GpuProcess, field: VoxelField, cameras: Camera, *, background: float,
-                    ground: Ground | None) -> NDArray[np.uint8]:
+                    ground: Ground | None) -> UInt8:
     """Pictures of cameras of one size, uint8 [V, H, W, 3], with what is behind the field.
 
     Rays are sampled on the lattice's planes, as row slices are, and at half steps where they are
@@ -280,7 +275,6 @@ def _picture_job(field: VoxelField, cameras: Camera, views: list[int], covered: 
                    2e-4 * field.lattice[5] if axis else 1e-2, 4e-3 if axis else 1e-3, axis > 0,
                    covered, PROBES, REACH, True, (background,) * 3,
                    None if ground is None else ground.planes, rays)
-
 
 _FAINTEST = 1e-3
 """Slices leave out samples that hold back less light than this: a quarter of an 8-bit level."""
@@ -314,7 +308,7 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
 
 
 def _panel(display: Display, config: EncodeConfig, placement: Placement, first: int = 0,
-           apart: int = 1) -> NDArray[np.float64]:
+           apart: int = 1) -> Float64:
     """The numbers of a panel as the kernels take them (see `encode_kernel`)."""
     # Cells move sub-pixels; their height within a row is left out, so that a row stays a plane.
     thirds = np.arange(3) + 0.5
@@ -367,12 +361,9 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
 
     Parameters
     ----------
-    field, display, config
-        As for `encode`.
-    height, first, apart
-        How many rows, the first one and how far apart they are; all by default.
-    fixed
-        One view for all sub-pixels, or -1.
+    field, display, config : As for `encode`.
+    height, first, apart : How many rows, the first one and how far apart they are; all by default.
+    fixed : One view for all sub-pixels, or -1.
     """
     placement = Placement.of(display, config)
     distance = placement.deep_distance(display)
@@ -398,9 +389,8 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
         sliced=config.method == "slices" and len(colors) == 1)
 
 
-def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
-          fixed: int, first: int = 0, apart: int = 1,
-          ground: Ground | None = None) -> NDArray[np.uint8]:
+def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any], fixed: int,
+          first: int = 0, apart: int = 1, ground: Ground | None = None) -> UInt8:
     """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
     bricks = field.bricks
     placement = Placement.of(display, config)
@@ -447,7 +437,7 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
 
 def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
                         mask: ViewMask | None = None, device: str = "auto",
-                        ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+                        ) -> tuple[UInt8, dict[str, Any]]:
     """`encode`, and the figures of the run for ``--json``."""
     config = composed(field, display, config or EncodeConfig())
     if mask is not None and mask.display != display.hash():
@@ -474,7 +464,7 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
 
 
 def _coded_on_gpu(field: VoxelField, display: Display, config: EncodeConfig,
-                  adapter: Adapter | None) -> tuple[NDArray[np.uint8], dict[str, Any]] | None:
+                  adapter: Adapter | None) -> tuple[UInt8, dict[str, Any]] | None:
     """What `encode_with_figures` gives, from a GPU; None where there is none, or it was lost."""
     if adapter is None:
         return None
@@ -505,7 +495,7 @@ def code_on_device(process: GpuProcess, field: VoxelField, display: Display, con
 
 
 def encode(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
-           mask: ViewMask | None = None, device: str = "auto") -> NDArray[np.uint8]:
+           mask: ViewMask | None = None, device: str = "auto") -> UInt8:
     """Code a field for a display.
 
     Parameters
@@ -530,9 +520,8 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
 
 def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
-                count: int, apart: int = 1, *,
-                views: NDArray[np.unsignedinteger] | None = None,
-                ground: Ground | None = None) -> NDArray[np.uint8]:
+                count: int, apart: int = 1, *, views: NDArray[np.unsignedinteger] | None = None,
+                ground: Ground | None = None) -> UInt8:
     """Code some rows of a panel: the same as these rows of `encode`.
 
     So a picture that is too large for the memory is coded from the top down, and a small copy of it
@@ -563,7 +552,7 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
 
 
 def render_view(field: VoxelField, display: Display, view: int,
-                config: EncodeConfig | None = None) -> NDArray[np.uint8]:
+                config: EncodeConfig | None = None) -> UInt8:
     """Every sub-pixel of the panel as one view sees it: what de-interlacing must give back.
 
     Parameters

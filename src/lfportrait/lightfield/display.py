@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..errors import UserError
 from ..files import atomic_write
 from . import display_files
@@ -167,7 +168,7 @@ class Display:
         """Sub-pixels by which the phase grows from one row to the next below: 3 tan(slant)."""
         return 3.0 * math.tan(self.slant)
 
-    def places(self) -> NDArray[np.float64]:
+    def places(self) -> Float64:
         """Where the sub-pixels of a pixel lie, float64 [4, 2, 3, 2].
 
         For row y mod 4 (rows from the top), column x mod 2 and sub-pixel k: x to the right and y
@@ -189,7 +190,7 @@ class Display:
         table[..., 1] = 0.5 - cells[..., 1]
         return table
 
-    def steps(self) -> NDArray[np.float64]:
+    def steps(self) -> Float64:
         """Phase of each sub-pixel against its pixel's, float64 [4, 2, 3]: row mod 4, column mod 2.
 
         A sub-pixel's phase is 3 x + steps[y % 4, x % 2, k] + y shift + offset, mod L_n.
@@ -210,7 +211,7 @@ class Display:
         """Whether all rows have the same views."""
         return self.shift == 0 and np.ptp(self.steps(), axis=0).max() == 0
 
-    def phase(self, rows: Any, columns: Any, channels: Any) -> NDArray[np.float64]:
+    def phase(self, rows: Any, columns: Any, channels: Any) -> Float64:
         """Phase u in [0, L_n), in sub-pixels, of places (row, column, sub-pixel).
 
         Sub-pixels count from the left, or, where the panel has ``cells``, red, green, blue.
@@ -222,7 +223,7 @@ class Display:
         phase = np.where(phase >= self.pitch, 0.0, phase)
         return np.where(phase > 0, self.pitch - phase, 0.0) if self.inverted else phase
 
-    def view_of(self, rows: Any, columns: Any, channels: Any) -> NDArray[np.float64]:
+    def view_of(self, rows: Any, columns: Any, channels: Any) -> Float64:
         """Fractional view v in [0, V_n) of places (row, column, sub-pixel from the left)."""
         view = self.phase(rows, columns, channels) * (self.views / self.pitch)
         return np.minimum(view, np.nextafter(self.views, 0))
@@ -232,7 +233,7 @@ class Display:
         """X of the cone's right edge at the viewing distance, in half panel heights."""
         return self.distance * math.tan(math.radians(self.cone) / 2)
 
-    def eyes(self) -> NDArray[np.float64]:
+    def eyes(self) -> Float64:
         """X of each view's eye point, float64 [V_n], in half panel heights."""
         share = 2.0 * (np.arange(self.views) + 0.5) / self.views - 1.0
         return self.eye_reach * share

@@ -115,17 +115,13 @@ def entries_of_calibration(calibration: dict[str, Any], *, views: int = 0, name:
 
     Parameters
     ----------
-    calibration
-        Entries, bare or each as ``{"value": ...}``.
-    views
-        Number of views; that of the panel's customary quilt by default.
-    name
-        Name of the display; its serial number by default.
+    calibration : Entries, bare or each as ``{"value": ...}``.
+    views : Number of views; that of the panel's customary quilt by default.
+    name : Name of the display; its serial number by default.
 
     Returns
     -------
-    entries
-        Of a panel for which `Display.view_of` equals the shader's value on every sub-pixel.
+    entries : Of a panel for which `Display.view_of` equals the shader's value on every sub-pixel.
     """
     width = round(_calibrated(calibration, "screenW"))
     height = round(_calibrated(calibration, "screenH"))
@@ -173,15 +169,12 @@ def calibration_of(display: Any, dpi: float = 0.0) -> dict[str, Any]:
 
     Parameters
     ----------
-    display
-        The panel, a `Display`; its lenses must be slanted.
-    dpi
-        Pixels per inch; from the panel's height by default, or 100 where that is not known.
+    display : The panel, a `Display`; its lenses must be slanted.
+    dpi : Pixels per inch; from the panel's height by default, or 100 where that is not known.
 
     Returns
     -------
-    calibration
-        Entries as ``visual.json`` has them.
+    calibration : Entries as ``visual.json`` has them.
     """
     if display.slant == 0:
         raise UserError("a panel with vertical lenses has no finite Looking Glass slope")
@@ -220,15 +213,12 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
 
     Parameters
     ----------
-    path
-        The file.
-    kinds
-        Names and types of a display's entries.
+    path : The file.
+    kinds : Names and types of a display's entries.
 
     Returns
     -------
-    entries
-        Arguments of `Display`.
+    entries : Arguments of `Display`.
 
     Raises
     ------

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, Int64, UInt8
 from ..capture import Camera
 from ..errors import UserError
 from ..field import Backdrop, VoxelField, head_points
@@ -24,8 +25,6 @@ from ..media.pictures import read_image
 from .display import Display
 from .kernels.ground import fill_ground, shade_ground, view_ground
 from .placement import EncodeConfig, Placement
-
-Float32 = NDArray[np.float32]
 
 _LIGHT = np.array([-0.5, 0.55, 1.0])
 """Where the light comes from, where no painting says so."""
@@ -68,8 +67,8 @@ class Ground:
     texel: tuple[float, float]
     placement: Placement
 
-    def fill(self, display: Display, panel: NDArray[np.float64], views: NDArray[Any], fixed: int,
-             eyes: NDArray[np.float64], out: NDArray[np.uint8]) -> None:
+    def fill(self, display: Display, panel: Float64, views: NDArray[Any], fixed: int,
+             eyes: Float64, out: UInt8) -> None:
         """Fill a panel's rows with what each sub-pixel sees of it (`fill_ground`)."""
         share = self.depth / display.distance
         across = 3 * display.width
@@ -92,7 +91,7 @@ class Ground:
         view_ground(self.planes, *self.rays(cameras, view), out)
         return out
 
-    def rays(self, cameras: Camera, view: int = 0) -> NDArray[np.float64]:
+    def rays(self, cameras: Camera, view: int = 0) -> Float64:
         """A camera's rays in texels and height above the ground, float64 [4, 3].
 
         Its place, their growth for a pixel to the right and for one below, and the first pixel's.
@@ -191,7 +190,7 @@ def _depth(drop: Backdrop, placement: Placement, behind: float, display: Display
     return depth if display is None else max(depth, 0.0)
 
 
-def _placed(points: NDArray[np.floating], placement: Placement) -> NDArray[np.float64]:
+def _placed(points: NDArray[np.floating], placement: Placement) -> Float64:
     """Points [P, 3] of the world in the display frame."""
     out = placement.scale * (points @ placement.to_world) + placement.deep_shift
     out[:, 2] *= placement.depth
@@ -239,7 +238,7 @@ def _ground(drop: Backdrop, placement: Placement, depth: float,
     return Ground(planes, depth, float(x0), float(y0), (across, down), placement)
 
 
-def _folded(places: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+def _folded(places: Int64, size: int) -> Int64:
     """Texels of a picture of ``size`` whose mirror images lie side by side."""
     turned = places % (2 * size)
     return np.asarray(np.minimum(turned, 2 * size - 1 - turned), np.int64)
@@ -251,17 +250,13 @@ def _shade(drop: Backdrop, placement: Placement, depth: float,
 
     Parameters
     ----------
-    drop, placement, depth
-        The ground and the head.
-    window
-        Left, top, width and height of what is seen of it.
-    strength
-        Share of the light that the middle of the shadow lacks.
+    drop, placement, depth : The ground and the head.
+    window : Left, top, width and height of what is seen of it.
+    strength : Share of the light that the middle of the shadow lacks.
 
     Returns
     -------
-    shade, cell
-        float32 [a, b] in [0, 1], the first at the window's corner, and its cells' width.
+    shade, cell : float32 [a, b] in [0, 1], the first at the window's corner, and its cells' width.
     """
     left, top, width, height = window
     shape = int(height / _CELL) + 3, int(width / _CELL) + 3

@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, UInt8
 from ..errors import UserError
 from ..files import write_image
 from ..media.folders import list_pictures, say_left_out
@@ -37,7 +37,7 @@ from .kernels.panel import gather_views, interlace_views, lens_of, see_panel
 from .quilts import QuiltLayout, layout_for, warn_of_misfit
 
 
-def check_size(image: NDArray[np.uint8], display: Display) -> None:
+def check_size(image: UInt8, display: Display) -> None:
     """Raise `UserError` if a picture does not have the panel's size.
 
     Raises
@@ -66,7 +66,7 @@ def lossless(path: str | Path) -> Path:
     return path
 
 
-def read_coded(path: str | Path, display: Display) -> NDArray[np.uint8]:
+def read_coded(path: str | Path, display: Display) -> UInt8:
     """A coded picture as the viewer sees the panel, uint8 [H, W, 3].
 
     Raises
@@ -79,7 +79,7 @@ def read_coded(path: str | Path, display: Display) -> NDArray[np.uint8]:
     return display.to_panel(image)
 
 
-def write_coded(path: str | Path, image: NDArray[np.uint8], display: Display) -> None:
+def write_coded(path: str | Path, image: UInt8, display: Display) -> None:
     """Write a coded picture, uint8 [H, W, 3] as seen, so that the panel shows it right."""
     check_size(image, display)
     write_image(lossless(path), display.to_panel(image), fast=True)
@@ -102,7 +102,7 @@ class InterlaceConfig:
     it, where it is sharpest; negative: content in front."""
 
 
-def quilt_tiles(quilt: NDArray[np.uint8], layout: QuiltLayout) -> NDArray[np.uint8]:
+def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
     """The views of a quilt, view 0 first: uint8 [columns * rows, h, w, 3].
 
     Raises
@@ -120,8 +120,7 @@ def quilt_tiles(quilt: NDArray[np.uint8], layout: QuiltLayout) -> NDArray[np.uin
     return np.stack(tiles)
 
 
-def assemble_quilt(tiles: NDArray[np.uint8], layout: QuiltLayout,
-                   size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | None = None) -> UInt8:
     """The inverse of `quilt_tiles`.
 
     Parameters
@@ -149,7 +148,7 @@ def assemble_quilt(tiles: NDArray[np.uint8], layout: QuiltLayout,
 
 
 def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | None = None,
-               views: int = 0) -> tuple[NDArray[np.uint8], float]:
+               views: int = 0) -> tuple[UInt8, float]:
     """Pictures of views from a quilt or a folder.
 
     Parameters
@@ -202,8 +201,8 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     return tiles[:views or len(tiles)], aspect
 
 
-def interlace(views: NDArray[np.uint8], display: Display, config: InterlaceConfig | None = None, *,
-              aspect: float = 0.0) -> NDArray[np.uint8]:
+def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = None, *,
+              aspect: float = 0.0) -> UInt8:
     """Code pictures of views for a panel: each sub-pixel from its view, at its own place.
 
     Parameters
@@ -251,8 +250,7 @@ _MEMORY = 400_000_000
 """Bytes that the sums of one pass may take."""
 
 
-def deinterlace(image: NDArray[np.uint8], display: Display, view: int,
-                ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+def deinterlace(image: UInt8, display: Display, view: int) -> tuple[UInt8, Bool]:
     """The sub-pixels of a coded picture that one view owns.
 
     Parameters
@@ -280,15 +278,15 @@ def deinterlace(image: NDArray[np.uint8], display: Display, view: int,
     return np.where(owned, image, 0).astype(np.uint8), owned
 
 
-def _half(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+def _half(plane: Float32) -> Float32:
     """Sums over blocks of 2 x 2; [h, w, c] -> [ceil(h / 2), ceil(w / 2), c]."""
     padded = np.pad(plane, ((0, plane.shape[0] % 2), (0, plane.shape[1] % 2), (0, 0)))
-    summed: NDArray[np.float32] = (padded[::2, ::2] + padded[1::2, ::2] + padded[::2, 1::2]
+    summed: Float32 = (padded[::2, ::2] + padded[1::2, ::2] + padded[::2, 1::2]
                                    + padded[1::2, 1::2])
     return summed
 
 
-def _double(plane: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
+def _double(plane: Float32, height: int, width: int) -> Float32:
     """Twice the size, interpolated linearly between the middles of the pixels."""
     for axis, size in ((0, height), (1, width)):
         before = np.concatenate([plane.take([0], axis), plane], axis)
@@ -302,7 +300,7 @@ def _double(plane: NDArray[np.float32], height: int, width: int) -> NDArray[np.f
     return plane
 
 
-def _filled(value: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+def _filled(value: Float32, weight: Float32) -> Float32:
     """The weighted mean where there is weight, else what the coarser picture says."""
     known = weight > 0
     mean = np.where(known, value / np.where(known, weight, 1), 0).astype(np.float32)
@@ -313,8 +311,8 @@ def _filled(value: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[
     return np.where(known, mean, _double(coarse, *value.shape[:2]))
 
 
-def each_view(image: NDArray[np.uint8], display: Display, *, count: int = 0, width: int = 0,
-              height: int = 0) -> Iterator[NDArray[np.uint8]]:
+def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
+              height: int = 0) -> Iterator[UInt8]:
     """Whole pictures of the views of a coded picture, the leftmost first.
 
     Sub-pixels that a view owns come through exactly where its picture has the panel's size, and are
@@ -360,9 +358,9 @@ def each_view(image: NDArray[np.uint8], display: Display, *, count: int = 0, wid
             yield picture
 
 
-def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = (0.0,), *,
+def simulate(image: UInt8, display: Display, eye: Sequence[float] = (0.0,), *,
              crosstalk: float = 0.0, distance: float | None = None, block: int = 1,
-             ) -> NDArray[np.float32]:
+             ) -> Float32:
     """Simulate an eye's view of a coded picture.
 
     Parameters

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, Int64, UInt8
 from ..errors import UserError
 from .display import Display
 from .placement import DepthReport
@@ -35,12 +36,12 @@ from .placement import DepthReport
 _ROWS = 128
 """Rows of the panel that are worked on at once."""
 
-Paint = Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], int],
+Paint = Callable[[Int64, Float64, Float64, int],
                  NDArray[np.floating[Any]]]
 """Color in [0, 1] from the view, x, y (half panel heights, y up) and the channel."""
 
 
-def _painted(display: Display, paint: Paint) -> NDArray[np.uint8]:
+def _painted(display: Display, paint: Paint) -> UInt8:
     """Every sub-pixel painted by its view and its place."""
     image = np.empty((display.height, display.width, 3), np.uint8)
     places = display.places()
@@ -64,7 +65,7 @@ def _font(size: int) -> Any:
     return ImageFont.load_default(max(6, size))
 
 
-def _word(text: str, height: int, width: int, size: int) -> NDArray[np.float32]:
+def _word(text: str, height: int, width: int, size: int) -> Float32:
     """A word in white in the middle of black, [height, width]."""
     from PIL import Image, ImageDraw
 
@@ -73,8 +74,7 @@ def _word(text: str, height: int, width: int, size: int) -> NDArray[np.float32]:
     return np.asarray(picture, np.float32) / np.float32(255)
 
 
-def _sampled(texture: NDArray[np.float32], down: NDArray[np.float64], right: NDArray[np.float64],
-             ) -> NDArray[np.float32]:
+def _sampled(texture: Float32, down: Float64, right: Float64) -> Float32:
     """A texture [h, w] at places in [0, 1] (from the top left), interpolated; 0 outside."""
     height, width = texture.shape
     padded = np.pad(texture, 1)
@@ -84,7 +84,7 @@ def _sampled(texture: NDArray[np.float32], down: NDArray[np.float64], right: NDA
     dy, dx = (row - y).astype(np.float32), (column - x).astype(np.float32)
     upper = padded[y, x] * (1 - dx) + padded[y, x + 1] * dx
     lower = padded[y + 1, x] * (1 - dx) + padded[y + 1, x + 1] * dx
-    blended: NDArray[np.float32] = upper * (1 - dy) + lower * dy
+    blended: Float32 = upper * (1 - dy) + lower * dy
     return blended
 
 
@@ -110,8 +110,7 @@ def _views(display: Display) -> Paint:
     inside = (np.abs(y % 1 - 0.78) < 0.14) & (np.abs(x % 1 - 0.5) < 0.42)
     cell = np.where(inside, cell, -1)
 
-    def paint(view: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64],
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         row = (np.clip((1 - y) / 2, 0, 0.999999) * 2 % 1 * height).astype(np.intp)
         column = (np.clip((x / display.aspect + 1) / 2, 0, 0.999999) * 2 % 1 * width).astype(
             np.intp)
@@ -126,8 +125,7 @@ def _slant(display: Display) -> Paint:
     half = 0.5 + min(max(display.views / 24, 1.6 * display.views / display.pitch),
                      display.views / 4)
 
-    def paint(view: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64],
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         white = np.abs(view - middle) <= half
         side = (view < middle) if channel == 0 else (view > middle) if channel == 2 else view < 0
         return np.where(white, 1.0, np.where(side, 0.6, 0.0))
@@ -138,8 +136,7 @@ def _slant(display: Display) -> Paint:
 def _fringe(display: Display) -> Paint:
     eyes, depth = display.eyes(), 0.5 * max(DepthReport.of(display).back, -display.distance)
 
-    def paint(view: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64],
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         third = (view * 3 // display.views == channel).astype(float)
         x_z = eyes[view] + (x - eyes[view]) * (display.distance - depth) / display.distance
         bars = (np.floor(x_z * 8) % 2 == 0).astype(float)
@@ -162,8 +159,7 @@ def _depth(display: Display) -> Paint:
         textures.append(_word(text, height, width,
                               round(min(0.4 * height, 1.4 * width / len(text)))))
 
-    def paint(view: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64],
-              channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
         band = np.clip(((1 - y) / 2 * count).astype(np.int64), 0, count - 1)
         x, y = np.broadcast_arrays(x, y)
         value = np.zeros(view.shape)
@@ -195,7 +191,7 @@ PATTERNS: dict[str, Callable[[Display], Paint]] = {
     "views": _views, "slant": _slant, "fringe": _fringe, "depth": _depth}
 
 
-def pattern(display: Display, kind: str = "views") -> NDArray[np.uint8]:
+def pattern(display: Display, kind: str = "views") -> UInt8:
     """A test picture coded for a panel.
 
     Parameters

@@ -16,8 +16,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..errors import UserError
 from .display import Display
 
@@ -133,7 +133,7 @@ class Placement:
     # its place and the eyes' distance are those before the flattening, in the "deep" frame.
 
     @property
-    def deep_shift(self) -> NDArray[np.float64]:
+    def deep_shift(self) -> Float64:
         """``shift`` [3] before the flattening."""
         return np.array([self.shift[0], self.shift[1], self.shift[2] / self.depth])
 
@@ -142,12 +142,12 @@ class Placement:
         return display.distance / self.depth
 
     @property
-    def to_world(self) -> NDArray[np.float64]:
+    def to_world(self) -> Float64:
         """Rotation [3, 3] from the display frame to the field's world."""
         c, s = math.cos(self.turn), math.sin(self.turn)
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
-    def to_lattice(self, lattice: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_lattice(self, lattice: Float64) -> Float64:
         """Matrix [3, 4] from the deep frame to lattice coordinates (`VoxelField.lattice`)."""
         linear = lattice[3:6, None] * self.to_world / self.scale
         return np.column_stack([linear, lattice[6:9] - linear @ self.deep_shift])
@@ -192,8 +192,7 @@ class DepthReport:
     millimetres: float
 
     @staticmethod
-    def of(display: Display, config: EncodeConfig | None = None,
-           views: float = 0.0) -> DepthReport:
+    def of(display: Display, config: EncodeConfig | None = None, views: float = 0.0) -> DepthReport:
         """The report for a head placed as ``config`` says.
 
         ``views``: how many views the lenses tell apart, where that is not the display's number.

@@ -18,6 +18,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, UInt8
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..errors import UserError
@@ -43,30 +44,25 @@ _LEVEL = 1e-9
 """What a camera's axes may lie off the horizon, as a sine."""
 
 
-def eight_bit(color: NDArray[np.float32]) -> NDArray[np.uint8]:
+def eight_bit(color: Float32) -> UInt8:
     """Colors in [0, 1] as bytes; the colors are overwritten."""
     color *= np.float32(255.0)
     color += np.float32(0.5)
     return np.clip(color, 0.5, 255.5, out=color).astype(np.uint8)
 
 
-def _rays(row: NDArray[np.float64], size: tuple[int, int], corners: NDArray[np.float64],
-          ) -> tuple[float, float] | None:
+def _rays(row: Float64, size: tuple[int, int], corners: Float64) -> tuple[float, float] | None:
     """Slopes x / z of the first and last ray that a camera sends at the lattice, in its own frame.
 
     Parameters
     ----------
-    row
-        float64 [16], the camera (`camera_row`).
-    size
-        Width and height of its picture.
-    corners
-        float64 [4, 2], x and z of the lattice's corners.
+    row : float64 [16], the camera (`camera_row`).
+    size : Width and height of its picture.
+    corners : float64 [4, 2], x and z of the lattice's corners.
 
     Returns
     -------
-    slopes
-        None if the lattice reaches behind the camera, or up to it.
+    slopes : None if the lattice reaches behind the camera, or up to it.
     """
     from_eye = corners - row[[3, 11]]
     ahead = from_eye @ row[[2, 10]]
@@ -78,7 +74,7 @@ def _rays(row: NDArray[np.float64], size: tuple[int, int], corners: NDArray[np.f
     return (float(low), float(high)) if low <= high else (float(edges[0]), float(edges[0]))
 
 
-def _fits(field: VoxelField, row: NDArray[np.float64], slopes: tuple[float, float] | None) -> bool:
+def _fits(field: VoxelField, row: Float64, slopes: tuple[float, float] | None) -> bool:
     """Whether a camera's rays go through slices: it is level, and looks along the planes' normal.
 
     The kernel reads 63 columns at a time, of at most 1024, and a ray may not leave them within 16
@@ -96,7 +92,7 @@ def _fits(field: VoxelField, row: NDArray[np.float64], slopes: tuple[float, floa
     return True
 
 
-def _beside(row: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+def _beside(row: Float64, other: Float64) -> bool:
     """Whether two level cameras' rows lie in the same planes."""
     same = [0, 1, 2, 4, 5, 6, 7, 8, 9, 10, 13, 15]
     ahead = row[[2, 10]] @ (row[[3, 11]] - other[[3, 11]])
@@ -158,9 +154,8 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
         del wanted[:len(rows)]
 
 
-def _together(field: VoxelField, cameras: Camera, views: Sequence[int],
-              rows: NDArray[np.float64], size: tuple[int, int], reach: float,
-              background: float | NDArray[np.floating],
+def _together(field: VoxelField, cameras: Camera, views: Sequence[int], rows: Float64,
+              size: tuple[int, int], reach: float, background: float | NDArray[np.floating],
               ground: Ground | None) -> Iterator[Rendering]:
     """Views whose rows lie in the same planes; ``reach`` is the largest slope of their rays."""
     stretches, lattice = field.stretches, field.lattice
@@ -178,7 +173,7 @@ def _together(field: VoxelField, cameras: Camera, views: Sequence[int],
 
 
 def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
-             name: str | None = None, device: str = "cpu") -> tuple[NDArray[np.uint8], str]:
+             name: str | None = None, device: str = "cpu") -> tuple[UInt8, str]:
     """Render a quilt of a field for a display.
 
     Parameters
@@ -208,7 +203,7 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     eyes = display.eye_reach * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
     cameras = Camera.concatenate([view_camera(display, config, float(eye), width=width,
                                               height=height) for eye in eyes])
-    pictures: Iterable[NDArray[np.uint8]] | None
+    pictures: Iterable[UInt8] | None
     pictures = attempted(gpu_adapter(device), lambda process: pictures_on_gpu(
         process, field, cameras, background=max(config.background, 0.0), ground=ground))
     if pictures is None:
@@ -243,7 +238,7 @@ class Renderer(Protocol):
 
 
 def encode_views(renderer: Renderer, display: Display, config: EncodeConfig | None = None, *,
-                 sampling: InterlaceConfig | None = None, height: int = 0) -> NDArray[np.uint8]:
+                 sampling: InterlaceConfig | None = None, height: int = 0) -> UInt8:
     """Code what a renderer shows for a display: all its views are rendered and interlaced.
 
     Parameters

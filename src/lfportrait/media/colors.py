@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
+from ..arrays import Float32, Float64, UInt8
 from ..color import BT2020, SRGB, linear_light, primaries_to_srgb, srgb_values, tone_mapped
 
 _PROFILED = ("L", "RGB", "CMYK", "LAB")
@@ -53,14 +54,11 @@ class ColorSpace:
 
     Attributes
     ----------
-    name
-        For people.
-    primaries
-        Chromaticities as in `lfportrait.color.SRGB`.
-    curve
-        ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is linear).
-    source
-        What says so, for people; empty where nothing does.
+    name : For people.
+    primaries : Chromaticities as in `lfportrait.color.SRGB`.
+    curve : ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is
+        linear).
+    source : What says so, for people; empty where nothing does.
     """
 
     name: str = "sRGB"
@@ -89,8 +87,7 @@ def coded_space(primaries: int, transfer: int) -> ColorSpace:
                       known, curve)
 
 
-def from_space(values: NDArray[np.uint8] | NDArray[np.uint16], space: ColorSpace,
-               ) -> NDArray[np.uint8]:
+def from_space(values: UInt8 | NDArray[np.uint16], space: ColorSpace) -> UInt8:
     """Values [H, W, 3] of a color space, full range, as sRGB, uint8 [H, W, 3]."""
     most = float(np.iinfo(values.dtype).max)
     if _coded(space):
@@ -107,7 +104,7 @@ def from_space(values: NDArray[np.uint8] | NDArray[np.uint16], space: ColorSpace
     return shown[(np.clip(light, 0.0, 1.0) * 65535 + 0.5).astype(np.uint16)]
 
 
-def _light(codes: NDArray[np.float64], curve: str) -> NDArray[np.float64]:
+def _light(codes: Float64, curve: str) -> Float64:
     if curve == "srgb":
         return linear_light(codes)
     if curve == "bt709":
@@ -115,7 +112,7 @@ def _light(codes: NDArray[np.float64], curve: str) -> NDArray[np.float64]:
     return np.asarray(codes ** float(curve))
 
 
-def _signal(light: NDArray[np.float64], curve: str) -> NDArray[np.float64]:
+def _signal(light: Float64, curve: str) -> Float64:
     """What is shown: gray values of BT.709's curve are kept, all other light is coded as sRGB."""
     if curve == "bt709":
         return np.where(light < 0.018, 4.5 * light,
@@ -128,10 +125,8 @@ def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSp
 
     Parameters
     ----------
-    picture
-        As Pillow opens it.
-    stream
-        Its file, for what Pillow does not read.
+    picture : As Pillow opens it.
+    stream : Its file, for what Pillow does not read.
     """
     numbers = _numbers(picture, stream)
     if numbers is not None and numbers != (_UNSAID, _UNSAID):
@@ -153,13 +148,12 @@ def named_colors(picture: Image.Image, stream: BinaryIO | None = None) -> tuple[
 
     Parameters
     ----------
-    picture, stream
-        As in `color_space`.
+    picture, stream : As in `color_space`.
 
     Returns
     -------
-    name, source
-        Such as "Display P3" and "its ICC profile"; ``source`` is empty where nothing says.
+    name, source : Such as "Display P3" and "its ICC profile"; ``source`` is empty where nothing
+        says.
     """
     space, profile = color_space(picture, stream), picture.info.get("icc_profile")
     if profile and not _coded(space):
@@ -247,15 +241,13 @@ def srgb(picture: Image.Image, stream: BinaryIO | None = None) -> Image.Image:
 
     Parameters
     ----------
-    picture
-        As Pillow opens it, of any mode.
-    stream
-        Its file, for what Pillow does not read of it.
+    picture : As Pillow opens it, of any mode.
+    stream : Its file, for what Pillow does not read of it.
 
     Returns
     -------
-    picture
-        ``RGB``, or ``RGBA`` (straight alpha) where there is transparency; eight bits a channel.
+    picture : ``RGB``, or ``RGBA`` (straight alpha) where there is transparency; eight bits a
+        channel.
 
     Raises
     ------
@@ -270,12 +262,9 @@ def srgb_from(picture: Image.Image, profile: bytes | None, space: ColorSpace) ->
 
     Parameters
     ----------
-    picture
-        Of any mode.
-    profile
-        Its ICC profile; it counts unless the space is not sRGB.
-    space
-        As `color_space` finds it.
+    picture : Of any mode.
+    profile : Its ICC profile; it counts unless the space is not sRGB.
+    space : As `color_space` finds it.
     """
     upright: Image.Image = _in_eight_bits(ImageOps.exif_transpose(picture))
     # LAB's second channel is called A as well.
@@ -294,7 +283,7 @@ def srgb_from(picture: Image.Image, profile: bytes | None, space: ColorSpace) ->
     return colors
 
 
-def looks_premultiplied(picture: NDArray[np.uint8]) -> bool:
+def looks_premultiplied(picture: UInt8) -> bool:
     """Whether the colors of a picture [H, W, 4] seem to be multiplied by its alpha.
 
     Then none is larger than the alpha beside it, and at soft edges they fall with it. Those of a
@@ -309,14 +298,14 @@ def looks_premultiplied(picture: NDArray[np.uint8]) -> bool:
     return bool(colors[faint].mean() < 0.7 * colors[dense].mean())
 
 
-def premultiplied(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
+def premultiplied(picture: UInt8) -> Float32:
     """A picture [H, W, 4] with its colors multiplied by alpha, float32: for resampling."""
     values = picture.astype(np.float32)
     values[..., :3] *= values[..., 3:] * np.float32(1 / 255)
     return values
 
 
-def straight(values: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
+def straight(values: UInt8 | Float32) -> UInt8:
     """A picture [H, W, 4] with its colors divided by alpha, uint8; black where nothing is."""
     colors = values.astype(np.float32)
     # A resampled alpha overshoots beside edges, as the colors do that it multiplies.
@@ -357,9 +346,8 @@ def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:
 
     Returns
     -------
-    name, transform
-        The transform is None where the profile is sRGB itself. None instead of both for a damaged
-        profile, or one of another kind of picture.
+    name, transform : The transform is None where the profile is sRGB itself. None instead of both
+        for a damaged profile, or one of another kind of picture.
     """
     from PIL import ImageCms
 

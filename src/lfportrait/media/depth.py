@@ -42,9 +42,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import Float32
 from .depth_notes import (
     ANDROID,
     APPLE,
@@ -60,8 +60,6 @@ from .depth_notes import (
     upright,
 )
 from .pictures import open_picture
-
-Floats = NDArray[np.float32]
 
 _BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
 _LARGEST = 1 << 26
@@ -110,7 +108,7 @@ def heic_depth(path: Path) -> DepthMap | None:
     return upright(depth, orientation, (size[0], size[1]))
 
 
-def _shares(image: Any) -> Floats:
+def _shares(image: Any) -> Float32:
     """A grey picture's pixels as float32 [h, w] in [0, 1]."""
     numbers = np.asarray(image)
     if numbers.ndim == 3:
@@ -126,7 +124,7 @@ def _orientation(exif: bytes | None) -> int:
     return int(notes.get(_ORIENTATION, 1))
 
 
-def _by_standard(shares: Floats, notes: dict[str, Any]) -> DepthMap:
+def _by_standard(shares: Float32, notes: dict[str, Any]) -> DepthMap:
     """The depth map by H.265's notes, or one that only says what is nearer."""
     kind = notes.get("representation_type")
     near, far, low, high = (_positive(notes.get(name))
@@ -251,7 +249,7 @@ def _embedded(notes: list[bytes], more: dict[bytes, bytearray]) -> DepthMap | No
     return android_depth(shares, _confidence(table.get("Confidence")), table, "gdepth")
 
 
-def _confidence(text: str | None) -> Floats | None:
+def _confidence(text: str | None) -> Float32 | None:
     """A confidence in base64; a damaged one leaves the depth without."""
     try:
         return _grey(base64.b64decode(text)) if text else None
@@ -259,7 +257,7 @@ def _confidence(text: str | None) -> Floats | None:
         return None
 
 
-def _grey(data: bytes) -> Floats:
+def _grey(data: bytes) -> Float32:
     """A grey JPEG or PNG as float32 [h, w] in [0, 1]; raises what Pillow raises."""
     with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as picture:
         if picture.width * picture.height > _LARGEST:
@@ -330,8 +328,7 @@ def _count(item: dict[str, str], name: str) -> int:
     return number
 
 
-def _first_readable(data: bytes, items: list[dict[str, str]],
-                    wanted: int) -> tuple[Floats, int]:
+def _first_readable(data: bytes, items: list[dict[str, str]], wanted: int) -> tuple[Float32, int]:
     """The depth's grey picture, and where the appended files start.
 
     They follow the JPEG. Some phones put other data between, so they may also end with the file.

@@ -32,7 +32,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from ..arrays import Float32
 
 # How the stored pixels are brought upright, by EXIF's orientation; 1 leaves them.
 _TO_UPRIGHT: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
@@ -57,32 +57,25 @@ class DepthMap:
 
     Attributes
     ----------
-    values
-        float32 [h, w], NaN = unknown; distances or inverse distances (``kind``).
-    kind
-        ``"distance"`` (larger is farther) or ``"inverse"`` (larger is nearer, 0 = no end).
-    metric
-        Whether ``values`` are in metres, or 1 / metres, by the camera's own word. Where not, their
-        scale is unknown, and with it, for inverse ones, perhaps their zero.
-    along
-        ``"axis"``: the distance of the plane through the point that faces the camera, which is z in
-        the camera's frame; ``"ray"``: the distance of the point.
-    near, far
-        The range that the file notes, as distances in the unit of ``values``; None where it notes
-        none, or no end.
-    confidence
-        float32 [h, w] in [0, 1], 1 = sure, or None.
-    source
-        ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
+    values : float32 [h, w], NaN = unknown; distances or inverse distances (``kind``).
+    kind : ``"distance"`` (larger is farther) or ``"inverse"`` (larger is nearer, 0 = no end).
+    metric : Whether ``values`` are in metres, or 1 / metres, by the camera's own word. Where not,
+        their scale is unknown, and with it, for inverse ones, perhaps their zero.
+    along : ``"axis"``: the distance of the plane through the point that faces the camera, which is
+        z in the camera's frame; ``"ray"``: the distance of the point.
+    near, far : The range that the file notes, as distances in the unit of ``values``; None where it
+        notes none, or no end.
+    confidence : float32 [h, w] in [0, 1], 1 = sure, or None.
+    source : ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
     """
 
-    values: Floats
+    values: Float32
     kind: Literal["distance", "inverse"]
     metric: bool
     along: Literal["axis", "ray"] = "axis"
     near: float | None = None
     far: float | None = None
-    confidence: Floats | None = None
+    confidence: Float32 | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -92,7 +85,7 @@ class DepthMap:
             raise ValueError(f"a confidence of {self.confidence.shape} for a depth map of "
                              f"{self.values.shape}")
 
-    def distance(self) -> tuple[Floats, bool]:
+    def distance(self) -> tuple[Float32, bool]:
         """Distances, float32 [h, w], NaN = unknown or no end; and whether they are metres."""
         if self.kind == "distance":
             known = np.isfinite(self.values) & (self.values > 0)
@@ -118,7 +111,7 @@ class DepthMap:
         return self.changed(lambda array: np.rot90(array, turns)) if turns % 4 else self
 
 
-def fitted(confidence: Floats | None, shape: tuple[int, int]) -> Floats | None:
+def fitted(confidence: Float32 | None, shape: tuple[int, int]) -> Float32 | None:
     """A confidence at the size of its depth map, float32 [h, w], by the nearest pixels."""
     if confidence is None or confidence.shape == shape:
         return confidence
@@ -135,10 +128,8 @@ def upright(depth: DepthMap, orientation: int, stored: tuple[int, int]) -> Depth
 
     Parameters
     ----------
-    orientation
-        As EXIF notes it for the picture, 1 to 8; others leave the map.
-    stored
-        Width and height of the picture's stored pixels.
+    orientation : As EXIF notes it for the picture, 1 to 8; others leave the map.
+    stored : Width and height of the picture's stored pixels.
     """
     change = _TO_UPRIGHT.get(orientation)
     if change is None:
@@ -214,24 +205,20 @@ def _number(table: dict[str, str], name: str) -> float | None:
     return number if number > 0 else None
 
 
-def _blend(shares: Floats, first: float, last: float) -> Floats:
+def _blend(shares: Float32, first: float, last: float) -> Float32:
     return np.asarray(first + shares * (last - first), np.float32)
 
 
-def android_depth(shares: Floats, confidence: Floats | None, table: dict[str, str],
+def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, str],
                   source: str) -> DepthMap:
     """The depth map of a grey picture by GDepth's or Dynamic Depth's notes.
 
     Parameters
     ----------
-    shares
-        float32 [h, w] in [0, 1], the grey picture.
-    confidence
-        float32 [., .] in [0, 1], or None.
-    table
-        ``Format``, ``Near``, ``Far``, ``Units``, ``MeasureType``, where noted.
-    source
-        For `DepthMap.source`.
+    shares : float32 [h, w] in [0, 1], the grey picture.
+    confidence : float32 [., .] in [0, 1], or None.
+    table : ``Format``, ``Near``, ``Far``, ``Units``, ``MeasureType``, where noted.
+    source : For `DepthMap.source`.
 
     Raises
     ------
@@ -265,17 +252,14 @@ def android_depth(shares: Floats, confidence: Floats | None, table: dict[str, st
                     far if math.isfinite(far) else None, sure, source)
 
 
-def apple_depth(shares: Floats, packet: bytes, source: str) -> DepthMap | None:
+def apple_depth(shares: Float32, packet: bytes, source: str) -> DepthMap | None:
     """The depth map of a grey picture by Apple's notes, or None where they are of another thing.
 
     Parameters
     ----------
-    shares
-        float32 [h, w] in [0, 1], the grey picture.
-    packet
-        The XMP packet that belongs to it.
-    source
-        For `DepthMap.source`.
+    shares : float32 [h, w] in [0, 1], the grey picture.
+    packet : The XMP packet that belongs to it.
+    source : For `DepthMap.source`.
 
     Raises
     ------

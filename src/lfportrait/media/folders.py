@@ -89,10 +89,8 @@ class Listing:
 
     Attributes
     ----------
-    files
-        The pictures, in natural order.
-    left_out
-        Other pictures and videos by the reason why they are not among them, in few words.
+    files : The pictures, in natural order.
+    left_out : Other pictures and videos by the reason why they are not among them, in few words.
     """
 
     files: list[Path]
@@ -104,11 +102,9 @@ def list_pictures(folder: Path, *, photos: bool = False) -> Listing:
 
     Parameters
     ----------
-    folder
-        A folder; one that is missing holds none.
-    photos
-        Whether they are photos: then of equal copies, too, one is taken. Views of a light field may
-        be equal.
+    folder : A folder; one that is missing holds none.
+    photos : Whether they are photos: then of equal copies, too, one is taken. Views of a light
+        field may be equal.
     """
     pictures: list[Path] = []
     left: dict[str, list[Path]] = {}
@@ -149,15 +145,12 @@ def one_of_each(files: Iterable[Path], *, copies: bool = True,
 
     Parameters
     ----------
-    files
-        Pictures of one folder.
-    copies
-        Whether of files with the same bytes one is taken.
+    files : Pictures of one folder.
+    copies : Whether of files with the same bytes one is taken.
 
     Returns
     -------
-    files, left_out
-        Those that are taken, in their order; the others by the reason.
+    files, left_out : Those that are taken, in their order; the others by the reason.
     """
     files = list(files)
     stems = {stem_key(path) for path in files}
@@ -261,10 +254,8 @@ class Finder:
 
         Parameters
         ----------
-        folder
-            Where the name begins.
-        name
-            Relative path, with slashes or, as Windows writes it, backslashes.
+        folder : Where the name begins.
+        name : Relative path, with slashes or, as Windows writes it, backslashes.
         """
         name = name.replace("\\", "/")
         place = folder / name

@@ -84,9 +84,8 @@ def file_format(path: Path) -> str:
 
     Returns
     -------
-    format
-        ``"jpeg"``, ``"png"``, ``"heic"``, ``"mp4"``, ...; empty where they are of no known kind, or
-        the file can't be read.
+    format : ``"jpeg"``, ``"png"``, ``"heic"``, ``"mp4"``, ...; empty where they are of no known
+        kind, or the file can't be read.
     """
     head = _head(path)
     for sign, name in _SIGNS:
@@ -144,8 +143,7 @@ def damage_of(path: Path) -> str:
 
     Returns
     -------
-    damage
-        Such as "zeros from 33 % of the file on".
+    damage : Such as "zeros from 33 % of the file on".
     """
     kind = file_format(path)
     if kind not in ("jpeg", "heic", "avif", "webp"):

@@ -17,9 +17,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
+from ..arrays import Bool, Float64, UInt8
 from ..errors import UserError
 from .folders import Finder
 from .pictures import open_picture
@@ -30,13 +30,12 @@ _BRIGHT = 128
 """A mask whose person is darker than this is none, or is of labels."""
 
 
-def read_mask(path: Path) -> NDArray[np.uint8]:
+def read_mask(path: Path) -> UInt8:
     """A mask's file as a mask, turned upright by its EXIF orientation.
 
     Returns
     -------
-    mask
-        uint8 [H, W], 255 is the person.
+    mask : uint8 [H, W], 255 is the person.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
         raise UserError(f"can't read the mask {path}: {error}") from error
 
 
-def mask_values(picture: Image.Image, name: str) -> NDArray[np.uint8]:
+def mask_values(picture: Image.Image, name: str) -> UInt8:
     """A decoded picture of any mode as a mask, uint8 [H, W], 255 is the person.
 
     Raises
@@ -84,7 +83,7 @@ def mask_values(picture: Image.Image, name: str) -> NDArray[np.uint8]:
     return _of_colors(colors, name)
 
 
-def _of_palette(picture: Image.Image, name: str) -> NDArray[np.uint8]:
+def _of_palette(picture: Image.Image, name: str) -> UInt8:
     """Of a picture with a palette: gray values, or labels by their index."""
     index = np.asarray(picture)
     palette = np.array(picture.getpalette() or [], np.uint8).reshape(-1, 3)
@@ -96,7 +95,7 @@ def _of_palette(picture: Image.Image, name: str) -> NDArray[np.uint8]:
     return _white(np.asarray(index > 0))
 
 
-def _of_gray(values: NDArray[np.float64], name: str) -> NDArray[np.uint8]:
+def _of_gray(values: Float64, name: str) -> UInt8:
     values = np.where(np.isfinite(values), values, 0.0)
     most = float(values.max(initial=0.0))
     if most <= 0 or values.min(initial=0.0) < 0:
@@ -114,7 +113,7 @@ def _of_gray(values: NDArray[np.float64], name: str) -> NDArray[np.uint8]:
     return np.asarray(np.clip(values * (255 / full), 0, 255) + 0.5, np.uint8)
 
 
-def _of_colors(colors: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+def _of_colors(colors: UInt8, name: str) -> UInt8:
     """Of colored labels: what is not black."""
     code = (colors.astype(np.int32) @ np.array([1 << 16, 1 << 8, 1])).ravel()
     if len(np.unique(code[::max(1, code.size // 250_000)])) <= _LABELS:
@@ -127,7 +126,7 @@ def _of_colors(colors: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
                     "rest black")
 
 
-def _white(person: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _white(person: Bool) -> UInt8:
     return np.asarray(person, np.uint8) * np.uint8(255)
 
 
@@ -139,12 +138,9 @@ def mask_places(finder: Finder, folders: Iterable[Path], name: str) -> Path | No
 
     Parameters
     ----------
-    finder
-        Looks names up.
-    folders
-        Where masks may lie.
-    name
-        The photo's file name, with folders if it has some there.
+    finder : Looks names up.
+    folders : Where masks may lie.
+    name : The photo's file name, with folders if it has some there.
     """
     base = Path(name)
     for folder in folders:

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
+from ..arrays import UInt8
 from ..errors import UserError
 from ..measure import usable_cores
 from .colors import srgb
@@ -115,7 +115,7 @@ def file_of(picture: Image.Image) -> BinaryIO | None:
     return cast(BinaryIO, stream) if stream is not None else None
 
 
-def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
+def read_image(path: str | os.PathLike[str]) -> UInt8:
     """Read a picture, turned upright by its EXIF orientation, in sRGB by its profile.
 
     Returns
@@ -141,10 +141,9 @@ def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
         raise UserError(f"can't read the picture {path}: {error}") from error
 
 
-def read_images(paths: Iterable[str | os.PathLike[str]],
-                ) -> Iterator[NDArray[np.uint8] | UserError]:
+def read_images(paths: Iterable[str | os.PathLike[str]]) -> Iterator[UInt8 | UserError]:
     """Read pictures in order, several at a time: `read_image`'s pictures, or its errors."""
-    def read(path: str | os.PathLike[str]) -> NDArray[np.uint8] | UserError:
+    def read(path: str | os.PathLike[str]) -> UInt8 | UserError:
         try:
             return read_image(path)
         except UserError as error:
@@ -152,7 +151,6 @@ def read_images(paths: Iterable[str | os.PathLike[str]],
 
     with ThreadPoolExecutor(usable_cores()) as threads:  # decoders let go of Python's lock
         yield from threads.map(read, paths)
-
 
 _ORIENTATION = 0x0112
 _NOTES = {b"eXIf", b"iTXt", b"tEXt", b"zTXt"}
@@ -209,7 +207,6 @@ def sizes_of(picture: Image.Image) -> tuple[tuple[int, int], tuple[int, int]]:
     # Pillow turns a TIFF itself when it decodes it, and says so in its size.
     return (found[::-1], found) if picture.format == "TIFF" else (found, found[::-1])
 
-
 _SMALLEST = 64
 """Of a JPEG that is decoded to see whether that succeeds, an eighth is enough."""
 _ERRORS = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, EOFError, struct.error)
@@ -220,8 +217,7 @@ def fault_of(path: Path) -> str:
 
     Parameters
     ----------
-    path
-        A file whose kind is a picture's (`kind_of`).
+    path : A file whose kind is a picture's (`kind_of`).
     """
     damage = damage_of(path)
     if damage:

@@ -86,7 +86,7 @@ class Child:
     Parameters
     ----------
     entry
-        Module and function, ``"lfportrait.gpu.worker:main"``; the function makes a `Pipe` first.
+        Module and function, ``"lfportrait.gpu.process:main"``; the function makes a `Pipe` first.
     log
         File for what it prints; by default that goes where this process prints its errors.
     settings

@@ -29,8 +29,6 @@ from numba.extending import intrinsic
 from .decorators import identified, lean
 from .threads import helping_threads
 
-__all__ = ["meet", "together"]
-
 _SPINS = 2000
 """Looks at the bell, a few nanoseconds each, before the core is let go."""
 _ARRIVED, _OVER = 0, 16

@@ -125,8 +125,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
 
     Parameters
     ----------
-    parts
-        Identity of the function: its name, and all arguments of the factory.
+    parts : Identity of the function: its name, and all arguments of the factory.
     """
     def set_identity(function: Any) -> Any:
         name = repr((kernel_sources(), *parts))

@@ -30,12 +30,9 @@ class KernelCache(NamedTuple):
 
     Attributes
     ----------
-    folder
-        What all of their folders lie in; None where none can be written.
-    functions
-        How many functions have compiled code there.
-    bytes
-        What it takes on the disk.
+    folder : What all of their folders lie in; None where none can be written.
+    functions : How many functions have compiled code there.
+    bytes : What it takes on the disk.
     """
 
     folder: Path | None
@@ -136,8 +133,7 @@ def compiling_progress(title: str, total: int = 0, enabled: bool = True,
 
     Parameters
     ----------
-    title, total, enabled, outlook
-        As for `Progress`.
+    title, total, enabled, outlook : As for `Progress`.
     """
     count = 0
 

@@ -225,7 +225,6 @@ def singles(array, n):
         return _load(array, n)
     return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
 
-
 _VI = ir.VectorType(ir.IntType(32), WIDTH)
 
 
@@ -261,14 +260,12 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
 
     Parameters
     ----------
-    permutes
-        Whether to pick values in registers (AVX-512 BW) or gather them; what the processor can by
-        default.
+    permutes : Whether to pick values in registers (AVX-512 BW) or gather them; what the processor
+        can by default.
 
     Returns
     -------
-    look_up
-        ``look_up(array, start, index)``: the float16 values array[start + index] and
+    look_up : ``look_up(array, start, index)``: the float16 values array[start + index] and
         array[start + index + 1] lane by lane, as two float lanes. The array is C-contiguous uint16
         and holds 64 values from ``start`` on; int lanes ``index`` lie in 0..62.
     """

@@ -173,7 +173,6 @@ for _function, _symbol in ((operator.lt, "<"), (operator.le, "<="), (operator.gt
                            (operator.ge, ">="), (operator.eq, "=="), (operator.ne, "!=")):
     _operator(_function, _mask, _compare(_symbol))
 
-
 SETTING = "LFPORTRAIT_VECTORS"
 _LEVELS = {
     "avx2": ("haswell", ("sse2", "avx", "avx2", "f16c", "fma")),

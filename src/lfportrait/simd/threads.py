@@ -105,15 +105,13 @@ def shared(over: str, per: int = 1) -> Callable[[Any], Callable[..., None]]:
 
     Parameters
     ----------
-    over
-        The parameter that says how many lines there are: a number, or an array with so many rows.
-    per
-        Rows of that array in a line.
+    over : The parameter that says how many lines there are: a number, or an array with so many
+        rows.
+    per : Rows of that array in a line.
 
     Returns
     -------
-    decorate
-        What it gives has the compiled function as ``kernel``.
+    decorate : What it gives has the compiled function as ``kernel``.
     """
     def decorate(kernel: Any) -> Callable[..., None]:
         place = list(inspect.signature(kernel.py_func).parameters).index(over) - 2

@@ -329,8 +329,7 @@ def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
 
     Parameters
     ----------
-    jit
-        Decorator that compiles a function: Numba's for the CPU, a GPU compiler's for device code.
+    jit : Decorator that compiles a function: Numba's for the CPU, a GPU compiler's for device code.
     """
     @jit
     def one_float(value):
@@ -412,7 +411,6 @@ def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
         floor=floor_one, minimum=least, maximum=greatest, exp=exp_one, gather=item, gather3=item3,
         gather_pair=half_pair, half=half,
         bits=mask_bits, lowest=first, lane=self_lane)
-
 
 SCALAR = one_lane_namespace(njit)
 identified_all("lanes", SCALAR.width, SCALAR)

@@ -1,10 +1,17 @@
 from .config import FieldMethod, FieldTask, StylizeConfig
 from .losses import has_half_numbers, load_network
 from .mixing import MixConfig, StyledField, load_styled
-from .on_skin import NearbyPainters, Painters, paint
-from .optimize import PARTED, mouth_opening, stylize, stylize_with_figures
 from .refinement import rehearse
 from .skin import kept_skin, row_labels
+from .stylization import (
+           PARTED,
+           NearbyPainters,
+           Painters,
+           mouth_opening,
+           paint,
+           stylize,
+           stylize_with_figures,
+)
 
 __all__ = ["PARTED", "FieldMethod", "FieldTask", "MixConfig", "NearbyPainters", "Painters",
            "StyledField", "StylizeConfig", "has_half_numbers", "kept_skin", "load_network",

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
+from ..arrays import Float32
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ..example import Exemplar
     from ..field import VoxelField
     from ..progress import Progress
-
 
 GROUP = "lfportrait.field_methods"
 """Entry points of the methods of other packages."""
@@ -102,7 +101,7 @@ class FieldMethod:
     """
 
     parameters: type[Any]
-    paint: Callable[[FieldTask, Any], tuple[NDArray[np.float32], dict[str, Any]]]
+    paint: Callable[[FieldTask, Any], tuple[Float32, dict[str, Any]]]
     needs_face: bool = True
     networks: tuple[str, ...] = ()
 

@@ -15,15 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64
 from ..capture import Camera
 from ..example import SurfaceGuide, Transfer
 from ..field import C0, SampleWeights, VoxelField
 from ..progress import Progress
 from .kernels import gather_colors, scatter_colors
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass
@@ -32,21 +30,14 @@ class StyleView:
 
     Attributes
     ----------
-    content
-        float32 [h, w, 3]: I_c, the real field's render on the background.
-    example
-        float32 [h, w, 3]: I_e, its example-based transfer on the background.
-    alpha
-        float32 [h, w].
-    confidence
-        float32 [h, w]: how frontally the surface is seen, 0 to 1.
-    weights
-        The crop's pixels as a linear map of the lattice's colors.
-    trust
-        float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
+    content : float32 [h, w, 3]: I_c, the real field's render on the background.
+    example : float32 [h, w, 3]: I_e, its example-based transfer on the background.
+    alpha : float32 [h, w].
+    confidence : float32 [h, w]: how frontally the surface is seen, 0 to 1.
+    weights : The crop's pixels as a linear map of the lattice's colors.
+    trust : float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
         grazing.
-    result
-        What the transfer did, for ``--dump``; None unless asked for.
+    result : What the transfer did, for ``--dump``; None unless asked for.
     """
 
     content: Float32
@@ -74,16 +65,11 @@ def style_cameras(field: VoxelField, size: int, arc: float, count: int,
 
     Parameters
     ----------
-    field
-        Its box, as far as it reaches beyond the head, is kept in the picture.
-    size
-        Width and height of the pictures in pixels.
-    arc
-        Half angle in degrees.
-    count
-        Cameras a pitch.
-    pitches
-        Degrees above the horizon.
+    field : Its box, as far as it reaches beyond the head, is kept in the picture.
+    size : Width and height of the pictures in pixels.
+    arc : Half angle in degrees.
+    count : Cameras a pitch.
+    pitches : Degrees above the horizon.
     """
     low, high = field.bounds
     reach = float(np.clip(np.abs(np.stack([low, high]))[:, :2].max(), 1.0, 1.5))
@@ -107,7 +93,7 @@ def _cropped(camera: Camera, alpha: Float32, margin: int = 12) -> Camera | None:
                   np.array([w]), np.array([h]))
 
 
-def facing(points: NDArray[np.float64], position: NDArray[np.float64]) -> Float32:
+def facing(points: Float64, position: Float64) -> Float32:
     """Cosine between the surface's normal and the direction to the camera, [h, w]; 0 if unknown."""
     across = np.gradient(points, axis=1)
     down = np.gradient(points, axis=0)
@@ -120,26 +106,19 @@ def facing(points: NDArray[np.float64], position: NDArray[np.float64]) -> Float3
 
 
 def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transfer | None,
-                 guide: SurfaceGuide | None, landmarks: NDArray[np.float64] | None,
+                 guide: SurfaceGuide | None, landmarks: Float64 | None,
                  background: float, keep: bool = False) -> StyleView | None:
     """Render, transfer and linearise one view; None where it shows nothing.
 
     Parameters
     ----------
-    field
-        The real field.
-    cameras, view
-        Which view.
-    transfer
-        Example-based transfer; None leaves the content as the example.
-    guide
-        Guide anchored to the surface; None = from the landmarks' projections in each view.
-    landmarks
-        float64 [68, 3] in the world.
-    background
-        Grey level behind the field.
-    keep
-        Keep the transfer's intermediates.
+    field : The real field.
+    cameras, view : Which view.
+    transfer : Example-based transfer; None leaves the content as the example.
+    guide : Guide anchored to the surface; None = from the landmarks' projections in each view.
+    landmarks : float64 [68, 3] in the world.
+    background : Grey level behind the field.
+    keep : Keep the transfer's intermediates.
     """
     first = field.render(cameras, view, background=background)
     camera = _cropped(cameras[view], first.alpha)
@@ -165,7 +144,6 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
                      field.sample_weights(camera, 0),
                      result=result if keep else None)
 
-
 _TOGETHER = 8192
 """Rows whose moments are added up together: they fit into the cache."""
 
@@ -175,10 +153,8 @@ class ColorModel:
 
     Parameters
     ----------
-    field
-        Its densities; its mean color is where the fit starts.
-    background
-        Grey level behind the field.
+    field : Its densities; its mean color is where the fit starts.
+    background : Grey level behind the field.
     """
 
     def __init__(self, field: VoxelField, background: float) -> None:
@@ -244,8 +220,7 @@ class ColorModel:
 
         Returns
         -------
-        share
-            Share of the rows that no view sees.
+        share : Share of the rows that no view sees.
         """
         seen = self.seen > 1e-2
         if seen.sum() > 100:
@@ -271,16 +246,13 @@ def _trust(view: StyleView) -> Float32:
     return np.ascontiguousarray(np.where(view.alpha > 0.05, weight, 0.0), np.float32)
 
 
-def affine_color_map(source: Float32, target: Float32, weight: Float32,
-                     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def affine_color_map(source: Float32, target: Float32, weight: Float32) -> tuple[Float64, Float64]:
     """The affine map of colors, target ~ matrix source + offset, by weighted least squares.
 
     Parameters
     ----------
-    source, target
-        float32 [N, 3].
-    weight
-        float32 [N].
+    source, target : float32 [N, 3].
+    weight : float32 [N].
     """
     moments, wanted = np.zeros((4, 4)), np.zeros((4, 3))
     for since in range(0, len(source), _TOGETHER):

@@ -28,6 +28,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, Int32, UInt8
 from ..errors import UserError
 from ..field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
 from ..labels import (
@@ -40,9 +41,6 @@ from ..labels import (
     read_regions,
     read_value,
 )
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 BINS = 1024
 """Bins of a histogram of luma; matched values are finer, as they are interpolated in it."""
@@ -68,8 +66,8 @@ def matching_curve(source: Float64, target: Float64) -> Float32:
 
     Parameters
     ----------
-    source, target
-        `tone_histogram` of the values as they are and of those that they are to be like.
+    source, target : `tone_histogram` of the values as they are and of those that they are to be
+        like.
 
     Returns
     -------
@@ -105,10 +103,8 @@ def colored(light: Float32, chroma: Float32) -> Float32:
 
     Parameters
     ----------
-    light
-        float32 [...], luma in [0, 1].
-    chroma
-        float32 [3, ...], colors less their luma.
+    light : float32 [...], luma in [0, 1].
+    chroma : float32 [3, ...], colors less their luma.
 
     Returns
     -------
@@ -120,29 +116,23 @@ def colored(light: Float32, chroma: Float32) -> Float32:
     share = np.minimum((1 - light) / np.maximum(up, least), light / np.maximum(-down, least))
     return np.clip(light + np.minimum(share, np.float32(1)) * chroma, 0, 1)
 
-
 BLOCK = 4
 """Texels across a block, which takes its shares in a mix from one lattice row."""
 _BAND = 32
 """Rows of blocks mixed at a time."""
 
 
-def mixed_texels(texels: NDArray[np.int8], rows: NDArray[np.int32], amounts: Mapping[int, Any],
+def mixed_texels(texels: NDArray[np.int8], rows: Int32, amounts: Mapping[int, Any],
                  identity: float = 0.0, luma_alone: bool = False) -> NDArray[np.int8]:
     """Texels of a mix, int8 [H, W, 3].
 
     Parameters
     ----------
-    texels
-        int8 [S, H, W, 3], of S styles at full strength.
-    rows
-        int32 [H / 4, W / 4], rounded up: the lattice row of each block.
-    amounts
-        How much of each style, by its number: a number, or one for each lattice row.
-    identity
-        Share of the luma that gives way to the photo's, 0 to 1.
-    luma_alone
-        Leave out all chroma.
+    texels : int8 [S, H, W, 3], of S styles at full strength.
+    rows : int32 [H / 4, W / 4], rounded up: the lattice row of each block.
+    amounts : How much of each style, by its number: a number, or one for each lattice row.
+    identity : Share of the luma that gives way to the photo's, 0 to 1.
+    luma_alone : Leave out all chroma.
     """
     used = {n: amount for n, amount in amounts.items() if np.any(amount)}
     if len(used) == 1 and identity == 0 and not luma_alone:
@@ -163,13 +153,12 @@ def mixed_texels(texels: NDArray[np.int8], rows: NDArray[np.int32], amounts: Map
     return out
 
 
-def _shares(amount: Any, rows: NDArray[np.int32], shape: tuple[int, ...]) -> Any:
+def _shares(amount: Any, rows: Int32, shape: tuple[int, ...]) -> Any:
     """A number, or what texels [H, W, ...] take by the rows of their blocks, float32 [H, W, 1]."""
     if np.ndim(amount) == 0:
         return np.float32(amount)
     share = np.asarray(amount, np.float32)[rows].repeat(BLOCK, 0).repeat(BLOCK, 1)
     return share[:shape[0], :shape[1], None]
-
 
 _Words = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 """Words of an option that may be given several times, and several words at a time."""
@@ -250,11 +239,11 @@ class StyledField(VoxelField):
     painted: Float32
     styles: tuple[str, ...]
     photo: Float32
-    labels: NDArray[np.uint8]
+    labels: UInt8
     regions: tuple[str, ...]
     mixture: dict[str, Any] = field(default_factory=dict)
     painted_texels: NDArray[np.int8] | None = None
-    texel_rows: NDArray[np.int32] | None = None
+    texel_rows: Int32 | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -287,9 +276,8 @@ class StyledField(VoxelField):
 
     @staticmethod
     def of(real: VoxelField, painted: NDArray[Any], styles: Collection[str], photo: NDArray[Any],
-           labels: NDArray[np.uint8], regions: Collection[str] | None = None,
-           textures: Sequence[SurfaceTexture] = (),
-           texel_rows: NDArray[np.int32] | None = None) -> StyledField:
+           labels: UInt8, regions: Collection[str] | None = None,
+           textures: Sequence[SurfaceTexture] = (), texel_rows: Int32 | None = None) -> StyledField:
         """A field that shows its first style at full strength.
 
         Parameters
@@ -551,11 +539,11 @@ def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
     return StyledField.load(path, plain_field) if mixable else plain_field
 
 
-def _bytes(colors: Float32) -> NDArray[np.uint8]:
+def _bytes(colors: Float32) -> UInt8:
     """Colors in [0, 1] as whole numbers of 255ths."""
     return (colors * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 
-def _floats(colors: NDArray[np.uint8]) -> Float32:
+def _floats(colors: UInt8) -> Float32:
     """The inverse of `_bytes`."""
     return np.divide(colors, np.float32(255), dtype=np.float32)

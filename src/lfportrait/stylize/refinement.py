@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float32
 from ..capture import Capture
 from ..device import TorchDevice, device_name, torch_device
 from ..errors import UserError
@@ -58,17 +58,12 @@ class Refinement:
 
     Parameters
     ----------
-    model
-        The colors; changed in place.
-    views
-        What they should show.
-    config
-        Weights, networks, steps.
-    constants
-        Content features by view of an earlier refinement of the same views (`Constants`).
-    device
-        Where the networks compute, a choice of ``--device``. The colors stay in the main memory: a
-        step takes one render there and one gradient back.
+    model : The colors; changed in place.
+    views : What they should show.
+    config : Weights, networks, steps.
+    constants : Content features by view of an earlier refinement of the same views (`Constants`).
+    device : Where the networks compute, a choice of ``--device``. The colors stay in the main
+        memory: a step takes one render there and one gradient back.
     """
 
     def __init__(self, model: ColorModel, views: list[StyleView], config: StylizeConfig,
@@ -85,7 +80,7 @@ class Refinement:
         self.names, self.content, self.style = self.load(self.config, place)
         self.half = place == "cpu" and has_half_numbers() and self.names["style"] != "embedded"
 
-    def _tensor(self, picture: NDArray[np.float32]) -> torch.Tensor:
+    def _tensor(self, picture: Float32) -> torch.Tensor:
         """A picture [h, w, 3] as the networks take it, [1, 3, h, w], on their device."""
         return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].to(
             self.device.place)
@@ -251,9 +246,6 @@ def _inside(view: StyleView, features: torch.Tensor) -> torch.Tensor:
     share = torch.nn.functional.interpolate(torch.from_numpy(view.alpha)[None, None],
                                             size=features.shape[-2:], mode="area")
     return (share[0, 0] > 0.3).to(features.device)
-
-
-Float32 = NDArray[np.float32]
 
 
 def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, config: StylizeConfig,

@@ -29,6 +29,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, Int32, UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture
 from ..errors import UserError
@@ -87,8 +88,6 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     return skin
 
 
-Float32 = NDArray[np.float32]
-
 ASIDE = 0.02
 """Weight in the fit of what a chart shows but does not own."""
 SMOOTH = 0.75
@@ -103,10 +102,8 @@ def for_lattice(painting: Painting, field: VoxelField) -> Painting:
 
     Parameters
     ----------
-    painting
-        On the field's skin.
-    field
-        Its lattice's spacing decides.
+    painting : On the field's skin.
+    field : Its lattice's spacing decides.
     """
     atlas, step = painting.skin.atlas, painting.step
     sigma = SMOOTH * float(field.spacing.mean()) * painting.skin.pixels / step
@@ -126,7 +123,7 @@ def look_up_rows(model: ColorModel, painting: Painting) -> None:
     model.seen[known] = 1.0
 
 
-def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+def row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
     """Soft regions of a field's rows, uint8 [N, R], and the regions' names.
 
     Rows that no chart shows belong to none. Kept with the skin.
@@ -134,7 +131,7 @@ def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
     return skin.once("row labels", lambda: _row_labels(skin))
 
 
-def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+def _row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
     labels, names = skin.labels
     owner = skin.atlas.owner
     known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
@@ -147,20 +144,15 @@ def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
     return out, names
 
 
-def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
-                ) -> list[StyleView]:
+def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1) -> list[StyleView]:
     """The charts as views of a fit, and the lattice rows behind each pixel.
 
     Parameters
     ----------
-    field
-        The real field.
-    skin
-        Of the field.
-    background
-        Grey level behind the head.
-    step
-        Use every ``step``-th pixel; a power of two up to 16.
+    field : The real field.
+    skin : Of the field.
+    background : Grey level behind the head.
+    step : Use every ``step``-th pixel; a power of two up to 16.
     """
     atlas = skin.atlas
     own = atlas.own
@@ -218,7 +210,6 @@ def _shown(picture: Float32, alpha: Float32, background: float) -> Float32:
     opacity = alpha[..., None]
     return np.asarray(opacity * picture + (1 - opacity) * np.float32(background), np.float32)
 
-
 PREVIEW = 2
 """Pixels of the skin per painted pixel in a preview."""
 MARGIN = 12
@@ -241,22 +232,16 @@ class ChartLattice:
 
     Parameters
     ----------
-    field
-        Its densities count.
-    skin
-        Of the field.
-    step
-        Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is made
+    field : Its densities count.
+    skin : Of the field.
+    step : Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is made
         when it is needed: all of them take four times the room of a preview's.
-    arrays
-        From `arrays` of such a lattice, instead of finding the weights again.
-    whole
-        Keep all maps at the full resolution, too: for several paintings.
+    arrays : From `arrays` of such a lattice, instead of finding the weights again.
+    whole : Keep all maps at the full resolution, too: for several paintings.
 
     Attributes
     ----------
-    near
-        bool [H, W] of the atlas at that resolution: what charts own, and a margin around it.
+    near : bool [H, W] of the atlas at that resolution: what charts own, and a margin around it.
     """
 
     def __init__(self, field: VoxelField, skin: Skin, step: int,
@@ -339,7 +324,7 @@ def _place(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
     return slice(top, top + int(camera.height[0])), slice(left, left + int(camera.width[0]))
 
 
-def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[np.bool_]) -> Map:
+def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: Bool) -> Map:
     there = _place(skin, n, step)
     # As views are rendered; a preview takes longer strides.
     stride = 0.5 if step == 1 else 1.0
@@ -377,12 +362,9 @@ def surface_texture(styled: VoxelField, painting: Painting,
 
     Parameters
     ----------
-    styled
-        The field with its colors after the painting, the same in all directions.
-    painting
-        On the field's skin.
-    lattice
-        How the field shows in its charts at the painting's resolution, where that is known.
+    styled : The field with its colors after the painting, the same in all directions.
+    painting : On the field's skin.
+    lattice : How the field shows in its charts at the painting's resolution, where that is known.
     """
     skin, step = painting.skin, painting.step
     once = lattice is None and step == 1
@@ -418,7 +400,7 @@ def _keen(detail: Float32) -> Float32:
     return np.asarray(cv2.sepFilter2D(detail, -1, row, row), np.float32)
 
 
-def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
+def projections(skin: Skin, step: int = 1) -> Float64:
     """From the world to the atlas at every ``step``-th pixel, float64 [C, 3, 4]."""
     cameras, boxes = skin.atlas.cameras, skin.atlas.boxes
     out = np.empty((len(boxes), 3, 4))
@@ -433,7 +415,7 @@ def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
     return out
 
 
-def row_charts(skin: Skin) -> NDArray[np.uint8]:
+def row_charts(skin: Skin) -> UInt8:
     """The chart that shows each lattice row's place, uint8 [R]; 255 where none does."""
     out = np.full(len(skin.rows), 255, np.uint8)
     x, y = np.ascontiguousarray(skin.rows.T)
@@ -443,7 +425,7 @@ def row_charts(skin: Skin) -> NDArray[np.uint8]:
     return out
 
 
-def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
+def texel_rows(skin: Skin, texture: SurfaceTexture) -> Int32:
     """A lattice row for each block of texels, int32 [H / 4, W / 4] rounded up: that nearest to it.
 
     ``texture`` is of the skin, with which they are kept.
@@ -453,7 +435,7 @@ def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
                      lambda: _block_rows(skin, texture, shape))
 
 
-def _block_rows(skin: Skin, texture: SurfaceTexture, shape: tuple[int, ...]) -> NDArray[np.int32]:
+def _block_rows(skin: Skin, texture: SurfaceTexture, shape: tuple[int, ...]) -> Int32:
     found = np.full(shape, -1, np.int32)
     known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
     scale = texture.pixels / skin.pixels / BLOCK

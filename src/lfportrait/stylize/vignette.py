@@ -17,14 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, special
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..capture import Capture
 from ..field import VoxelField
-
-__all__ = ["End", "cut_ends", "vignetted"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 OPAQUE = 8.0
 """Density from which on a point is surface."""
@@ -81,12 +76,9 @@ class End:
 
     Attributes
     ----------
-    name
-        ``"below"``, ``"left"`` or ``"right"``, as seen from the front.
-    normal, height
-        Its plane: the bust lies where ``points @ normal > height``.
-    width
-        World units.
+    name : ``"below"``, ``"left"`` or ``"right"``, as seen from the front.
+    normal, height : Its plane: the bust lies where ``points @ normal > height``.
+    width : World units.
     """
 
     name: str
@@ -95,24 +87,19 @@ class End:
     width: float
 
 
-def vignetted(field: VoxelField, capture: Capture, seed: int = 0,
-              ) -> tuple[VoxelField, list[End]]:
+def vignetted(field: VoxelField, capture: Capture, seed: int = 0) -> tuple[VoxelField, list[End]]:
     """A field whose cuts end in strokes.
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    capture
-        What it was reconstructed from, with landmarks; without any, nothing is done.
-    seed
-        Of the strokes.
+    field : In the portrait frame.
+    capture : What it was reconstructed from, with landmarks; without any, nothing is done.
+    seed : Of the strokes.
 
     Returns
     -------
-    field, ends
-        With the same lattice points and colors and other densities, and its cuts; the same field
-        where nothing is cut.
+    field, ends : With the same lattice points and colors and other densities, and its cuts; the
+        same field where nothing is cut.
     """
     if capture.landmarks is None:
         return field, []
@@ -137,8 +124,7 @@ def cut_ends(field: VoxelField, capture: Capture) -> list[End]:
 
     Parameters
     ----------
-    field, capture
-        As for `vignetted`.
+    field, capture : As for `vignetted`.
     """
     if capture.landmarks is None:
         return []
@@ -151,22 +137,17 @@ class _Low:
 
     Attributes
     ----------
-    links
-        int32 [Z, Y, X], the lower part of the lattice.
-    rows, points
-        Lattice rows in it, int32 [N], and their places, float32 [N, 3].
-    solid
-        bool [N], the surface.
-    face
-        float64 [L, 3], landmarks.
-    chin, tall
-        Height of the chin, and of the face from there to the brows.
+    links : int32 [Z, Y, X], the lower part of the lattice.
+    rows, points : Lattice rows in it, int32 [N], and their places, float32 [N, 3].
+    solid : bool [N], the surface.
+    face : float64 [L, 3], landmarks.
+    chin, tall : Height of the chin, and of the face from there to the brows.
     """
 
-    links: NDArray[np.int32]
-    rows: NDArray[np.int32]
+    links: Int32
+    rows: Int32
     points: Float32
-    solid: Bools
+    solid: Bool
     face: Float64
     chin: float
     tall: float
@@ -227,8 +208,8 @@ def _tips(points: Float64, out: Float64) -> Float64:
     return np.asarray(points[order[last]], np.float64)
 
 
-def _cut(tips: Float64, out: Float64, tall: float, capture: Capture, views: NDArray[np.int64],
-         ) -> tuple[Bools, Bools]:
+def _cut(tips: Float64, out: Float64, tall: float, capture: Capture, views: Int64,
+         ) -> tuple[Bool, Bool]:
     """Whether photos of points [K, 3] do not show the person's end there, and whether any can."""
     cameras = capture.cameras[views]
     middle = np.median(tips, axis=0)

@@ -380,5 +380,5 @@ def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dic
         the device's memory, each read or written once.
     """
     moved = rows * 3.0 * width * 4.0
-    seconds = process.call("lfportrait.gpu.measuring:copy_seconds", int(rays * moved / 2.0))
+    seconds = process.call("lfportrait.gpu.device:copy_seconds", int(rays * moved / 2.0))
     return {"rows_per_ray": rows, "bytes_per_ray": moved, "rays_per_second": rays / seconds}

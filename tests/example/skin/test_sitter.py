@@ -11,7 +11,7 @@ from lfportrait.example import face_size
 from lfportrait.example.guides.appearance import grey, skin_distance
 from lfportrait.example.skin import Skin
 from lfportrait.example.skin.sitter import _as_a_whole, _clothes, _told_apart
-from lfportrait.field.surface_graph import SurfaceGraph
+from lfportrait.field.surface import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
 

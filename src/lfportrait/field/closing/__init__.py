@@ -5,13 +5,12 @@ there sees the face from inside. The surface is read off along rays towards an a
 of neck and head (`chart`): distances, with one row a height and, above the brows, one an elevation.
 Where no photo looks at it (`photos`), the distance is continued from what lies around, as a plate
 under tension that bends as little as it can (Smith and Wessel 1990), and kept behind what any photo
-sees; colors diffuse into the gap (`plate`). Of a head that a narrow arc shows, hair and skin keep
-apart (`hairline`), and both begin as the photos leave them (`colors`). The lattice gets a shell of
+sees; colors diffuse into the gap. Of a head that a narrow arc shows, hair and skin keep
+apart, and both begin as the photos leave them (`colors`). The lattice gets a shell of
 points there (`shell`). What photos saw stays as it is.
 """
 
-from .back import Closed, close_back
 from .fitted_head import FitHead, FittedHead
-from .sides import close_sides
+from .sides import Closed, close_back, close_sides
 
 __all__ = ["Closed", "FitHead", "FittedHead", "close_back", "close_sides"]

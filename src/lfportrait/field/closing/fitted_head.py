@@ -2,7 +2,12 @@
 
 What photos show bends it (`sides`); where they show nothing, its skull, jaw and neck go on. Its
 ears stand out from what a chart can hold (`lfportrait.field.geometry.chart`): they are solids of
-their own (`ears`).
+their own.
+
+A sweep from the front sees an ear's rim and hollow at grazing angles, and nothing of what is
+behind. The model's ear is moved to the surface that photos see there (iterated closest points
+with a similarity that stays near none, Besl and McKay 1992). What is hidden behind hair, or is past
+the mattes of most photos, is left out.
 """
 
 from __future__ import annotations
@@ -11,16 +16,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
-from ..geometry.chart import Chart
-from ..geometry.plate import fitted_plate
-
-__all__ = ["FitHead", "FittedHead", "head_distance", "mesh_samples"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from ...arrays import Bool, Float64, Int32, Int64
+from ...capture import Capture
+from ..geometry.chart import Chart, fitted_plate
+from .photos import Photos
 
 STEP = 0.006
 """Distance of a mesh's samples, portrait units."""
@@ -48,8 +51,8 @@ class FittedHead:
     """
 
     points: Float64
-    triangles: NDArray[np.int32]
-    ears: Bools
+    triangles: Int32
+    ears: Bool
 
 
 FitHead = Callable[[Float64, Float64, Float64, Float64], FittedHead | None]
@@ -58,15 +61,14 @@ normals [N, 3] and how far each is to be trusted [N], 0 to 1; all in the portrai
 there is no model of heads."""
 
 
-def mesh_samples(points: Float64, triangles: NDArray[np.int32], step: float = STEP,
-                 ) -> tuple[Float64, Float64, NDArray[np.int64]]:
+def mesh_samples(points: Float64, triangles: Int32, step: float = STEP,
+                 ) -> tuple[Float64, Float64, Int64]:
     """Places on a mesh about ``step`` apart.
 
     Returns
     -------
-    places, normals, triangle
-        float64 [S, 3] each, the normals outwards and of unit length, those of the triangles; and
-        the triangle of each, [S].
+    places, normals, triangle : float64 [S, 3] each, the normals outwards and of unit length, those
+        of the triangles; and the triangle of each, [S].
     """
     corners = points[triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -93,10 +95,8 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
 
     Parameters
     ----------
-    head
-        In the frame of the chart.
-    around
-        Distances [V, U] to go over into where the head has no surface, below its neck.
+    head : In the frame of the chart.
+    around : Distances [V, U] to go over into where the head has no surface, below its neck.
     """
     places, normals, triangle = mesh_samples(head.points, head.triangles)
     ear = np.asarray(head.ears[head.triangles].any(axis=1))
@@ -121,8 +121,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
         ratio, np.where(known, 1.0, 0.0), 0.5, 0.01, GIVES_WAY)), np.float64)
 
 
-def _cells(chart: Chart, places: Float64,
-           ) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64]:
+def _cells(chart: Chart, places: Float64) -> tuple[Int64, Int64, Float64]:
     """Row, column and distance in world units of places [N, 3] in the chart's frame, [N] each."""
     world = places
     if chart.frame is not None:
@@ -137,3 +136,218 @@ def _local_rays(chart: Chart) -> Float64:
     if chart.frame is None:
         return chart.rays
     return np.asarray(chart.rays @ chart.frame[:3, :3].T / chart.scale, np.float64)
+
+
+REACH = 0.05
+"""Portrait units from an ear's surface up to which its distance is known (1 cm)."""
+_NEAR = 0.035
+"""Photos' surface this near to the model's ear is the ear's, portrait units."""
+_SHIFT, _TURN, _SIZE = 0.02, np.radians(8.0), 0.08
+"""Deviations of an ear's place (portrait units), attitude and size (logarithm) on the model."""
+_NOISE, _COUNT = 0.008, 60.0
+"""Deviation of the photos' surface, portrait units, and how many of its places count."""
+_LEAST = 60
+"""Places of the surface from which on an ear is moved."""
+_ROUNDS = 8
+_HIDDEN = 0.05
+"""Matter so far before an ear, portrait units, hides it."""
+_SHOWN = 0.3
+"""Share of an ear's places that photos must show for it to be there."""
+_MEETS, _WHOLE = 0.03, 0.7
+"""Of a whole ear so many of these places lie so near to what photos see, portrait units."""
+_MATTER = 0.7
+"""Share of the photos whose mattes must have matter at a place of an ear."""
+_FRONT = 0.25
+"""Cosine from which on photos see a place of an ear well."""
+_VIEWS = 12
+
+
+@dataclass(frozen=True)
+class Ears:
+    """Solids beside a chart's surface.
+
+    Attributes
+    ----------
+    points, normals : float64 [N, 3] each, samples of the surface in the world; those around the
+        ears, too.
+    own : bool [N], which of the samples are the ears'.
+    torn : Boxes [E, 2, 3] about those ears (lowest and highest corner, world) of which what was
+        trained has only shreds.
+    tree : Of the points.
+    reach : World units up to which distances are known.
+    step : World units between samples.
+    """
+
+    points: Float64
+    normals: Float64
+    own: Bool
+    torn: Float64
+    tree: cKDTree
+    reach: float
+    step: float
+
+    def distance(self, points: Float64) -> tuple[Float64, Int64]:
+        """How far points [N, 3] lie outside, and their nearest samples; infinite far from ears."""
+        low, high = (f(self.points[self.own], axis=0) for f in (np.min, np.max))
+        near = np.flatnonzero(((points > low - self.reach) & (points < high + self.reach))
+                              .all(axis=1))
+        out, sample = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
+        length, nearest = self.tree.query(points[near], distance_upper_bound=self.reach)
+        found = np.isfinite(length)
+        found[found] = self.own[nearest[found]]
+        near, nearest, length = near[found], nearest[found], length[found]
+        along = ((points[near] - self.points[nearest]) * self.normals[nearest]).sum(axis=1)
+        # Near the surface the distance from the sample's plane, which is smooth.
+        share = np.clip((length / self.step - 1.0) / 2.0, 0, 1)
+        out[near] = share * np.sign(along) * length + (1 - share) * along
+        sample[near] = nearest
+        return out, sample
+
+
+    def replaced(self, points: Float64) -> Bool:
+        """Where what was trained is torn, and goes: which of points [N, 3], [N]."""
+        out = np.zeros(len(points), bool)
+        for low, high in self.torn:
+            out |= ((points > low - self.reach) & (points < high + self.reach)).all(axis=1)
+        return out
+
+
+def ears_of(head: FittedHead, chart: Chart, photos: Photos, capture: Capture) -> Ears | None:
+    """The ears of a head that photos show, or None.
+
+    Parameters
+    ----------
+    head : In the frame of the chart.
+    chart : Of the closed surface.
+    photos : What the photos see of the field.
+    capture : The photos, with mattes.
+    """
+    if not head.ears.any():
+        return None
+    unit = 1.0 / chart.scale
+    to_world = np.eye(4) if chart.frame is None else np.linalg.inv(chart.frame)
+    vertices = head.points @ to_world[:3, :3].T + to_world[:3, 3]
+    left = head.points[:, 0] > 0
+    found, torn = [], []
+    for side in (left, ~left):
+        triangles = _around(head, side)
+        own = np.asarray((head.ears & side)[head.triangles[triangles]].any(axis=1))
+        points, normals, triangle = mesh_samples(vertices, head.triangles[triangles], STEP * unit)
+        mine = own[triangle]
+        seen = _surface_near(photos, points[mine], _NEAR * unit)
+        points, normals = _moved(points, normals, mine, seen, unit)
+        kept = mine & (_matter(capture, points) > _MATTER)
+        shown, met = _shown(photos, points[kept], normals[kept], _HIDDEN * unit, _MEETS * unit)
+        if shown > _SHOWN:
+            found.append((points, normals, kept))
+            if met < _WHOLE:
+                torn.append((points[kept].min(axis=0), points[kept].max(axis=0)))
+    if not found:
+        return None
+    points, normals, own = (np.concatenate(part) for part in zip(*found, strict=True))
+    return Ears(points, normals, own, np.reshape(torn, (-1, 2, 3)), cKDTree(points), REACH * unit,
+                STEP * unit)
+
+
+def _around(head: FittedHead, side: Bool) -> Int64:
+    """The triangles of an ear and next to it."""
+    mark = head.ears & side
+    for _ in range(3):
+        touched = head.triangles[mark[head.triangles].any(axis=1)]
+        mark = mark.copy()
+        mark[touched] = True
+    return np.flatnonzero(mark[head.triangles].all(axis=1))
+
+
+def _views(count: int) -> Int64:
+    return np.linspace(0, count - 1, min(_VIEWS, count)).astype(np.int64)
+
+
+def _surface_near(photos: Photos, points: Float64, reach: float) -> tuple[Float64, Float64]:
+    """Places of what photos see near points [N, 3], and the ways to their cameras; [P, 3] each."""
+    tree, places, ways = cKDTree(points), [], []
+    for view in _views(len(photos.cameras)):
+        pixels, _ = (part[0] for part in photos.cameras[view].project(points))
+        place, way = photos.surface(int(view), pixels.min(axis=0) - 4, pixels.max(axis=0) + 5)
+        near = np.isfinite(tree.query(place, distance_upper_bound=reach)[0])
+        places.append(place[near])
+        ways.append(way[near])
+    return np.concatenate(places), np.concatenate(ways)
+
+
+def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Float64],
+           unit: float) -> tuple[Float64, Float64]:
+    """Samples and normals after an ear was laid over what is seen of it."""
+    places, ways = seen
+    if len(places) < _LEAST:
+        return points, normals
+    keep = np.unique(np.floor(places / (0.5 * _NOISE * unit)).astype(np.int64), axis=0,
+                     return_index=True)[1]
+    places, ways = places[keep], ways[keep]
+    middle = points[own].mean(axis=0)
+    at, facing = points, normals
+    # Around the ear the head stays.
+    away = cKDTree(points[own]).query(points)[0]
+    share = np.clip(1.0 - away / (0.04 * unit), 0, 1)[:, None]
+    held = 1.0 / np.concatenate([np.full(3, _TURN ** 2), np.full(3, (_SHIFT * unit) ** 2),
+                                 [_SIZE ** 2]])
+    turn, shift, size = np.zeros(3), np.zeros(3), 0.0
+    for step in range(_ROUNDS):
+        reach = np.interp(step, (0, _ROUNDS - 1), (_NEAR, 0.5 * _NEAR)) * unit
+        length, nearest = cKDTree(at[own]).query(places, distance_upper_bound=reach)
+        found = np.isfinite(length)
+        mine = np.flatnonzero(own)[nearest[found]]
+        towards = (facing[mine] * ways[found]).sum(axis=1) > 0.1
+        mine, target = mine[towards], places[found][towards]
+        if len(mine) < _LEAST:
+            break
+        normal = facing[mine]
+        error = ((at[mine] - target) * normal).sum(axis=1)
+        noise = _NOISE * unit
+        weight = (np.minimum(1.0, 2 * noise / np.maximum(np.abs(error), 1e-12)) / noise ** 2
+                  / max(len(mine) / _COUNT, 1.0))
+        arm = at[mine] - middle - shift
+        rows = np.concatenate([np.cross(arm, normal), normal,
+                               (arm * normal).sum(axis=1)[:, None]], axis=1)
+        matrix = rows.T @ (weight[:, None] * rows) + np.diag(held)
+        right = -rows.T @ (weight * error) - held * np.concatenate([turn, shift, [size]])
+        change = np.linalg.solve(matrix, right)
+        turn = (Rotation.from_rotvec(change[:3]) * Rotation.from_rotvec(turn)).as_rotvec()
+        shift, size = shift + change[3:6], size + change[6]
+        rotation = Rotation.from_rotvec(turn).as_matrix()
+        at = points + share * (middle + shift + np.exp(size) * (points - middle) @ rotation.T
+                               - points)
+        facing = normals + share * (normals @ rotation.T - normals)
+        facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+    return at, facing
+
+
+def _matter(capture: Capture, points: Float64) -> Float64:
+    """Share of the photos that show points [N, 3] whose mattes have matter there, [N]."""
+    assert capture.alphas is not None
+    views = capture.training()
+    views = views[np.linspace(0, len(views) - 1, min(3 * _VIEWS, len(views))).astype(int)]
+    inside, seen = np.zeros(len(points)), np.zeros(len(points))
+    for view in views:
+        matte = capture.alphas[view]
+        pixels, depth = (part[0] for part in capture.cameras[int(view)].project(points))
+        column, row = np.floor(pixels).astype(np.int64).T
+        shown = ((depth > 0) & (row >= 0) & (column >= 0) & (row < matte.shape[0])
+                 & (column < matte.shape[1]))
+        seen += shown
+        inside[shown] += matte[row[shown], column[shown]] > 127
+    return np.asarray(np.where(seen > 0, inside / np.maximum(seen, 1), 1.0), np.float64)
+
+
+def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float, meets: float,
+           ) -> tuple[float, float]:
+    """Share of an ear's places facing photos that nothing hides, and of those that matter is at."""
+    free = met = total = 0
+    for view in _views(len(photos.cameras)):
+        way = photos.cameras.position[view] - points
+        faces = (way * normals).sum(axis=1) > _FRONT * np.linalg.norm(way, axis=1)
+        depth, before = photos.depth_at(int(view), points[faces])
+        free += int((depth < before + hidden).sum())
+        met += int((np.abs(depth - before) < meets).sum())
+        total += len(depth)
+    return free / max(total, 1), met / max(free, 1)

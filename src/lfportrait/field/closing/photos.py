@@ -1,22 +1,22 @@
-"""Visibility of a field in the photos: surfaces seen, and free space."""
+"""What photos see of a field: surfaces, free space, and from how many directions.
+
+Held-out photos lie between the others, so they say little about what an arc of photos does not
+show. A place that is seen from three directions or more has its shape from the photos; one that is
+seen from none is a guess (`Coverage`).
+"""
 
 from __future__ import annotations
 
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...capture import Capture
+from ...arrays import Bool, Float32, Float64, Int32, Int64
+from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
-from ..grid import VoxelField
-
-__all__ = ["Photos", "behind_what_is_seen"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from ..grid import VoxelField, surface_points
 
 PHOTOS = 40
 """Photos, at most, that are asked what they see."""
@@ -27,21 +27,15 @@ class Photos:
 
     Parameters
     ----------
-    field, capture
-        The field, and its photos.
-    most
-        Photos, at most, that are asked.
-    pixel
-        Width of a pixel at the head, in voxels.
+    field, capture : The field, and its photos.
+    most : Photos, at most, that are asked.
+    pixel : Width of a pixel at the head, in voxels.
 
     Attributes
     ----------
-    voxel
-        Of the field, world units.
-    enough
-        So many must see a place for it to be known: fewer see it at a grazing angle alone.
-    cameras
-        Those that are asked, reduced to those pixels.
+    voxel : Of the field, world units.
+    enough : So many must see a place for it to be known: fewer see it at a grazing angle alone.
+    cameras : Those that are asked, reduced to those pixels.
     """
 
     def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS,
@@ -62,7 +56,7 @@ class Photos:
                            ndimage.maximum_filter(np.where(np.isfinite(depth), depth, -np.inf), 3)),
             self._depths))
 
-    def faced(self, points: Float64, least: float) -> NDArray[np.int32]:
+    def faced(self, points: Float64, least: float) -> Int32:
         """How many views see points [N, 3] on a surface that faces them, int32 [N].
 
         ``least``: the cosine from which on it does. Fringes are steep in every view; an ear that
@@ -73,8 +67,7 @@ class Photos:
             votes += sees
         return votes
 
-    def seen(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
-             ) -> NDArray[np.int32]:
+    def seen(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0) -> Int32:
         """How many views see points [N, 3] on a surface, int32 [N].
 
         ``outwards`` [N, 3], unit: only from directions with a cosine above ``least`` to it.
@@ -85,9 +78,9 @@ class Photos:
         return votes
 
     def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
-             square: float = 0.0) -> list[Bools]:
+             square: float = 0.0) -> list[Bool]:
         """For each view, which of the points it sees, bool [N] (`seen`, `faced`)."""
-        def sees(view: int) -> Bools:
+        def sees(view: int) -> Bool:
             shown, place, depth = self._shown(view, points)
             found = np.zeros(len(points), bool)
             found[shown] = ((depth > self._first[view][place] - 2.5 * self.voxel)
@@ -104,13 +97,13 @@ class Photos:
         return side_by_side(sees, range(len(self._depths)))
 
     @functools.cached_property
-    def _cosines(self) -> list[NDArray[np.float32]]:
+    def _cosines(self) -> list[Float32]:
         """Between the way to each camera and the surface that it sees, by its depths, [H, W]."""
         return side_by_side(lambda view: _facing(self._depths[view],
                                                  float(self.cameras.focal[view, 0])),
                             range(len(self._depths)))
 
-    def past(self, points: Float64, nearly: bool = True) -> Bools:
+    def past(self, points: Float64, nearly: bool = True) -> Bool:
         """Whether views see past points [N, 3], bool [N].
 
         Of 20 views or more two must: one may have a notch. ``nearly``: also where they see past
@@ -118,7 +111,7 @@ class Photos:
         """
         last = self._last if nearly else self._depths
 
-        def sees(view: int) -> Bools:
+        def sees(view: int) -> Bool:
             shown, place, depth = self._shown(view, points)
             found = np.zeros(len(points), bool)
             found[shown] = depth < last[view][place] - 0.75 * self.voxel
@@ -134,15 +127,13 @@ class Photos:
 
         Parameters
         ----------
-        view
-            Number of the view.
-        low, high
-            Corners (x, y) in pixels.
+        view : Number of the view.
+        low, high : Corners (x, y) in pixels.
 
         Returns
         -------
-        places, ways
-            float64 [P, 3] each, the ways of unit length; next to an outline nothing is told.
+        places, ways : float64 [P, 3] each, the ways of unit length; next to an outline nothing is
+            told.
         """
         height, width = self._depths[view].shape
         left, top = np.clip(np.floor(low), 0, [width, height]).astype(np.int64)
@@ -163,8 +154,7 @@ class Photos:
         _, place, depth = self._shown(view, points)
         return depth, np.asarray(self._depths[view][place], np.float64)
 
-    def _shown(self, view: int, points: Float64,
-               ) -> tuple[Bools, tuple[NDArray[np.int64], ...], Float64]:
+    def _shown(self, view: int, points: Float64) -> tuple[Bool, tuple[Int64, ...], Float64]:
         """Which points a view shows, their (row, column) and depths."""
         height, width = self._depths[view].shape
         pixels, depth = (part[0] for part in self.cameras[view].project(points))
@@ -173,7 +163,7 @@ class Photos:
         return shown, (row[shown], column[shown]), depth[shown]
 
 
-def _facing(depth: Float64, focal: float) -> NDArray[np.float32]:
+def _facing(depth: Float64, focal: float) -> Float32:
     """Cosine between rays and the surface of a depth map [H, W]; the map is inf beside it."""
     slopes = []
     with np.errstate(invalid="ignore"):
@@ -186,7 +176,7 @@ def _facing(depth: Float64, focal: float) -> NDArray[np.float32]:
     return np.nan_to_num(found, nan=0.0).astype(np.float32)
 
 
-def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: Photos,
+def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bool, photos: Photos,
                         nearly: bool = True) -> Float64:
     """Distances [V, U] so short, where ``asked``, that no photo sees past them (`Photos.past`)."""
     cells = np.flatnonzero(asked)
@@ -198,3 +188,90 @@ def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: P
         limit[cells] -= photos.voxel
         cells = cells[limit[cells] > photos.voxel]
     return out
+
+
+_APART = 10.0
+"""Degrees between directions that count as two."""
+_SHARE = 0.2
+"""Cosine between normal and direction below which a photo sees next to nothing of a place."""
+_SMOOTH = 2.0
+"""Pixels over which normals are smoothed."""
+_PIXEL = 2.0
+"""Width of the photos' pixels at the head, in voxels: what they show changes slowly over it."""
+_TURNS = (-75.0, -45.0, -15.0, 15.0, 45.0, 75.0)
+"""Degrees of the views over which the share is taken."""
+
+
+class Coverage:
+    """From how many directions the photos of a capture show the surface of a field.
+
+    Parameters
+    ----------
+    field
+        Of a head, in the capture's frame.
+    capture
+        The photos.
+    """
+
+    ENOUGH = 3
+    """Directions from which a place is seen well."""
+
+    def __init__(self, field: VoxelField, capture: Capture) -> None:
+        self.field = field
+        self._chin = (-np.inf if capture.landmarks is None
+                      else float(np.nan_to_num(capture.landmarks[8, 1], nan=-np.inf)))
+        photos = Photos(field, capture, pixel=_PIXEL)
+        x, y, z = photos.cameras.position.T
+        turn, rise = np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, np.hypot(x, z)))
+        cells = np.round(np.stack([turn, rise], axis=1) / _APART).astype(int)
+        self._direction = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+        self._photos = photos
+
+    def directions(self, cameras: Camera, view: int) -> Int32:
+        """Directions that show what each pixel of a view shows, int32 [H, W]; -1: nothing."""
+        return self._seen(cameras, view)[0]
+
+    def _seen(self, cameras: Camera, view: int) -> tuple[Int32, Float64]:
+        """The same, and the points that the pixels show, float64 [H, W, 3]."""
+        alpha, depth = self.field.depth(cameras, view)
+        points = np.asarray(surface_points(cameras, view, depth), np.float64)
+        solid = (alpha > 0.5) & np.isfinite(points).all(axis=-1)
+        normal = _normals(points, cameras.position[view])
+        seen = np.zeros((self._direction.max() + 1, int(solid.sum())), bool)
+        votes = self._photos.each(points[solid], normal[solid], _SHARE)
+        for photo, sees in enumerate(votes):
+            seen[self._direction[photo]] |= sees
+        found = np.full(solid.shape, -1, np.int32)
+        found[solid] = seen.sum(axis=0)
+        return found, points
+
+    def share(self, distance: float, size: int = 96) -> float:
+        """Share of a head, 0 to 1, from profile to profile that photos show well (`ENOUGH`).
+
+        Parameters
+        ----------
+        distance
+            Of the views' camera from the origin, world units.
+        size
+            Their width and height in pixels.
+        """
+        views = Camera.arc(np.array(_TURNS), distance=distance, width=size, height=size,
+                           focal=0.45 * size * distance)
+        counted = [0, 0]
+        for view in range(len(views)):
+            found, points = self._seen(views, view)
+            head = (found >= 0) & (points[..., 1] > self._chin)
+            counted[0] += int((found[head] >= self.ENOUGH).sum())
+            counted[1] += int(head.sum())
+        return counted[0] / max(counted[1], 1)
+
+
+def _normals(points: Float64, eye: Float64) -> Float64:
+    """Normals [H, W, 3] of a picture of points, towards the eye."""
+    down, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
+    normal = np.nan_to_num(np.cross(down, across))
+    # Lattice points leave steps where photos look along the surface.
+    normal = ndimage.gaussian_filter(normal, (_SMOOTH, _SMOOTH, 0))
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    away = np.sign(((eye - points) * normal).sum(axis=-1, keepdims=True))
+    return np.asarray(np.nan_to_num(normal * away), np.float64)

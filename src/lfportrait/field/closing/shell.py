@@ -5,23 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ...simd.threads import side_by_side
-from ..geometry.chart import Chart, normals_of
-from ..geometry.plate import smoothed
-from ..grid import VoxelField
-from ..harmonics import C0
-from ..training.growth import dilated
-from ..trimming import Cut
-from .ears import Ears
+from ..geometry.chart import Chart, normals_of, smoothed
+from ..grid import Cut, VoxelField
+from ..kernels.march import C0
+from ..training.lattice import dilated
+from .fitted_head import Ears
 from .photos import Photos
-
-__all__ = ["Shell", "with_shell"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SHELL = 5.0
 """Voxels of the shell's thickness."""
@@ -50,26 +43,20 @@ class Shell:
 
     Attributes
     ----------
-    chart, distance
-        Of the whole surface, float64 [V, U], world units.
-    cosine
-        float64 [V, U], between the chart's rays and the surface's normals.
-    colors
-        float64 [V, U, 3] in [0, 1].
-    gap
-        bool [V, U], where it is new.
-    voxel
-        Of the field, world units.
-    guessed
-        Whether what was trained beside the new surface is a guess, and goes unless several photos
-        see it well; else it stays where any photo sees it.
+    chart, distance : Of the whole surface, float64 [V, U], world units.
+    cosine : float64 [V, U], between the chart's rays and the surface's normals.
+    colors : float64 [V, U, 3] in [0, 1].
+    gap : bool [V, U], where it is new.
+    voxel : Of the field, world units.
+    guessed : Whether what was trained beside the new surface is a guess, and goes unless several
+        photos see it well; else it stays where any photo sees it.
     """
 
     chart: Chart
     distance: Float64
     cosine: Float64
     colors: Float64
-    gap: Bools
+    gap: Bool
     voxel: float
     guessed: bool = False
     ears: Ears | None = None
@@ -91,7 +78,7 @@ class Shell:
             deep = np.where(ear > -OUTWARDS, np.maximum(deep, ear), deep)
         return deep, places
 
-    def yielding(self, deep: Float64, places: Float64) -> Bools:
+    def yielding(self, deep: Float64, places: Float64) -> Bool:
         """Which points, so deep and at places [2, N], go whatever photos see there, [N]."""
         if self.yields is None:
             return np.zeros(len(deep), bool)
@@ -99,13 +86,13 @@ class Shell:
         rows, columns = self.gap.shape
         return np.asarray(deep < self.yields[np.clip(row, 0, rows - 1), column % columns])
 
-    def within_ears(self, points: Float64) -> Bools:
+    def within_ears(self, points: Float64) -> Bool:
         """Which of points [N, 3] are the ears', [N]."""
         if self.ears is None:
             return np.zeros(len(points), bool)
         return np.asarray(self.ears.distance(points)[0] < 0.5 * self.voxel)
 
-    def cells(self, field: VoxelField, outwards: float) -> NDArray[np.int64]:
+    def cells(self, field: VoxelField, outwards: float) -> Int64:
         """Empty lattice points (x, y, z) that may be part of it, int64 [N, 3].
 
         They lie up to ``outwards`` voxels before the surface.
@@ -136,7 +123,7 @@ class Shell:
             corners.append(ears)
         return self.chart.cells_between(field, low, high, np.concatenate(corners))
 
-    def coefficients(self, places: Float64, basis: int) -> NDArray[np.float32]:
+    def coefficients(self, places: Float64, basis: int) -> Float32:
         """Coefficients [N, 3, B] of the colors at places: the same from all sides."""
         sh = np.zeros((places.shape[1], 3, basis), np.float32)
         for k in range(3):
@@ -165,7 +152,7 @@ class Shell:
         return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
 
 
-def _density(deep: Float64, voxel: float) -> NDArray[np.float32]:
+def _density(deep: Float64, voxel: float) -> Float32:
     """Densities that fall through zero at the surface."""
     return np.asarray(np.clip(STEEP * deep, -STEEP, 2.0 * STEEP) / voxel, np.float32)
 
@@ -197,15 +184,14 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
                       field.radius, field.frame, field.background), len(cells)
 
 
-def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bools) -> Bools:
+def _beside(shape: tuple[int, ...], cells: Int64, chosen: Bool) -> Bool:
     """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbours, [N]."""
     grid = np.zeros(shape, np.bool_)
     grid[tuple(cells[chosen].T[::-1])] = True
     return np.asarray(dilated(grid)[tuple(cells.T[::-1])], np.bool_)
 
 
-def _changed(field: VoxelField, shell: Shell, photos: Photos,
-             ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, Float32]:
     """Densities and coefficients of the rows there are: what photos saw of the surface stays."""
     density, sh = field.density.copy(), field.sh.copy()
     points = field.lattice_points()
@@ -240,10 +226,9 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     return density, sh
 
 
-def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
-               ) -> tuple[NDArray[np.int64], Float64, Float64]:
+def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None) -> tuple[Int64, Float64, Float64]:
     """Lattice cells (x, y, z) [N, 3] that the shell needs, how deep they lie, places [2, N]."""
-    def part(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], Float64, Float64]:
+    def part(cells: Int64) -> tuple[Int64, Float64, Float64]:
         points = _points(field, cells)
         deep, places = shell.depth(points)
         new = (deep > -OUTWARDS) & (deep < SHELL)
@@ -259,7 +244,7 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
             np.concatenate([part[2] for part in found], axis=1))
 
 
-def _points(field: VoxelField, cells: NDArray[np.int64]) -> Float64:
+def _points(field: VoxelField, cells: Int64) -> Float64:
     """World positions of lattice cells (x, y, z) [N, 3]."""
     return np.asarray(field.bounds[0] + field.spacing * (cells + 0.5), np.float64)
 

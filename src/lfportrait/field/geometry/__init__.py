@@ -1,12 +1,12 @@
 """Geometry from photos before training: hulls, depth, solids.
 
-`hull` carves by mattes, `sweep` finds depth maps, `fused_depth` and `cutout` make a solid of them
-and mattes of that; `clean_plates` shows what is behind the person; `exposure` compares the photos'
-brightness; `start` makes the first lattice; `bust` has the usual proportions.
+`sweep` finds depth maps, `fused_depth` makes a solid of them, `mattes` follows its outlines and the
+field's; `clean_plates` shows what is behind the person; `exposure` compares the photos' brightness;
+`head_surface` begins with the usual proportions of a bust; `start` makes the first lattice.
 """
 
-from .bust import bust_chart, bust_distance
 from .clean_plates import plate_mattes
-from .cutout import cut_out, trim
+from .head_surface import bust_chart, bust_distance
+from .mattes import cut_out, trim
 
 __all__ = ["bust_chart", "bust_distance", "cut_out", "plate_mattes", "trim"]

@@ -20,16 +20,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, Int64, UInt8
 from ...capture import Camera, Capture, color_likelihood, refine_matte
 from ...progress import Progress
 from ...simd.threads import side_by_side
 from ..grid import camera_row
-from ..kernels.plates import compose_plate
+from ..kernels.depth_maps import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth
 
-__all__ = ["CleanPlates", "Plate", "plate_mattes"]
-
-Plane = NDArray[np.float32]
+Plane = Float32
 
 _ANCHORS, _PLANES = 16, 48
 _SIDE = 480  # height or width of a plate
@@ -56,24 +55,20 @@ class Plate:
 
     Attributes
     ----------
-    color
-        float32 [h, w, 3], sRGB in [0, 1].
-    variance
-        float32 [h, w, 3], of the colors: noise, displacement, or how they vary around where they
-        are not known.
-    known
-        bool [h, w], where anchors show them.
-    texture
-        float32 [h, w], standard deviation of the colors around.
+    color : float32 [h, w, 3], sRGB in [0, 1].
+    variance : float32 [h, w, 3], of the colors: noise, displacement, or how they vary around where
+        they are not known.
+    known : bool [h, w], where anchors show them.
+    texture : float32 [h, w], standard deviation of the colors around.
     """
 
-    color: NDArray[np.float32]
-    variance: NDArray[np.float32]
-    known: NDArray[np.bool_]
+    color: Float32
+    variance: Float32
+    known: Bool
     texture: Plane
 
     @property
-    def textured(self) -> NDArray[np.bool_]:
+    def textured(self) -> Bool:
         """Where anchors show more than one color around, which nothing else has by chance."""
         least = np.minimum.reduce([self.variance[..., k] for k in range(3)])
         return self.known & (self.texture > 2.0 * np.sqrt(least))
@@ -117,7 +112,7 @@ class CleanPlates:
     """Clean plates of a capture's photos; made by `of`."""
 
     def __init__(self, capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
-                 views: NDArray[np.int64], maps: list[DepthMap], near: float, far: float) -> None:
+                 views: Int64, maps: list[DepthMap], near: float, far: float) -> None:
         self.capture, self.mattes, self.views, self.near = capture, mattes, views, near
         # Depth beside the person is often the person's: windows of the sweep reach across the edge.
         far = min(far, 0.7 * near)
@@ -188,13 +183,13 @@ class CleanPlates:
         self._samples, self._colors = np.concatenate(points), np.concatenate(colors)
         self._owner = np.repeat(np.arange(len(points)), [len(part) for part in points])
 
-    def _plate_size(self, view: int) -> tuple[Camera, NDArray[np.uint8]]:
+    def _plate_size(self, view: int) -> tuple[Camera, UInt8]:
         image = self.capture.images[view][..., :3]
         camera = self.capture.cameras[view].scaled(min(1.0, _SIDE / max(image.shape[:2])))
         size = int(camera.width[0]), int(camera.height[0])
         return camera, np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
-    def _gains(self, one: DepthMap, matte: Plane) -> NDArray[np.float32]:
+    def _gains(self, one: DepthMap, matte: Plane) -> Float32:
         """A photo's exposure over each anchor's, float32 [K, 3], by what both show of the room."""
         seen, place, _ = _seen(self._samples, one.camera)
         free = matte.ravel()[place] < 0.1
@@ -207,7 +202,7 @@ class CleanPlates:
                 gains[anchor] = np.exp(np.median(ratio[own], axis=0))
         return gains
 
-    def plate(self, view: int) -> tuple[NDArray[np.float32], Plane, Plate]:
+    def plate(self, view: int) -> tuple[Float32, Plane, Plate]:
         """A reduced photo, the network's matte of it, and its plate.
 
         float32 [h, w, 3] in [0, 1] and float32 [h, w]. The photo itself tells nothing of its plate.
@@ -252,7 +247,7 @@ class CleanPlates:
         return _one_piece(np.asarray(cv2.medianBlur(sure, 5)))
 
 
-def _total(channels: NDArray[np.float32]) -> Plane:
+def _total(channels: Float32) -> Plane:
     """Sum of three channels [h, w, 3], [h, w]: along an axis of three NumPy is ten times slower."""
     return channels[..., 0] + channels[..., 1] + channels[..., 2]
 
@@ -268,32 +263,31 @@ def _reduced(matte: NDArray[np.floating[Any]], shape: tuple[int, ...]) -> Plane:
                                  interpolation=cv2.INTER_AREA))
 
 
-def _away(matte: Plane) -> NDArray[np.bool_]:
+def _away(matte: Plane) -> Bool:
     """What lies well beside the person in a small matte."""
     return np.asarray(cv2.dilate((matte > 0.05).astype(np.uint8), np.ones((11, 11), np.uint8)) == 0)
 
 
-def _near(matte: Plane) -> NDArray[np.uint8]:
+def _near(matte: Plane) -> UInt8:
     """What may be the person: where the network's matte says so, and around that."""
     side = max(matte.shape) // 8 | 1
     return np.asarray(cv2.dilate((matte > 0.05).astype(np.uint8), np.ones((side, side), np.uint8)))
 
 
-def _sparse(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _sparse(mask: Bool) -> Bool:
     """Every third pixel of a mask along both axes."""
     kept = np.zeros_like(mask)
     kept[::3, ::3] = mask[::3, ::3]
     return kept
 
 
-def _chosen(one: DepthMap, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _chosen(one: DepthMap, mask: Bool) -> Float64:
     """Some of a depth map's points in a mask, float64 [N, 3]."""
     depth = np.where(_sparse(mask), one.depth, np.float32(np.nan))
     return DepthMap(one.camera, one.image, depth).points()
 
 
-def _seen(points: NDArray[np.float64], camera: Camera,
-          ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
+def _seen(points: Float64, camera: Camera) -> tuple[Bool, Int64, Float64]:
     """Which points a camera has in its picture, their pixels in scan order, all points' depth."""
     pixels, along = camera.project(points)
     column, row = np.floor(pixels[0]).astype(np.int64).T
@@ -302,7 +296,7 @@ def _seen(points: NDArray[np.float64], camera: Camera,
     return seen, row[seen] * width + column[seen], along[0]
 
 
-def _continued(sums: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+def _continued(sums: Float32, sigma: float) -> Float32:
     """Means of values, from ever wider surroundings where there are none.
 
     ``sums`` [h, w, 1 + C] are the weights and the weighted sums of C values; float32 [h, w, C].
@@ -329,7 +323,7 @@ def _weights(matte: Plane, part: Plane) -> Plane:
     return np.where(before, 0.0, weight).astype(np.float32)
 
 
-def _completed(color: NDArray[np.float32], noise: Plane, known: Plane) -> Plate:
+def _completed(color: Float32, noise: Plane, known: Plane) -> Plate:
     """A plate from composed colors: with the room's colors around where no anchor shows it."""
     side = (9, 9)
     texture = cv2.blur(color**2, side) - cv2.blur(color, side) ** 2

@@ -12,38 +12,33 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Capture
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
 from .sweep import DepthMap
 
-__all__ = ["exposure_gains", "matte_gains"]
-
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
 
 
-def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
-                   ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float64, Float64]:
     """Gains of photos.
 
     Parameters
     ----------
-    maps
-        Photos with depth, which fix each other's gains.
-    others
-        Further photos (without depth), each compared with the former.
+    maps : Photos with depth, which fix each other's gains.
+    others : Further photos (without depth), each compared with the former.
 
     Returns
     -------
-    gains, other_gains
-        float64 [V, 3] and [W, 3]: photo = gain * color of the scene at the mean exposure. One
-        where a photo shares nothing with the others.
+    gains, other_gains : float64 [V, 3] and [W, 3]: photo = gain * color of the scene at the mean
+        exposure. One where a photo shares nothing with the others.
     """
     position = np.stack([item.camera.position[0] for item in maps])
     points = [item.points() for item in maps]
     colors = [item.image[np.isfinite(item.depth)] for item in maps]
-    rows: list[NDArray[np.float64]] = []
-    ratios: list[NDArray[np.float64]] = []
+    rows: list[Float64] = []
+    ratios: list[Float64] = []
     for a in range(len(maps)):
         away = np.linalg.norm(position - position[a], axis=1)
         for b in np.argsort(away)[1:_NEAREST + 1]:
@@ -69,8 +64,7 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
     return np.exp(gains), np.exp(found)
 
 
-def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: DepthMap,
-           ) -> NDArray[np.float64] | None:
+def _ratio(points: Float64, colors: Float32, other: DepthMap) -> Float64 | None:
     """Median log ratio [3] of another photo's colors to those of points; None if few are seen."""
     pixels, along = other.camera.project(points)
     height, width = other.depth.shape
@@ -92,27 +86,22 @@ def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: Dept
     return np.asarray(np.median(np.log((there + _DARK) / (colors[seen] + _DARK)), axis=0))
 
 
-def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
-                least: float = 0.02, size: int = 160) -> NDArray[np.float64] | None:
+def matte_gains(field: VoxelField, capture: Capture, views: Int64,
+                least: float = 0.02, size: int = 160) -> Float64 | None:
     """Gains of photos with mattes by comparison with a field.
 
     Parameters
     ----------
-    field, capture
-        The field, and the capture that it is being trained on.
-    views
-        The photos.
-    least
-        Where the gains' standard deviation is below this, the photos are taken as exposed alike;
-        0 takes the gains as they are.
-    size
-        Height or width of the small copies that are compared.
+    field, capture : The field, and the capture that it is being trained on.
+    views : The photos.
+    least : Where the gains' standard deviation is below this, the photos are taken as exposed
+        alike; 0 takes the gains as they are.
+    size : Height or width of the small copies that are compared.
 
     Returns
     -------
-    gains
-        float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and for
-        a field that is too inaccurate: one whose brightness is off by more from part to part of
+    gains : float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and
+        for a field that is too inaccurate: one whose brightness is off by more from part to part of
         a photo than from photo to photo.
     """
     # Layouts are built on first use: not by several threads.
@@ -124,8 +113,7 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
 
 
-def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int,
-                ) -> tuple[NDArray[np.float64], float]:
+def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int) -> tuple[Float64, float]:
     """Logarithm of a photo's gains [3], and how much they differ from part to part of it."""
     assert capture.alphas is not None
     camera = capture.cameras[view]
@@ -144,7 +132,7 @@ def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int,
                                                      max(4, max(high, wide) // 10))
 
 
-def _spread(ratio: NDArray[np.floating], inside: NDArray[np.bool_], side: int) -> float:
+def _spread(ratio: NDArray[np.floating], inside: Bool, side: int) -> float:
     """How much the median of a picture differs between its blocks, as a standard deviation."""
     height, width = ratio.shape
     medians = [np.median(ratio[rows, columns][inside[rows, columns]])

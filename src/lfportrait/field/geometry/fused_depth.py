@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera, mattes_share, views_share
 from ..grid import camera_row
-from ..kernels.signed_distances import fuse_distance, outline_distance
+from ..kernels.depth_maps import fuse_distance, outline_distance
 from .sweep import DepthMap
-
-__all__ = ["Solid", "backing_planes", "find_solid"]
 
 REACH = 1.8
 """Half of the lattice's edge in world units: a head is about one in radius, shoulders reach on."""
@@ -33,8 +32,7 @@ _PERSON = 0.4  # share of the votes below which what stands at the origin is no 
 _DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
 _HIDDEN = 0.85  # and above which a point without depth is inside
 
-Float = NDArray[np.float32]
-Points = NDArray[np.float64]
+Points = Float64
 
 
 @dataclass(frozen=True)
@@ -43,21 +41,21 @@ class Solid:
 
     Attributes
     ----------
-    first, spacing
-        Coordinate of the first point along x, y and z, distance of the points, in world units.
-    distance
-        float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero inside.
+    first, spacing : Coordinate of the first point along x, y and z, distance of the points, in
+        world units.
+    distance : float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero
+        inside.
     """
 
     first: float
     spacing: float
-    distance: Float
+    distance: Float32
 
     @functools.cached_property
-    def _clear(self) -> NDArray[np.uint8]:
+    def _clear(self) -> UInt8:
         return _clearance(self.distance)
 
-    def outline(self, camera: Camera) -> Float:
+    def outline(self, camera: Camera) -> Float32:
         """The least distance along the ray of each pixel of one view.
 
         float32 [H, W] in world units, negative where the object is, at most three spacings.
@@ -68,7 +66,7 @@ class Solid:
         return np.asarray(least * np.float32(_THICK * self.spacing), np.float32)
 
 
-def _clearance(distance: Float) -> NDArray[np.uint8]:
+def _clearance(distance: Float32) -> UInt8:
     """For each cell, how many cells away the nearest one is that is not empty, at most 255."""
     empty = distance >= 1.0
     cells = ndimage.minimum_filter(empty, size=2, origin=-1, mode="nearest")
@@ -76,33 +74,27 @@ def _clearance(distance: Float) -> NDArray[np.uint8]:
     return np.minimum(steps, 255).astype(np.uint8)
 
 
-def backing_planes(points: Points, persons: Float, cameras: Points, usual: float,
-                   most: int = 3) -> NDArray[np.float64]:
+def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float,
+                   most: int = 3) -> Float64:
     """Planes that have the object and the cameras before them.
 
     Parameters
     ----------
-    points
-        float64 [K, 3], points of surfaces.
-    persons
-        float32 [K], how much the mattes call each of them the person.
-    cameras
-        float64 [V, 3], where the cameras stand.
-    usual
-        How much the mattes usually call the object the person. A plane that they call so nearly as
-        much is part of it (a back, a chest).
-    most
-        How many planes to look for.
+    points : float64 [K, 3], points of surfaces.
+    persons : float32 [K], how much the mattes call each of them the person.
+    cameras : float64 [V, 3], where the cameras stand.
+    usual : How much the mattes usually call the object the person. A plane that they call so nearly
+        as much is part of it (a back, a chest).
+    most : How many planes to look for.
 
     Returns
     -------
-    planes
-        float64 [P, 4], unit normals and offsets: ``normal . x > offset`` before the plane.
+    planes : float64 [P, 4], unit normals and offsets: ``normal . x > offset`` before the plane.
     """
     random = np.random.default_rng(0)
     near = np.linalg.norm(points, axis=1) < REACH + 0.2
     points, persons = points[near], persons[near]
-    found: list[NDArray[np.float64]] = []
+    found: list[Float64] = []
     while len(found) < most and len(points) >= 500:
         chosen = random.permutation(len(points))[:6000]
         sample = points[chosen]
@@ -142,21 +134,18 @@ def backing_planes(points: Points, persons: Float, cameras: Points, usual: float
     return np.array(found).reshape(-1, 4)
 
 
-def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
+def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
     """The object at the origin.
 
     Parameters
     ----------
-    maps
-        Depth maps of V views.
-    mattes
-        V mattes of a network in [0, 1], each of its depth map's size.
+    maps : Depth maps of V views.
+    mattes : V mattes of a network in [0, 1], each of its depth map's size.
 
     Returns
     -------
-    solid
-        The object, or None if nothing of known depth is near the origin, or if most mattes see no
-        person in what is.
+    solid : The object, or None if nothing of known depth is near the origin, or if most mattes see
+        no person in what is.
     """
     spacing = 2.0 * REACH / _SIZE
     axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)
@@ -199,7 +188,7 @@ def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
     return Solid(float(axis[0]), spacing, np.where(near, value, 1.0).astype(np.float32))
 
 
-def _hull_share(maps: list[DepthMap], mattes: list[Float]) -> Float:
+def _hull_share(maps: list[DepthMap], mattes: list[Float32]) -> Float32:
     """The mean matte over the views that have a point in the picture, on every second point.
 
     0 where fewer than a quarter of the views have.
@@ -218,7 +207,7 @@ def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
     return lattice
 
 
-def _smooth_vote(person: Float, seen: NDArray[np.int16]) -> Float:
+def _smooth_vote(person: Float32, seen: NDArray[np.int16]) -> Float32:
     """How much the mattes call a place of the surface the person, over its surroundings."""
     votes = ndimage.gaussian_filter(person, 2.0)
     voters = ndimage.gaussian_filter(seen.astype(np.float32), 2.0)

@@ -5,15 +5,20 @@ and a field that starts from it explains the photos by a relief of any depth. So
 found first, as distances along the rays of a chart (`lfportrait.field.geometry.chart`) around the
 middle of the bust:
 
-1. a generic bust (`bust`), scaled to the face's landmarks;
+1. a generic bust, scaled to the face's landmarks;
 2. where the outlines of the mattes touch it, the visual hull;
-3. in front, surface sweeps: the surface is moved outwards and inwards step by step, the photos are
-   looked up at each place, and where they agree best (normalised cross-correlation) it stays. This
-   is a plane sweep (Collins 1996) along the surface instead of along planes, with all photos at
-   once.
+3. in front, surface sweeps (`SurfaceSweep`): the surface is moved outwards and inwards step by
+   step, the photos are looked up at each place, and where they agree best it stays; what counts is
+   their normalised cross-correlation with their mean, as a likelihood. This is a plane sweep
+   (Collins 1996) along the surface instead of along planes, with all photos at once.
 
 What is looked for is the logarithm of the ratio to the generic bust, as a plate that bends as
 little as the data allows: where no photo shows anything, the bust goes on in proportion.
+
+The bust has the size and shape that heads, necks and shoulders usually have: a stack of
+superellipses, one a height, with an ellipsoid above the brows, in the portrait frame, whose unit is
+1.8 times the height from the eyes to the chin (about 0.21 m). The sizes are those of an average
+adult (head 0.155 m wide, 0.197 m long; neck 0.38 m around; shoulders 0.48 m).
 """
 
 from __future__ import annotations
@@ -25,21 +30,199 @@ from dataclasses import dataclass, replace
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from .bust import CHIN, bust_chart, bust_distance
-from .chart import Chart, normals_of
-from .plate import fitted_plate, roughly_fitted_plate, smoothed
-from .surface_sweep import SurfaceSweep, cosines_of
+from .chart import Chart, fitted_plate, normals_of, roughly_fitted_plate, smoothed
 
-__all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
+BROWS = 0.10
+"""Height of the brows: above it lies the skull's ellipsoid."""
+CHIN = -0.60
+"""Height of the chin's lowest point."""
+LOWEST = -1.8
+"""Height at which the bust ends."""
 
-Float64 = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+_SECTIONS = np.array([
+    # height, half width, front, back
+    (-1.80, 1.15, 0.36, -0.66),
+    (-1.40, 1.15, 0.30, -0.66),
+    (-1.15, 1.08, 0.20, -0.64),
+    (-1.00, 0.92, 0.10, -0.60),
+    (-0.90, 0.66, 0.06, -0.54),
+    (-0.80, 0.42, 0.08, -0.47),
+    (-0.70, 0.30, 0.16, -0.43),
+    (-0.60, 0.29, 0.38, -0.42),
+    (-0.56, 0.29, 0.47, -0.42),
+    (-0.50, 0.31, 0.50, -0.42),
+    (-0.35, 0.35, 0.51, -0.46),
+    (-0.20, 0.38, 0.49, -0.51),
+    (0.00, 0.39, 0.44, -0.54),
+    (0.10, 0.39, 0.46, -0.54),
+])
+_CROWN = 0.57
+"""Height of the crown."""
+_ROUND, _SQUARE = 2.0, 2.6
+"""Exponents of the superellipses of a head and of a chest."""
+
+
+def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
+               lowest: float = LOWEST) -> Chart:
+    """Rays around the middle of the bust (`Chart`).
+
+    Parameters
+    ----------
+    cell
+        Distance of rows, portrait units.
+    middle
+        x of the face's middle in the portrait frame.
+    frame
+        float64 [4, 4], similarity from the world to the portrait frame.
+    lowest
+        Height of the lowest row.
+    """
+    heights = np.arange(lowest, BROWS, cell)
+    heights += BROWS - heights[-1]
+    radius = float(_SECTIONS[-1, 1])
+    above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius
+    # A shelf such as a chin must not move the axis forwards and back again.
+    depth = np.interp(heights, (-1.2, -0.8, -0.3, BROWS), (-0.22, -0.18, -0.07, -0.04))
+    axis = np.stack([np.full(len(heights), middle), heights, depth], axis=1)
+    columns = int(2 * np.pi * 0.45 / cell)
+    return Chart(np.concatenate([axis, np.repeat(axis[-1:], len(above), axis=0)]),
+                 np.concatenate([np.zeros(len(heights)), above]),
+                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights),
+                 frame)
+
+
+def bust_distance(chart: Chart, chin: float = CHIN) -> Float64:
+    """Distances of the generic bust's surface along a chart's rays, world units, float64 [V, U].
+
+    ``chin`` is the height of the lowest point of the face: all below is moved up or down with it.
+    """
+    rays = replace(chart, frame=None).rays
+    height = chart.axis[:, 1] + np.interp(chart.axis[:, 1], (chin, -0.2), (CHIN - chin, 0.0))
+    half, front, back = (np.interp(height, _SECTIONS[:, 0], _SECTIONS[:, k])[:, None]
+                         for k in (1, 2, 3))
+    depth = chart.axis[:, 2][:, None]
+    along = np.where(rays[..., 2] > 0, front - depth, depth - back)
+    power = np.interp(height, (-1.1, -0.8), (_SQUARE, _ROUND))[:, None]
+    up = np.maximum(rays[..., 1] / (_CROWN - BROWS), 0.0)
+    return np.asarray((np.abs(rays[..., 0] / half) ** power + np.abs(rays[..., 2] / along) ** power
+                       + up ** power) ** (-1.0 / power) / chart.scale, np.float64)
+
+
+def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64]:
+    """How squarely each camera looks at a surface.
+
+    Parameters
+    ----------
+    chart, distance : The surface, float64 [V, U], world units.
+    cameras : In the world.
+
+    Returns
+    -------
+    cosines : One a camera, float64 [V, U]: between the normal and the way to the camera, -1 where
+        the surface hides itself.
+    """
+    points, normal = chart.points(distance), normals_of(chart, distance)
+    cell, found = chart.cell / chart.scale, []
+    for view, position in enumerate(cameras.position):
+        away = position - points
+        cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
+        pixels, depth = (part[0] for part in cameras[view].project(points.reshape(-1, 3)))
+        # The nearest point of each block of pixels hides what lies far behind it.
+        block = 3.0 * cell * cameras.focal[view].max() / np.median(depth)
+        place = np.floor(pixels / block).astype(int)
+        place -= place.min(axis=0)
+        nearest = np.full(tuple(place.max(axis=0) + 1), np.inf)
+        np.minimum.at(nearest, tuple(place.T), depth)
+        hidden = depth > nearest[tuple(place.T)] + 5.0 * cell
+        found.append(np.where(hidden.reshape(cosine.shape), -1.0, cosine))
+    return found
+
+
+class SurfaceSweep:
+    """Grey photos, reduced to pixels as wide as a cell, that a surface is looked up in."""
+
+    def __init__(self, images: Sequence[UInt8], cameras: Camera, cell: float) -> None:
+        factor = float(np.clip(2.0 * cameras.pixel / cell, 0.1, 1.0))
+        self.cameras = cameras.scaled(factor)
+        self.greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,
+                                 (int(self.cameras.width[k]), int(self.cameras.height[k])),
+                                 interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
+
+    def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
+              window: int) -> tuple[Float64, Float64]:
+        """Where around a surface the photos agree best.
+
+        Parameters
+        ----------
+        chart, distance : The surface, float64 [V, U], world units.
+        limit : Distances beyond which nothing is looked for, float64 [V, U].
+        reach, steps : How far outwards and inwards is looked, world units, and at how many places.
+        window : Width of the correlation's window in cells.
+
+        Returns
+        -------
+        offset, trust : float64 [V, U] each: outwards from the surface, and the photos' confidence
+            in [0, 1].
+        """
+        weights = []
+        for cosine in cosines_of(chart, distance, self.cameras):
+            weights.append(np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32))
+        offsets = np.linspace(-reach, reach, steps)
+        with ThreadPoolExecutor(numba.get_num_threads()) as workers:
+            parts = list(workers.map(
+                lambda by: self._agreement(chart.points(distance + by), weights, window), offsets))
+        scores = np.stack([part[0] for part in parts])
+        texture = parts[len(parts) // 2][1]
+        scores[(distance + offsets[:, None, None]) > limit + 0.2 * reach] = 0.0
+        scores = np.stack([cv2.GaussianBlur(score, (0, 0), window / 5) for score in scores])
+        best = scores.argmax(axis=0)
+        inner = np.clip(best, 1, steps - 2)
+        below, top, above = (np.take_along_axis(scores, (inner + by)[None], 0)[0]
+                             for by in (-1, 0, 1))
+        bend = np.minimum(below + above - 2 * top, -1e-6)
+        shift = np.clip(0.5 * (below - above) / bend, -0.5, 0.5)
+        offset = (inner + shift - (steps - 1) / 2) * (offsets[1] - offsets[0])
+        # If the photos agree as well elsewhere, or at the end of the range, they do not determine
+        # it.
+        spread = top - np.median(scores, axis=0)
+        sure = (best == inner) & (top > 1.0)
+        trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)
+        return offset, trust
+
+    def _agreement(self, points: Float64, weights: Sequence[Float32], window: int,
+                   ) -> tuple[Float32, Float32]:
+        """Mean correlation of the photos with their mean, and the mean's variance, [V, U] each."""
+        flat, shape = points.reshape(-1, 3), points.shape[:2]
+        size = (window, window)
+        values, shares = [], []
+        for view, grey in enumerate(self.greys):
+            pixels = self.cameras[view].project(flat)[0][0]
+            maps = (pixels - 0.5).astype(np.float32).reshape(*shape, 2)
+            value = cv2.remap(grey, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR,
+                              borderMode=cv2.BORDER_CONSTANT, borderValue=-1.0)
+            share = np.where(value >= 0, weights[view], 0).astype(np.float32)
+            value = np.maximum(value, 0)
+            values.append(value - cv2.boxFilter(value, -1, size))
+            shares.append(share)
+        stack, weight = np.stack(values), np.stack(shares)
+        total = np.maximum(weight.sum(axis=0), 1e-6)
+        mean = (weight * stack).sum(axis=0) / total
+        own = cv2.boxFilter(mean * mean, -1, size)
+        score = np.zeros(shape, np.float32)
+        for value, share in zip(stack, weight):
+            together = cv2.boxFilter(value * mean, -1, size)
+            variance = cv2.boxFilter(value * value, -1, size)
+            score += share * together / np.sqrt(np.maximum(variance * own, 1e-12))
+        share = np.clip(score / total, 0.0, 1.0)
+        # The likelihood of an agreement, but for a factor: what misfits is noise.
+        logarithm = np.where(total > 0.25 * len(stack), -np.log(1.003 - share), 0.0)
+        return logarithm.astype(np.float32), own
+
 
 WIDE = 140.0
 """Cameras that are spread over more degrees than this about the vertical axis see both sides."""
@@ -68,17 +251,12 @@ class HeadSurface:
 
     Attributes
     ----------
-    chart
-        Its frame is the portrait frame.
-    distance
-        float64 [V, U], of the surface from the chart's axis, world units.
-    trust
-        float64 [V, U] in [0, 1], confidence of the photos in it.
-    facing
-        float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
+    chart : Its frame is the portrait frame.
+    distance : float64 [V, U], of the surface from the chart's axis, world units.
+    trust : float64 [V, U] in [0, 1], confidence of the photos in it.
+    facing : float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
         after the fifth of the photos that see it best.
-    span
-        Degrees about the vertical axis that the cameras are spread over.
+    span : Degrees about the vertical axis that the cameras are spread over.
     """
 
     chart: Chart
@@ -194,7 +372,7 @@ def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float, sho
 
 
 def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
-                 mattes: Sequence[NDArray[np.uint8]]) -> tuple[Float64, Float64, Bools]:
+                 mattes: Sequence[UInt8]) -> tuple[Float64, Float64, Bool]:
     """The bust scaled to the landmarks (portrait frame) and outlines, the hull, and its rims.
 
     [V, U] each.
@@ -241,12 +419,12 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
     return ratio / np.maximum(weight, 1.0), (weight > 0).astype(np.float64)
 
 
-def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[NDArray[np.uint8]],
+def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[UInt8],
                    reach: Float64) -> Float64:
     """Distances up to which no matte rules a ray's points out; NaN where none is known."""
     grown = [ndimage.maximum_filter(matte, 3) for matte in mattes]
 
-    def ruled_out(distance: Float64) -> Bools:
+    def ruled_out(distance: Float64) -> Bool:
         points = chart.points(distance).reshape(-1, 3)
         against, seen = np.zeros((2, len(points)), np.int16)
         for view, matte in enumerate(grown):
@@ -270,7 +448,7 @@ def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[NDArray[np.ui
     return np.asarray(ndimage.median_filter(np.where(found, low * reach, np.nan), 3), np.float64)
 
 
-def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bools:
+def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bool:
     """Where some camera looks along the surface: there the hull touches it, bool [V, U]."""
     points, normal = chart.points(distance), normals_of(chart, distance)
     low, high = np.full(distance.shape, np.inf), np.full(distance.shape, -np.inf)
@@ -292,19 +470,16 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
 
     Parameters
     ----------
-    surface
-        The surface.
-    shape
-        Lattice points along z, y, x.
-    center, radius
-        The box of the lattice, float64 [3] each (x, y, z).
+    surface : The surface.
+    shape : Lattice points along z, y, x.
+    center, radius : The box of the lattice, float64 [3] each (x, y, z).
 
     Returns
     -------
-    distance, clearance
-        float32 [Z, Y, X] each, world units. The distance is that along the chart's rays, below zero
-        inside; near the surface, outside, that through space where it is shorter. The clearance is
-        less where photos look along the surface or do not see it: only guesses could fill it there.
+    distance, clearance : float32 [Z, Y, X] each, world units. The distance is that along the
+        chart's rays, below zero inside; near the surface, outside, that through space where it is
+        shorter. The clearance is less where photos look along the surface or do not see it: only
+        guesses could fill it there.
     """
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera, Capture
 from ..grid import camera_row
-from ..harmonics import C0
-from ..kernels.depth_votes import fuse_depth
+from ..kernels.depth_maps import fuse_depth
+from ..kernels.march import C0
 from ..training.lattice import box_shape
-
-__all__ = ["DepthMap", "Surfaces", "fuse", "scene_box", "small_view", "sweep_depth"]
 
 _SIZE, _PLANES, _NEIGHBOURS, _WINDOW = 192, 64, 4, 7
 
@@ -35,19 +33,17 @@ class DepthMap:
 
     Attributes
     ----------
-    camera
-        Its camera, one view.
-    image
-        float32 [h, w, 3], sRGB in [0, 1].
-    depth
-        float32 [h, w], distance along the optical axis in world units, NaN where it is not known.
+    camera : Its camera, one view.
+    image : float32 [h, w, 3], sRGB in [0, 1].
+    depth : float32 [h, w], distance along the optical axis in world units, NaN where it is not
+        known.
     """
 
     camera: Camera
-    image: NDArray[np.float32]
-    depth: NDArray[np.float32]
+    image: Float32
+    depth: Float32
 
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Float64:
         """The known points in the world, float64 [K, 3]."""
         row, column = np.nonzero(np.isfinite(self.depth))
         along = self.depth[row, column][:, None]
@@ -57,23 +53,18 @@ class DepthMap:
         return np.asarray(local @ self.camera.pose[0, :3, :3].T + self.camera.pose[0, :3, 3])
 
 
-def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0, *,
+def sweep_depth(capture: Capture, views: Int64, reach: float = 0.0, *,
                 endless: bool = False, planes: int = _PLANES) -> list[DepthMap]:
     """Depth maps of the given views, each with only what its neighbours confirm.
 
     Parameters
     ----------
-    capture
-        Photos and cameras.
-    views
-        The views, which are each other's neighbours.
-    reach
-        The planes of each view are dense up to this distance from the origin and few beyond; by
+    capture : Photos and cameras.
+    views : The views, which are each other's neighbours.
+    reach : The planes of each view are dense up to this distance from the origin and few beyond; by
         default they are the same for all views and as dense far away.
-    endless
-        Have the planes go on to infinity, so that a wall is found however far it is.
-    planes
-        How many planes.
+    endless : Have the planes go on to infinity, so that a wall is found however far it is.
+    planes : How many planes.
     """
     small = [small_view(capture, int(view)) for view in views]
     cameras = [item.camera for item in small]
@@ -111,8 +102,7 @@ def small_view(capture: Capture, view: int) -> DepthMap:
     return DepthMap(camera, pixels, np.full(pixels.shape[:2], np.nan, np.float32))
 
 
-def _neighbours(view: int, position: NDArray[np.float64], forward: NDArray[np.float64],
-                ) -> list[int]:
+def _neighbours(view: int, position: Float64, forward: Float64) -> list[int]:
     """The nearest views that see the scene from a sufficiently different place."""
     away = np.linalg.norm(position - position[view], axis=1)
     reach = float(np.linalg.norm(position[view]))
@@ -122,8 +112,8 @@ def _neighbours(view: int, position: NDArray[np.float64], forward: NDArray[np.fl
     return [int(other) for other in order[:_NEIGHBOURS] if good[other]]
 
 
-def _match(greys: list[NDArray[np.float32]], cameras: list[Camera], view: int,
-           neighbours: list[int], inverse: NDArray[np.float64]) -> NDArray[np.float32]:
+def _match(greys: list[Float32], cameras: list[Camera], view: int,
+           neighbours: list[int], inverse: Float64) -> Float32:
     """Inverse depth with the best agreement, float32 [h, w], NaN where none is good."""
     reference = greys[view]
     height, width = reference.shape
@@ -166,13 +156,12 @@ def _match(greys: list[NDArray[np.float32]], cameras: list[Camera], view: int,
     return np.where(good, value, np.nan).astype(np.float32)
 
 
-def _intrinsics(camera: Camera) -> NDArray[np.float64]:
+def _intrinsics(camera: Camera) -> Float64:
     return np.array([[camera.focal[0, 0], 0.0, camera.center[0, 0] - 0.5],
                      [0.0, camera.focal[0, 1], camera.center[0, 1] - 0.5], [0.0, 0.0, 1.0]])
 
 
-def _homographies(reference: Camera, other: Camera,
-                  ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _homographies(reference: Camera, other: Camera) -> tuple[Float64, Float64]:
     """From the reference's pixels to the other's, for planes at depth d.
 
     The first matrix [3, 3] plus 1 / d times the second.
@@ -183,8 +172,8 @@ def _homographies(reference: Camera, other: Camera,
     return lens @ turn @ back, lens @ np.outer(shift, [0.0, 0.0, 1.0]) @ back
 
 
-def _confirmed(view: int, found: list[NDArray[np.float32]], cameras: list[Camera],
-               neighbours: list[int], steps: NDArray[np.float64]) -> NDArray[np.float32]:
+def _confirmed(view: int, found: list[Float32], cameras: list[Camera],
+               neighbours: list[int], steps: Float64) -> Float32:
     """Depth where a neighbour's own map agrees within a plane and a half; NaN elsewhere."""
     depth = 1.0 / found[view]
     points = DepthMap(cameras[view], np.zeros((*depth.shape, 3), np.float32), depth)
@@ -206,8 +195,7 @@ def _confirmed(view: int, found: list[NDArray[np.float32]], cameras: list[Camera
     return kept
 
 
-def scene_box(maps: list[DepthMap], least: float, most: float,
-              ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def scene_box(maps: list[DepthMap], least: float, most: float) -> tuple[Float64, Float64] | None:
     """Center and radius [3] of a box about nine tenths of the points, or None without points.
 
     The box reaches at least ``least`` and at most ``most`` from the origin along each axis.
@@ -222,7 +210,7 @@ def scene_box(maps: list[DepthMap], least: float, most: float,
     return 0.5 * (low + high), 0.5 * (high - low)
 
 
-def _completed(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+def _completed(depth: Float32) -> Float32:
     """Depth with its holes filled from ever wider surroundings, in inverse depth.
 
     Where photos have no texture surfaces mostly go on as they do around.
@@ -247,21 +235,17 @@ class Surfaces:
 
     Attributes
     ----------
-    keep
-        bool [Z, Y, X], points that may hold matter.
-    solid
-        bool [Z, Y, X], points where surfaces are seen.
-    color
-        float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
+    keep : bool [Z, Y, X], points that may hold matter.
+    solid : bool [Z, Y, X], points where surfaces are seen.
+    color : float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
     """
 
-    keep: NDArray[np.bool_]
-    solid: NDArray[np.bool_]
-    color: NDArray[np.float32]
+    keep: Bool
+    solid: Bool
+    color: Float32
 
 
-def fuse(maps: list[DepthMap], resolution: int, center: NDArray[np.float64],
-         radius: NDArray[np.float64]) -> Surfaces:
+def fuse(maps: list[DepthMap], resolution: int, center: Float64, radius: Float64) -> Surfaces:
     """The votes of all maps on a lattice with ``resolution`` points to two world units."""
     shape = box_shape(resolution, radius)
     x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)

@@ -1,4 +1,4 @@
-"""A field laid out on a device: the table of its bricks, their masks, and the atlas texture.
+"""A field laid out on a device: its bricks, their masks, the atlas, and its painted texture.
 
 `march.wgsl` casts through it. On the CPU a sample gathers eight densities and eight color rows;
 here both are one look-up of a texture of half floats, which the GPU interpolates itself. What is
@@ -11,25 +11,112 @@ densities, of rows for coefficients. The texture itself has no such bound.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
+from importlib import resources
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32, UInt8
 from ...gpu.device import BINDING, Device
 from ..kernels.bricks import SLOTS, Bricks, row_width
-from .shaders import shader
+from ..texture import TextureRows
 
-__all__ = ["Atlas", "FieldParts", "field_parts", "upload"]
+
+@functools.cache
+def shader(*files: str) -> str:
+    """Sources one after the other: WGSL has no include.
+
+    Parameters
+    ----------
+    files
+        ``"package/file.wgsl"`` below `lfportrait`.
+    """
+    texts = []
+    for file in files:
+        package, _, name = file.rpartition("/")
+        folder = resources.files("lfportrait." + package.replace("/", "."))
+        texts.append((folder / name).read_text(encoding="utf-8"))
+    return "\n".join(texts)
+
+
+_KEPT = 3
+"""Fields that stay on a device, and so many textures."""
+
+
+@dataclass(frozen=True)
+class TextureParts:
+    """A field's painted texture, as it is sent.
+
+    Attributes
+    ----------
+    cells
+        uint8 [bricks * 128], the chart of each cell; 255: none.
+    charts
+        float32 [C, 12], from the lattice to texels.
+    texels
+        int8 [H, W, 4].
+    """
+
+    cells: UInt8
+    charts: Float32
+    texels: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class DeviceTexture:
+    """The same on a device: buffers and a texture; ``there``: the field has one at all."""
+
+    cells: Any
+    charts: Any
+    texels: Any
+    there: bool
+
+
+def texture_parts(rows: TextureRows) -> TextureParts:
+    """What `VoxelField.texture_rows` gives, as it is sent."""
+    cells, charts, texels = rows
+    words = np.ascontiguousarray(texels)
+    return TextureParts(cells.astype(np.uint8), charts,
+                        words.view(np.int8).reshape(*words.shape, 4))
+
+
+def keep_texture(device: Device, key: str, parts: TextureParts | None) -> list[str]:
+    """Keep a texture, or that there is none, on a device; returns the names of all kept."""
+    kept = device.kept.setdefault("textures", {})
+    kept.pop(key, None)
+    while len(kept) >= _KEPT:
+        kept.pop(next(iter(kept)))
+    if parts is None:
+        kept[key] = DeviceTexture(device.buffer(16), device.buffer(48),
+                                  device.texture((1, 1), "rgba8snorm"), False)
+    else:
+        texels = device.texture(parts.texels.shape[1::-1], "rgba8snorm")
+        device.fill_texture(texels, parts.texels)
+        kept[key] = DeviceTexture(device.buffer(parts.cells), device.buffer(parts.charts), texels,
+                                  True)
+    return list(kept)
+
+
+def picture_texture(device: Device, planes: Float32 | None) -> Any:
+    """A texture of half floats of a picture float32 [3, H, W], 0 to 255; None: a black texel."""
+    if planes is None:
+        return device.texture((1, 1), "rgba16float")
+    _, height, width = planes.shape
+    texels = np.zeros((height, width, 4), np.float16)
+    texels[..., :3] = np.moveaxis(planes, 0, -1) * np.float32(1 / 255)
+    texture = device.texture((width, height), "rgba16float")
+    device.fill_texture(texture, texels)
+    return texture
+
 
 _LEAST = 1e-2
 """Density from which a cell is looked at: the least threshold that casting uses."""
 _SIDE = 409
 """Most bricks along a side of the atlas: 5 x 409 texels, under the limit of 2048."""
-_KEPT = 3
-"""Fields that stay on a device."""
 _ACROSS = 32768
 """Workgroups along x of a dispatch."""
 
@@ -48,13 +135,13 @@ class FieldParts:
         Other colors of the same points, as ``rows`` and ``basis``; none by default.
     """
 
-    table: NDArray[np.int32]
-    links: NDArray[np.int32]
+    table: Int32
+    links: Int32
     density: NDArray[np.uint16]
     rows: NDArray[np.uint16]
     basis: int
     width: int
-    lattice: NDArray[np.float64]
+    lattice: Float64
     others: NDArray[np.uint16] | None = None
     other_basis: int = 0
 
@@ -69,7 +156,7 @@ class FieldParts:
         return (len(self.rows) - 32) // self.width - 1
 
 
-def field_parts(bricks: Bricks, lattice: NDArray[np.float64]) -> FieldParts:
+def field_parts(bricks: Bricks, lattice: Float64) -> FieldParts:
     """What a field of this layout sends to a device."""
     return FieldParts(bricks.table, bricks.links, bricks.density, bricks.rows, bricks.basis,
                       bricks.width, lattice)
@@ -152,7 +239,7 @@ class Atlas:
             else:
                 self._others.append(self._device.buffer(part))
 
-    def shade(self, eyes: NDArray[np.float64]) -> None:
+    def shade(self, eyes: Float64) -> None:
         """Evaluate the colors of all points as eyes see them.
 
         Parameters
@@ -181,8 +268,7 @@ class Atlas:
                     steps.append((self._kernel, group, (columns, -(-many // columns), 1)))
         device.run(*steps)
 
-    def march_uniform(self, threshold: float, stop: float, whole: bool,
-                      textured: float) -> NDArray[np.uint8]:
+    def march_uniform(self, threshold: float, stop: float, whole: bool, textured: float) -> UInt8:
         """The uniform ``field`` of `march.wgsl`, uint8 [64]; the texture's strength is 0 to 1."""
         uniform = np.zeros(64, np.uint8)
         floats, words = uniform.view(np.float32), uniform.view(np.uint32)
@@ -203,7 +289,7 @@ class Atlas:
                    + sum(rows.size for rows in self._others))
 
 
-def _places(table: NDArray[np.int32], count: int) -> NDArray[np.uint32]:
+def _places(table: Int32, count: int) -> NDArray[np.uint32]:
     """Where each brick lies in the table: x, y and z, ten bits each."""
     z, y, x = np.nonzero(table >= 0)
     out = np.zeros(count, np.uint32)
@@ -211,7 +297,7 @@ def _places(table: NDArray[np.int32], count: int) -> NDArray[np.uint32]:
     return out
 
 
-def _brick_pages(links: NDArray[np.int32], page: int) -> list[tuple[int, NDArray[np.int32]]]:
+def _brick_pages(links: Int32, page: int) -> list[tuple[int, Int32]]:
     """Links of the bricks, in pages: the first one's number, and the page."""
     together = page // (4 * SLOTS)
     return [(start, links[start * SLOTS:(start + together) * SLOTS])

@@ -1,19 +1,18 @@
-"""Rendering pinhole views on a device: what `view.wgsl` needs."""
+"""Rendering pinhole views on a device: what `view.wgsl` needs, and what is sent there."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
+from ...gpu import GpuProcess
 from ...gpu.device import BINDING, Device, bands
-from .atlas import Atlas
-from .shaders import shader
-from .textures import DeviceTexture, picture_texture
-
-__all__ = ["ViewJob", "render_views"]
+from ..kernels.bricks import Bricks
+from ..texture import SurfaceTexture, TextureRows
+from .atlas import Atlas, DeviceTexture, field_parts, picture_texture, shader, texture_parts
 
 _GROUP = 8
 """Pixels along a side of a workgroup."""
@@ -50,9 +49,9 @@ class ViewJob:
         to the right and below, and the first pixel's.
     """
 
-    cameras: NDArray[np.float64]
+    cameras: Float64
     size: tuple[int, int]
-    lattice: NDArray[np.float64]
+    lattice: Float64
     axis: int
     step: float
     threshold: float
@@ -63,10 +62,10 @@ class ViewJob:
     reach: float
     eight_bit: bool = False
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    ground: NDArray[np.float32] | None = None
-    ground_rays: NDArray[np.float64] | None = None
+    ground: Float32 | None = None
+    ground_rays: Float64 | None = None
 
-    def uniform(self, view: int, first: int, rows: int) -> NDArray[np.uint8]:
+    def uniform(self, view: int, first: int, rows: int) -> UInt8:
         """The uniform ``view`` of `view.wgsl` for a band of rows, uint8 [208]."""
         out = np.zeros(208, np.uint8)
         floats, words = out.view(np.float32), out.view(np.uint32)
@@ -175,10 +174,62 @@ class _Viewer:
         group = self._group("bytes", (4, 9, 11), _8=self.uniform, _12=picture)
         self.device.run((self.kernels["bytes"], group, self.groups))
 
-    def read(self) -> tuple[NDArray[np.float32], ...]:
+    def read(self) -> tuple[Float32, ...]:
         """Color, opacity and depth of the view that was looked at."""
         width, height = self.job.size
         shot = self.device.read(self.shots, np.float32, (height, width, 4))
         depth = self.device.read(self.depths, np.float32, (height, width))
         depth[depth > 1e30] = np.inf
         return shot[..., :3], shot[..., 3], depth
+
+
+_STAGE = "lfportrait.field.gpu"
+
+
+class Castable(Protocol):
+    """What is sent of a field (`lfportrait.field.VoxelField`, whose module loads this one)."""
+
+    texture: SurfaceTexture | None
+
+    @property
+    def bricks(self) -> Bricks:
+        """The layout for casting."""
+
+    @property
+    def lattice(self) -> Float64:
+        """Points along x, y, z; scale and offset."""
+
+    def texture_rows(self, footprint: float, whole: bool = False) -> TextureRows:
+        """Charts of cells, projections, texels."""
+
+
+def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: float,
+               whole: bool = True) -> tuple[str, str]:
+    """Have a field and its texture on the device; returns their names there.
+
+    Parameters
+    ----------
+    process, field
+        The device's process, and the field.
+    layers
+        Eyes that its colors are kept for.
+    footprint, whole
+        Width of the texture's detail that is wanted (`VoxelField.texture_rows`).
+    """
+    bricks = field.bricks
+    key = f"{bricks.token} {layers}"
+    if not process.holds("fields", key):
+        process.note("fields", process.call(f"{_STAGE}.atlas:upload", key,
+                                            field_parts(bricks, field.lattice), layers))
+    texture = field.texture
+    name = "none" if texture is None else f"{bricks.token} {texture.level(footprint, whole)}"
+    if not process.holds("textures", name):
+        parts = None if texture is None else texture_parts(field.texture_rows(footprint, whole))
+        process.note("textures", process.call(f"{_STAGE}.atlas:keep_texture", name, parts))
+    return key, name
+
+
+def views_on_gpu(process: GpuProcess, field: Castable, job: ViewJob, footprint: float) -> Any:
+    """Render views on the device (`render_views`), where the field is sent first if it must be."""
+    keys = keep_field(process, field, 1, footprint, whole=False)
+    return process.call(f"{_STAGE}.view:render_views", keys, job)

@@ -1,4 +1,4 @@
-"""The layout for ray casting: a coarse table of bricks over compact rows.
+"""Layouts of a lattice in half precision: bricks for casting rays, stretches for slices.
 
 The lattice is cut into bricks of 4x4x4 cells. An occupied brick owns copies of its 5x5x5 lattice
 points (one shared layer, so that every cell finds its eight corners in one brick, padded to 128):
@@ -9,6 +9,11 @@ the nearest occupied one: a ray may leap over everything that is nearer.
 Color rows are float16, 16 or 32 wide (3 channels x 1, 4 or 9 coefficients, zero-padded), so that
 a row is loaded as one or two vectors; the last row is zero and stands for empty lattice points.
 They are laid out when colors are first asked for: what needs densities alone does not wait.
+
+A slice is nearly level: it reads rows of the lattice, at nearly one height. In bricks these are
+scattered, and a slice of a head took most of its time to wait for them; a stretch is sixteen
+lattice points on end along x, and all that lies at one height is together. Of stretches without any
+point nothing is kept but one of zeros, which stands for all of them.
 """
 
 from __future__ import annotations
@@ -22,11 +27,61 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...simd.decorators import lean_kernel
+from ...arrays import Bool, Float32, Int32
+from ...simd.decorators import kernel, lean_kernel
+from ...simd.interleaved import store_half
 from ...simd.threads import shared
-from .halves import halves
+from ...simd.vectors import LANES
 
-__all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width"]
+_LINE = 1 << 14
+"""Numbers that one thread takes at a time."""
+_LARGEST = 6e4
+"""What is larger becomes this: half precision ends at 65504."""
+
+_load, _load_half, _store, _floats = LANES.load, LANES.load_half, LANES.store, LANES.floats
+_minimum, _maximum = LANES.minimum, LANES.maximum
+
+
+@shared("lines")
+@kernel
+def _round(since, until, lines, values, largest, out):
+    """Lines of `_LINE` numbers of ``values``, as bits in ``out``; both hold multiples of 16."""
+    for start in range(since * _LINE, min(until * _LINE, len(out)), 16):
+        value = _maximum(_minimum(_load(values, np.uintp(start)), _floats(largest)),
+                         _floats(-largest))
+        store_half(out, np.uintp(start), value)
+
+
+@shared("lines")
+@kernel
+def _widen(since, until, lines, bits, out):
+    """Lines of `_LINE` numbers in half precision as float32; both hold multiples of 16."""
+    for start in range(since * _LINE, min(until * _LINE, len(out)), 16):
+        _store(out, np.uintp(start), _load_half(bits, np.uintp(start)))
+
+
+def halves(values: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
+    """Numbers in half precision, as NumPy rounds them; those beyond 60000 become that.
+
+    Parameters
+    ----------
+    values : Of any shape, without NaN.
+    """
+    flat = np.ascontiguousarray(values, np.float32).reshape(-1)
+    out, whole = np.empty(len(flat), np.uint16), len(flat) // 16 * 16
+    _round(-(-whole // _LINE), flat[:whole], np.float32(_LARGEST), out[:whole])
+    out[whole:] = np.clip(flat[whole:], -_LARGEST, _LARGEST).astype(np.float16).view(np.uint16)
+    return out.view(np.float16).reshape(values.shape)
+
+
+def floats_of(values: NDArray[np.float16]) -> Float32:
+    """Numbers in half precision as float32."""
+    bits = np.ascontiguousarray(values).reshape(-1).view(np.uint16)
+    out, whole = np.empty(len(bits), np.float32), len(bits) // 16 * 16
+    _widen(-(-whole // _LINE), bits[:whole], out[:whole])
+    out[whole:] = bits[whole:].view(np.float16)
+    return out.reshape(values.shape)
+
 
 BRICK = 4
 """Cells along a brick's edge."""
@@ -45,20 +100,15 @@ class Bricks:
 
     Attributes
     ----------
-    table
-        int32 [BZ, BY, BX], brick numbers or minus distances.
-    links
-        int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
-    density
-        uint16 [bricks * 128 + 2], float16 bit patterns.
-    sh
-        float [N, 3, B], the coefficients that ``rows`` are made of.
-    shape
-        Lattice points along z, y, x.
+    table : int32 [BZ, BY, BX], brick numbers or minus distances.
+    links : int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
+    density : uint16 [bricks * 128 + 2], float16 bit patterns.
+    sh : float [N, 3, B], the coefficients that ``rows`` are made of.
+    shape : Lattice points along z, y, x.
     """
 
-    table: NDArray[np.int32]
-    links: NDArray[np.int32]
+    table: Int32
+    links: Int32
     density: NDArray[np.uint16]
     sh: NDArray[np.floating[Any]]
     shape: tuple[int, int, int]
@@ -125,7 +175,7 @@ def _fill_links(since, until, links, places, empty, out):
                         out[brick * 128 + z * 25 + y * 5 + x] = links[gz, gy, gx]
 
 
-def _distances(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _distances(occupied: Bool) -> Int32:
     """Minus the distance to the nearest occupied brick, int32 [BZ, BY, BX]."""
     if not occupied.any():
         return np.full(occupied.shape, -max(occupied.shape), np.int32)
@@ -143,18 +193,14 @@ def _brighter(since, until, links, density, least, found):
         found[brick] = most > least
 
 
-def bright_table(table: NDArray[np.int32], brick_links: NDArray[np.int32],
-                 density: NDArray[np.float32], least: float) -> NDArray[np.int32]:
+def bright_table(table: Int32, brick_links: Int32, density: Float32, least: float) -> Int32:
     """The table without the bricks in which no density is above ``least``, as `brick_table`'s.
 
     Parameters
     ----------
-    table, brick_links
-        From `brick_table`; bricks keep their numbers.
-    density
-        float32 [N + 1].
-    least
-        Per world unit.
+    table, brick_links : From `brick_table`; bricks keep their numbers.
+    density : float32 [N + 1].
+    least : Per world unit.
     """
     found = np.zeros(len(brick_links) // SLOTS, np.bool_)
     _brighter(brick_links, density, np.float32(least), found)
@@ -162,23 +208,18 @@ def bright_table(table: NDArray[np.int32], brick_links: NDArray[np.int32],
     return np.where(bright, table, _distances(bright)).astype(np.int32)
 
 
-def brick_table(links: NDArray[np.int32], rows: int,
-                ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def brick_table(links: Int32, rows: int) -> tuple[Int32, Int32]:
     """Table and links of the bricks of a lattice.
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point or -1.
-    rows
-        Number of rows N; empty points link to row N.
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    rows : Number of rows N; empty points link to row N.
 
     Returns
     -------
-    table
-        int32 [BZ, BY, BX].
-    brick_links
-        int32 [bricks * 128].
+    table : int32 [BZ, BY, BX].
+    brick_links : int32 [bricks * 128].
     """
     shape = tuple(max(1, -(-(n - 1) // BRICK)) for n in links.shape)
     occupied = np.zeros(shape, np.bool_)
@@ -191,18 +232,14 @@ def brick_table(links: NDArray[np.int32], rows: int,
     return table, brick_links
 
 
-def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
-                 sh: NDArray[Any]) -> Bricks:
+def build_bricks(links: Int32, density: Float32, sh: NDArray[Any]) -> Bricks:
     """Lay a field out for casting.
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X].
-    density
-        float32 [N], per world unit.
-    sh
-        float [N, 3, B], spherical-harmonic coefficients.
+    links : int32 [Z, Y, X].
+    density : float32 [N], per world unit.
+    sh : float [N, 3, B], spherical-harmonic coefficients.
     """
     count = len(sh)
     table, brick_links = brick_table(links, count)
@@ -212,3 +249,120 @@ def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
     packed[:-2] = values.view(np.uint16)[brick_links]
     return Bricks(table, brick_links, packed, sh,
                   (links.shape[0], links.shape[1], links.shape[2]))
+
+
+_load = LANES.load
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """A field laid out for slices, in S stretches.
+
+    Attributes
+    ----------
+    places : int32 [Y, Z, ceil(X / 16)], the number of each stretch; S where it has no point.
+    occupied : uint64 [Y, Z], bit b where stretch b of the row has a point; from 63 on they share a
+        bit.
+    values : uint16 [(S + 1) * (1 + 3 B) * 16], float16 bit patterns: of each stretch the sixteen
+        densities, then coefficients of red, of green, of blue, sixteen each.
+    """
+
+    places: Int32
+    occupied: NDArray[np.uint64]
+    values: NDArray[np.uint16]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory taken, in bytes."""
+        return int(self.places.nbytes + self.occupied.nbytes + self.values.nbytes)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a lattice has stretches: as in `Stretches`, and ``count``, their number S."""
+
+    places: Int32
+    occupied: NDArray[np.uint64]
+    count: int
+
+
+@shared("places")
+@lean_kernel
+def _count(since, until, links, places, occupied, counts):
+    """Number the stretches at each height from 0, -1 where there is no point."""
+    for j in range(since, until):
+        many = 0
+        for k in range(links.shape[0]):
+            for block in range(places.shape[2]):
+                some = False
+                for i in range(16 * block, min(16 * block + 16, links.shape[2])):
+                    some |= links[k, j, i] >= 0
+                places[j, k, block] = many if some else -1
+                if some:
+                    many += 1
+                    occupied[j, k] |= np.uint64(1) << np.uint64(min(block, 63))
+        counts[j] = many
+
+
+@shared("places")
+@kernel
+def _fill(since, until, links, density, sh, none, places, values):
+    """Copy what is at the points; ``none`` is the number of stretches without any."""
+    lines = 1 + sh.shape[1]
+    most = np.float32(6e4)
+    scratch = np.zeros((lines, 16), np.float32)
+    flat = scratch.reshape(lines * 16)
+    for j in range(since, until):
+        for k in range(links.shape[0]):
+            for block in range(places.shape[2]):
+                number = places[j, k, block]
+                if number == none:
+                    continue
+                scratch[:] = np.float32(0.0)
+                for lane in range(min(16, links.shape[2] - 16 * block)):
+                    row = links[k, j, 16 * block + lane]
+                    if row < 0:
+                        continue
+                    scratch[0, lane] = min(max(density[row], -most), most)
+                    for part in range(lines - 1):
+                        scratch[1 + part, lane] = min(max(np.float32(sh[row, part]), -most), most)
+                for line in range(lines):
+                    store_half(values, np.uintp((np.int64(number) * lines + line) * 16),
+                               _load(flat, np.uintp(16 * line)))
+
+
+def build_stretches(links: Int32, density: Float32, sh: NDArray[np.floating]) -> Stretches:
+    """Lay a field out for slices.
+
+    Parameters
+    ----------
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    density : float32 [N], per world unit.
+    sh : float [N, 3, B], spherical-harmonic coefficients.
+    """
+    return fill_stretches(place_stretches(links), links, density, sh)
+
+
+def place_stretches(links: Int32) -> Places:
+    """Where a lattice, int32 [Z, Y, X], has stretches."""
+    depth, height, width = links.shape
+    places = np.empty((height, depth, -(-width // 16)), np.int32)
+    occupied = np.zeros((height, depth), np.uint64)
+    counts = np.zeros(height, np.int64)
+    _count(links, places, occupied, counts)
+    first = np.zeros(height + 1, np.int32)
+    np.cumsum(counts, out=first[1:])
+    # The number of each height's first stretch is added; those without any point come last.
+    places = np.where(places < 0, first[-1], places + first[:-1, None, None])
+    return Places(places, occupied, int(first[-1]))
+
+
+def fill_stretches(where: Places, links: Int32, density: Float32,
+                   sh: NDArray[np.floating]) -> Stretches:
+    """A field laid out in the stretches of its lattice; arguments as `build_stretches`."""
+    lines = 1 + 3 * sh.shape[2]
+    values = np.empty((where.count + 1) * lines * 16, np.uint16)
+    values[-lines * 16:] = 0
+    _fill(links, density, sh.reshape(len(sh), lines - 1), np.int32(where.count), where.places,
+          values)
+    return Stretches(where.places, where.occupied, values)

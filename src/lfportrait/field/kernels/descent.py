@@ -23,8 +23,6 @@ from ...simd.interleaved import prefetch
 from ...simd.threads import share_out
 from ...simd.vectors import LANES
 
-__all__ = ["descend", "smooth", "smooth_rows", "take_up_all", "total_variation", "vary_rows"]
-
 _floats, _sqrt = LANES.floats, LANES.sqrt
 _load, _store = LANES.load, LANES.store
 _FAINT = np.float32(0.02)
@@ -81,25 +79,17 @@ def descend(density, rows, width, records, bases, rate, decay, lowest, gains, me
 
     Parameters
     ----------
-    density, rows
-        float32 [N + 1] and [(N + 1) * width], the parameters; the last row stays as it is. A row's
-        last two values are no parameters but its state: remembered weight of rays, and running mean
-        of the density's squared slope.
-    width
-        Row width, 16 or 32.
-    records
-        Keys, values, counts and scratch of `packet.Records`.
-    bases
-        float32 [tiles, 64], each packet's harmonics.
-    rate, decay
-        Learning rate of the density, and decay of the running mean (0.95).
-    lowest
-        Densities are kept at or above this.
-    gains
-        float32 [width], what a coefficient's slope is multiplied with to be its change for rays
+    density, rows : float32 [N + 1] and [(N + 1) * width], the parameters; the last row stays as it
+        is. A row's last two values are no parameters but its state: remembered weight of rays, and
+        running mean of the density's squared slope.
+    width : Row width, 16 or 32.
+    records : Keys, values, counts and scratch of `packet.Records`.
+    bases : float32 [tiles, 64], each packet's harmonics.
+    rate, decay : Learning rate of the density, and decay of the running mean (0.95).
+    lowest : Densities are kept at or above this.
+    gains : float32 [width], what a coefficient's slope is multiplied with to be its change for rays
         of weight one; zero for what is no color.
-    memory
-        Weight of rays that a color is a running mean of, at most. The weight of a record's own
+    memory : Weight of rays that a color is a running mean of, at most. The weight of a record's own
         rays counts in full whatever the bound.
     """
     keys, values, counts, _ = records
@@ -122,12 +112,9 @@ def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains
 
     Parameters
     ----------
-    density, rows, width, rate, decay, lowest, gains
-        As in `descend`.
-    slopes
-        float32 [last - first] of densities, or [(last - first) * width] of colors.
-    first, last
-        Range of rows.
+    density, rows, width, rate, decay, lowest, gains : As in `descend`.
+    slopes : float32 [last - first] of densities, or [(last - first) * width] of colors.
+    first, last : Range of rows.
     """
     share_out(smooth_rows, last - first, density, rows, width, slopes, first, last, rate, decay,
               lowest, gains)
@@ -160,20 +147,14 @@ def total_variation(neighbours, first, last, values, width, weight, scale, slope
 
     Parameters
     ----------
-    neighbours
-        int32 [rows, 6]: next along x, y, z, previous along x, y, z; empty ones give the row itself.
-    first, last
-        Range of rows.
-    values
-        float32 [rows * width], colors, or [rows], densities with a width of 1.
-    width
-        1, 16 or 32.
-    weight
-        Weight of the loss, divided by the number of rows in the range.
-    scale
-        Difference between neighbours is multiplied by this (resolution / 256).
-    slopes
-        float32 [(last - first) * width], written.
+    neighbours : int32 [rows, 6]: next along x, y, z, previous along x, y, z; empty ones give the
+        row itself.
+    first, last : Range of rows.
+    values : float32 [rows * width], colors, or [rows], densities with a width of 1.
+    width : 1, 16 or 32.
+    weight : Weight of the loss, divided by the number of rows in the range.
+    scale : Difference between neighbours is multiplied by this (resolution / 256).
+    slopes : float32 [(last - first) * width], written.
     """
     share_out(vary_rows, last - first, neighbours, first, values, width, np.float32(weight),
               np.float32(scale), slopes)

@@ -22,12 +22,28 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...simd.decorators import identified, identity, lean, lean_kernel
 from ...simd.vectors import LANES
 
-__all__ = ["BASIS_STRIDE", "enter_box", "make_basis", "make_channel_shade", "make_locate",
-           "make_march", "make_rgb_shade", "sh_basis"]
+C0 = 0.28209479177387814
+"""1 / (2 sqrt(pi))."""
+
+
+def real_harmonics(directions: NDArray[np.floating], count: int) -> Float64:
+    """The first ``count`` (1, 4 or 9) real harmonics of unit directions [N, 3], [N, count].
+
+    The NumPy twin of `lfportrait.field.kernels.march.sh_basis`.
+    """
+    x, y, z = np.asarray(directions, np.float64).T
+    first, second = 0.4886025119029199, 1.0925484305920792
+    planes = [np.full(len(x), C0), -first * y, first * z, -first * x, second * x * y,
+              -second * y * z, 0.31539156525252005 * (2 * z * z - x * x - y * y),
+              -second * x * z, 0.5 * second * (x * x - y * y)]
+    return np.stack(planes[:count], axis=1)
+
 
 BASIS_STRIDE = 64
 """Floats of basis scratch per lane: four vectors of 16."""
@@ -184,11 +200,10 @@ def make_march(lanes: SimpleNamespace, shade: Callable[..., Any], shaded: bool =
 
     Returns
     -------
-    march
-        ``march(table, links, density, rows, nx, ny, nz, ox, oy, oz, dx, dy, dz, start, end, step,
-        delta, threshold, stop, basis, channel)``: origins and unit directions in lattice units,
-        comb start and end of each ray, ``step`` in lattice units, ``delta`` [lanes] the step in
-        world units (Shen et al. 2023, Eq. 1), density threshold, transmittance to stop at.
+    march : ``march(table, links, density, rows, nx, ny, nz, ox, oy, oz, dx, dy, dz, start, end,
+        step, delta, threshold, stop, basis, channel)``: origins and unit directions in lattice
+        units, comb start and end of each ray, ``step`` in lattice units, ``delta`` [lanes] the step
+        in world units (Shen et al. 2023, Eq. 1), density threshold, transmittance to stop at.
     """
     floats, where, floor = lanes.floats, lanes.where, lanes.floor
     minimum, maximum, exp = lanes.minimum, lanes.maximum, lanes.exp

@@ -23,12 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Int32, Int64
 from ...simd.decorators import identified, lean
 from ...simd.interleaved import gather_signed, load_ints, prefetch
 from ...simd.vectors import LANES
-
-__all__ = ["OWNED", "Records", "make_color_points", "make_pad", "mix_color", "mix_density",
-           "open_brick", "scatter", "slopes_of_errors", "use_cell", "write_records"]
 
 _floats, _where, _iota, _lane = LANES.floats, LANES.where, LANES.iota, LANES.lane
 _load, _store, _total = LANES.load, LANES.store, LANES.total
@@ -42,25 +40,22 @@ _AHEAD = 12
 """Points that rows are asked for ahead."""
 
 
-def make_pad(workers: int, table: NDArray[np.int32], bricks: int) -> tuple[NDArray[Any], ...]:
+def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...]:
     """Scratch of all workers; pages that no packet reaches cost nothing.
 
     Parameters
     ----------
-    workers
-        Number of workers, the leading axis.
-    table
-        The brick table: sixteen straight rays enter no more bricks than sixteen times its sides.
-    bricks
-        Number of bricks.
+    workers : Number of workers, the leading axis.
+    table : The brick table: sixteen straight rays enter no more bricks than sixteen times its
+        sides.
+    bricks : Number of bricks.
 
     Returns
     -------
-    pad
-        ``place`` int32 [W, bricks], number in the pad of each brick, -1 outside packets; ``opened``
-        int32 [W, C] the bricks; ``density`` float32 [W, 128 C + 32]; ``colors`` and ``slopes``
-        float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128 C], points
-        that have their color; ``counts`` int64 [W, 8], of opened bricks and of used points.
+    pad : ``place`` int32 [W, bricks], number in the pad of each brick, -1 outside packets;
+        ``opened`` int32 [W, C] the bricks; ``density`` float32 [W, 128 C + 32]; ``colors`` and
+        ``slopes`` float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128 C],
+        points that have their color; ``counts`` int64 [W, 8], of opened bricks and of used points.
     """
     room = max(1, min(bricks, 16 * (sum(table.shape) + 3)))
     return (np.full((workers, max(1, bricks)), -1, np.int32), np.empty((workers, room), np.int32),
@@ -77,22 +72,18 @@ class Records:
 
     Attributes
     ----------
-    keys
-        int32 [W, W, room, 2]: row and tile of each record, by the worker that wrote it and the one
-        that owns the row.
-    values
-        float32 [W, W, room, 5]: slopes of red, green and blue, weight of the rays, slope of the
-        density.
-    counts
-        int64 [W, W], records written; more than there was room for if some were lost.
-    recent
-        int32 [W, 4096], scratch: where a row's last record may be.
+    keys : int32 [W, W, room, 2]: row and tile of each record, by the worker that wrote it and the
+        one that owns the row.
+    values : float32 [W, W, room, 5]: slopes of red, green and blue, weight of the rays, slope of
+        the density.
+    counts : int64 [W, W], records written; more than there was room for if some were lost.
+    recent : int32 [W, 4096], scratch: where a row's last record may be.
     """
 
-    keys: NDArray[np.int32]
-    values: NDArray[np.float32]
-    counts: NDArray[np.int64]
-    recent: NDArray[np.int32]
+    keys: Int32
+    values: Float32
+    counts: Int64
+    recent: Int32
 
     @staticmethod
     def empty(workers: int, room: int) -> Records:

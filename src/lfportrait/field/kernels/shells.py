@@ -18,9 +18,7 @@ import numpy as np
 
 from ...simd.decorators import identified, kernel, lean, lean_kernel
 from ...simd.threads import shared
-from ..harmonics import C0
-
-__all__ = ["shells_backward", "shells_forward", "shells_mark", "shells_step"]
+from .march import C0
 
 _C0 = np.float32(C0)
 
@@ -97,8 +95,7 @@ def shells_mark(since, until, rays, layers, seen):
 
     Parameters
     ----------
-    rays
-        float32 [K, 6], origin and unit direction in the cube's coordinates.
+    rays : float32 [K, 6], origin and unit direction in the cube's coordinates.
     """
     wide, high = seen.shape
     steps = layers + 2
@@ -120,16 +117,11 @@ def shells_forward(since, until, rays, links, data, layers, background, stop, co
 
     Parameters
     ----------
-    rays
-        float32 [K, 6], origin and unit direction in the cube's coordinates.
-    links
-        int32 [2 R, R], place of a map pixel's layers in the data, -1 where it has none.
-    data
-        float32 [N * layers, 4].
-    background
-        Grey level behind the last sphere.
-    stop
-        A ray ends where its transmittance falls below this.
+    rays : float32 [K, 6], origin and unit direction in the cube's coordinates.
+    links : int32 [2 R, R], place of a map pixel's layers in the data, -1 where it has none.
+    data : float32 [N * layers, 4].
+    background : Grey level behind the last sphere.
+    stop : A ray ends where its transmittance falls below this.
     """
     steps = layers + 2
     for ray in range(since, until):
@@ -169,10 +161,9 @@ def shells_backward(since, until, rays, links, data, layers, background, stop, c
 
     Parameters
     ----------
-    color
-        float32 [K, 3], what `shells_forward` gave.
-    slopes
-        float32 [K, 3], gradient of the loss with respect to ``color``; rays without are skipped.
+    color : float32 [K, 3], what `shells_forward` gave.
+    slopes : float32 [K, 3], gradient of the loss with respect to ``color``; rays without are
+        skipped.
     """
     steps = layers + 2
     workers = len(gradients)
@@ -228,10 +219,8 @@ def shells_step(since, until, data, gradients, mean_square, rate_color, rate_den
 
     Parameters
     ----------
-    data, mean_square
-        float32 [N * layers, 4].
-    gradients
-        float32 [workers, N * layers, 4].
+    data, mean_square : float32 [N * layers, 4].
+    gradients : float32 [workers, N * layers, 4].
     """
     workers = len(gradients)
     rest = np.float32(1.0) - decay

@@ -21,8 +21,6 @@ from .descent import smooth_rows, take_up_all, vary_rows
 from .packet import OWNED
 from .train import make_cast, make_scratch
 
-__all__ = ["steps_kernel", "train_kernel"]
-
 
 @lean
 def _own_run(owner, workers, block, first, last):
@@ -77,20 +75,18 @@ def steps_kernel(width: int) -> Callable[..., Any]:
 
     Returns
     -------
-    steps
-        ``steps(number, threads, bell, done, alone, table, links, density, rows, lattice, count,
+    steps : ``steps(number, threads, bell, done, alone, table, links, density, rows, lattice, count,
         cameras, sizes, starts, pixels, scale, tiles, grounds, options, pad, records, bases,
         grad_background, weight, neighbours, variation, rates, firsts, slopes, color_slopes, decay,
         lowest, gains, errors, losses)``, called `together`; see `make_cast` and `descend` for what
-        is not named here. ``done`` int64 [threads], the steps that are done, read and written:
-        less than all of them where there was too little room for the records of the next one.
-        ``alone``: rays are cast, and that is all. ``tiles`` int32 [S, T, 3], ``grounds`` float32
-        [S, 16 T, 3], the backgrounds of their rays.
-        ``variation`` float32 [3], weights of the density's and the colors' total variation by the
-        length of a run, and the scale of differences. ``rates`` float32 [S, 2], the density's
-        rate and the colors' memory; ``firsts`` int64 [S], where each run begins; ``slopes``
-        [R] and ``color_slopes`` [R * width] float32, scratch of the run's length.
-        ``errors`` float32 [S, T] and ``losses`` float64 [S, W, 3] are written.
+        is not named here. ``done`` int64 [threads], the steps that are done, read and written: less
+        than all of them where there was too little room for the records of the next one. ``alone``:
+        rays are cast, and that is all. ``tiles`` int32 [S, T, 3], ``grounds`` float32 [S, 16 T, 3],
+        the backgrounds of their rays. ``variation`` float32 [3], weights of the density's and the
+        colors' total variation by the length of a run, and the scale of differences. ``rates``
+        float32 [S, 2], the density's rate and the colors' memory; ``firsts`` int64 [S], where each
+        run begins; ``slopes`` [R] and ``color_slopes`` [R * width] float32, scratch of the run's
+        length. ``errors`` float32 [S, T] and ``losses`` float64 [S, W, 3] are written.
     """
     cast = make_cast(width)
 
@@ -143,9 +139,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
 
     Returns
     -------
-    train
-        ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
-        tiles, background, options, pad, records, bases, grad_background, weight,
+    train : ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels,
+        gains, tiles, background, options, pad, records, bases, grad_background, weight,
         tile_errors, losses)``: as `make_cast`, by all workers; ``losses`` float64 [W, 3] are
         written: squared errors, rays, samples.
     """

@@ -18,9 +18,6 @@ from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
 from .march import make_locate
 
-__all__ = ["PROBES", "REACH", "add_texture", "cell_charts", "halve", "make_detail",
-           "make_texture_share"]
-
 NONE = 255
 """The chart of a row that none shows; a cell's is -1."""
 PROBES = 8
@@ -77,10 +74,9 @@ def make_chart_of(lanes: SimpleNamespace) -> Callable[..., Any]:
 
     Returns
     -------
-    chart_of
-        ``chart_of(table, cells, nx, ny, nz, x, y, z)``: lanes of int, -1 where no chart shows the
-        place. ``table`` is that of `Bricks`, ``cells`` int32 [bricks * 128] the charts of its cells
-        (`cell_charts`); x, y, z are lattice coordinates.
+    chart_of : ``chart_of(table, cells, nx, ny, nz, x, y, z)``: lanes of int, -1 where no chart
+        shows the place. ``table`` is that of `Bricks`, ``cells`` int32 [bricks * 128] the charts of
+        its cells (`cell_charts`); x, y, z are lattice coordinates.
     """
     gather, where, ints, maximum = lanes.gather, lanes.where, lanes.ints, lanes.maximum
     locate = make_locate(lanes)
@@ -163,8 +159,7 @@ def make_detail(lanes: SimpleNamespace, every: bool) -> Callable[..., Any]:
 
     Returns
     -------
-    detail
-        ``detail(table, cells, charts, texels, nx, ny, nz, x, y, z, wanted, channel)``: as
+    detail : ``detail(table, cells, charts, texels, nx, ny, nz, x, y, z, wanted, channel)``: as
         `make_look_up`'s, by the charts of the places' cells (`make_chart_of`).
     """
     chart_of, look_up = make_chart_of(lanes), make_look_up(lanes, every)
@@ -191,16 +186,11 @@ def add_texture(table, cells, charts, texels, covered, lattice, camera, size, al
 
     Parameters
     ----------
-    table, cells, charts, texels
-        As for `make_chart_of` and `make_look_up`.
-    covered
-        How long a piece of surface may be, in world units, for one look-up to do.
-    lattice, camera, size
-        As the rendering kernel takes them.
-    alpha, depth
-        float32 [H W], opacity and depth along the optical axis.
-    color
-        float32 [H W 3], with nothing of the background in it yet.
+    table, cells, charts, texels : As for `make_chart_of` and `make_look_up`.
+    covered : How long a piece of surface may be, in world units, for one look-up to do.
+    lattice, camera, size : As the rendering kernel takes them.
+    alpha, depth : float32 [H W], opacity and depth along the optical axis.
+    color : float32 [H W 3], with nothing of the background in it yet.
     """
     share_out(_add_lines, size[1], table, cells, charts, texels, covered, lattice, camera, size,
               alpha, depth, color)

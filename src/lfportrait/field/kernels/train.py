@@ -41,8 +41,6 @@ from .packet import (
     write_records,
 )
 
-__all__ = ["make_cast", "make_scratch"]
-
 _STEP = 160
 """Floats that a packet's sample takes in its notes: fractions x, y, z; weight; transmittance
 behind it; density; distance; red, green, blue; 16 lanes each."""
@@ -54,22 +52,20 @@ def make_cast(width: int) -> Callable[..., Any]:
 
     Returns
     -------
-    cast
-        ``cast(worker, workers, table, links, density, rows, lattice, count, cameras, sizes,
+    cast : ``cast(worker, workers, table, links, density, rows, lattice, count, cameras, sizes,
         starts, pixels, gains, tiles, background, options, pad, records, bases, grad_background,
         weight, tile_errors, scratch)``, which gives the worker's squared errors, rays and samples;
-        ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
-        ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V]
-        first pixel of each view in ``pixels`` uint8 [P, 4] (color, composited by the kernel, and
-        alpha), ``gains`` float32 [V, 3] what a view's 8-bit colors are multiplied with,
-        ``background`` float32 [16 T, 3] and its gradient, written; ``options`` float64: step,
-        threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest weight only,
-        distance from the camera that rays start at (world units); ``pad`` and ``records`` from
-        `packet`, the latter written; ``bases`` float32 [T, 64], written: the
-        harmonics of each packet's middle direction as the vectors that rows are multiplied with.
-        ``weight`` float32 [W, N + 1], raised to the largest weight of each row if only that is
-        asked. ``tile_errors`` float32 [T], squared errors of each tile, are written. ``scratch``
-        is the worker's own, from `make_scratch`.
+        ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels, ``cameras``
+        float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V] first pixel of
+        each view in ``pixels`` uint8 [P, 4] (color, composited by the kernel, and alpha), ``gains``
+        float32 [V, 3] what a view's 8-bit colors are multiplied with, ``background`` float32 [16 T,
+        3] and its gradient, written; ``options`` float64: step, threshold, stop, alpha weight,
+        sparsity, distortion, 1 to record the largest weight only, distance from the camera that
+        rays start at (world units); ``pad`` and ``records`` from `packet`, the latter written;
+        ``bases`` float32 [T, 64], written: the harmonics of each packet's middle direction as the
+        vectors that rows are multiplied with. ``weight`` float32 [W, N + 1], raised to the largest
+        weight of each row if only that is asked. ``tile_errors`` float32 [T], squared errors of
+        each tile, are written. ``scratch`` is the worker's own, from `make_scratch`.
     """
     locate = make_locate(LANES)
     fill_basis, color_points = make_basis(width), make_color_points(width)

@@ -10,18 +10,15 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32, UInt8
 from ...capture import Capture
 from ...files import UNREADABLE_ARRAYS, atomic_write
 from ..background import Background, BackgroundTrainer
 from ..config import Settings
-from .averaging import Average
-from .lattice import Lattice
+from .lattice import Average, Lattice
 from .pixels import Batches
 from .poses import PoseRefiner
-
-__all__ = ["State", "deflated", "read_checkpoint", "write_checkpoint"]
 
 
 class State(Protocol):
@@ -36,12 +33,12 @@ class State(Protocol):
     began: float
     level_done: float
     lattice: Lattice | None
-    gains: NDArray[np.float64]
-    test_gains: NDArray[np.float64]
-    recent: NDArray[np.float64]
+    gains: Float64
+    test_gains: Float64
+    recent: Float64
     average: Average | None
-    table: NDArray[np.int32] | None
-    laid: NDArray[np.uint8] | None
+    table: Int32 | None
+    laid: UInt8 | None
     poses: PoseRefiner | None
     background: Background | None
     behind: BackgroundTrainer | None
@@ -50,24 +47,22 @@ class State(Protocol):
     def place(self, capture: Capture) -> None:
         """Go on with other cameras of the same photos."""
 
-    def lay_mattes(self, mattes: list[NDArray[np.uint8]]) -> None:
+    def lay_mattes(self, mattes: list[UInt8]) -> None:
         """Go on with other mattes."""
 
-    def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
-                           ) -> BackgroundTrainer | None:
+    def background_trainer(self, mean_square: Float32 | None = None) -> BackgroundTrainer | None:
         """What trains the background."""
 
     def new_batches(self) -> Batches:
         """The order of the level's rays."""
 
 
-def deflated(mattes: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def deflated(mattes: list[UInt8]) -> UInt8:
     """Mattes as they are kept: a hundredth of their size."""
     return np.frombuffer(zlib.compress(b"".join(map(np.ndarray.tobytes, mattes)), 1), np.uint8)
 
 
-def _inflated(data: NDArray[np.uint8], like: Sequence[NDArray[np.uint8]],
-              ) -> list[NDArray[np.uint8]]:
+def _inflated(data: UInt8, like: Sequence[UInt8]) -> list[UInt8]:
     """The mattes again; ``like`` has their shapes."""
     flat = np.frombuffer(zlib.decompress(data.tobytes()), np.uint8)
     ends = np.cumsum([matte.size for matte in like])

@@ -13,30 +13,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
 from ..config import Settings
-from ..gpu.training.shaders import STEP
-from ..kernels.means import put_means
-from .averaging import Average
-from .lattice import Lattice
+from ..gpu.training.steps import STEP
+from ..kernels.rows import put_means
+from .lattice import Average, Lattice
 from .pixels import TrainingPixels
-from .stepping import Plan, Taken
-from .steps import DECAY, color_gains
+from .stepping import DECAY, Plan, Taken, color_gains
 
-__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare", "ray_numbers",
-           "tiles_given", "warn"]
-
-_CALLS = "lfportrait.field.gpu.training.calls"
+_CALLS = "lfportrait.field.gpu.training.steps"
 _TOGETHER, _FIRST = 64, 4
 """Steps of a call at most, and of the first one."""
 _LONG = 0.2
 """Seconds that a call should take at most, so that clocks are kept on slow devices, too."""
 
 
-def tiles_given(data: TrainingPixels, tiles: NDArray[np.int32], greys: NDArray[np.float32],
-                ) -> NDArray[np.uint32]:
+def tiles_given(data: TrainingPixels, tiles: Int32, greys: Float32) -> NDArray[np.uint32]:
     """Tiles with their pixels as the GPU takes them: uint32 [T, 20].
 
     View, row, column, the grey's bits as a float32, and 16 pixels of four bytes; pixels beyond a
@@ -54,8 +49,7 @@ def tiles_given(data: TrainingPixels, tiles: NDArray[np.int32], greys: NDArray[n
     return out
 
 
-def cameras_given(data: TrainingPixels, geometry: NDArray[np.float64],
-                  scale: NDArray[np.float32]) -> NDArray[np.float32]:
+def cameras_given(data: TrainingPixels, geometry: Float64, scale: Float32) -> Float32:
     """Cameras as the GPU takes them: float32 [V, 32].
 
     Origin in lattice coordinates, rotation row by row, the lattice's scale, focal lengths and
@@ -72,7 +66,7 @@ def cameras_given(data: TrainingPixels, geometry: NDArray[np.float64],
     return out
 
 
-def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: NDArray[np.float32],
+def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: Float32,
                 pace: float) -> dict[str, Any]:
     """A lattice and its cameras as the GPU takes them, without what is trained."""
     table, links, _ = geometry
@@ -103,7 +97,7 @@ def warn(progress: Progress | None, line: str) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def ray_numbers(options: NDArray[np.float64], count: int = 1) -> NDArray[Any]:
+def ray_numbers(options: Float64, count: int = 1) -> NDArray[Any]:
     """`STEP` [count] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
     steps = np.zeros(count, STEP)
     for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "sparsity", "narrow"),
@@ -113,9 +107,8 @@ def ray_numbers(options: NDArray[np.float64], count: int = 1) -> NDArray[Any]:
     return steps
 
 
-def largest_on_gpu(process: GpuProcess, lattice: Lattice, data: TrainingPixels,
-                   tiles: NDArray[np.int32], scale: NDArray[np.float32],
-                   options: NDArray[np.float64]) -> NDArray[np.float32]:
+def largest_on_gpu(process: GpuProcess, lattice: Lattice, data: TrainingPixels, tiles: Int32,
+                   scale: Float32, options: Float64) -> Float32:
     """The largest weight of each row on the rays of tiles, as `Caster.largest`: float32 [N + 1]."""
     geometry = lattice.geometry()
     given = level_given(lattice, geometry, cameras_given(data, geometry[2], scale),
@@ -132,19 +125,14 @@ class GpuSteps:
 
     Parameters
     ----------
-    process
-        The device's process.
-    lattice, data, config, level, basis, workers, options, lowest, scale, taken
-        As for `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of
-        so many threads.
-    tiles
-        Packets of each step.
-    behind
-        What trains the spheres behind the lattice, if there are any.
-    average
-        Sums to go on with.
-    table
-        Table of bricks to go on with, by `look_again`.
+    process : The device's process.
+    lattice, data, config, level, basis, workers, options, lowest, scale, taken : As for
+        `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of so many
+        threads.
+    tiles : Packets of each step.
+    behind : What trains the spheres behind the lattice, if there are any.
+    average : Sums to go on with.
+    table : Table of bricks to go on with, by `look_again`.
 
     Raises
     ------
@@ -153,11 +141,10 @@ class GpuSteps:
     """
 
     def __init__(self, process: GpuProcess, lattice: Lattice, data: TrainingPixels,
-                 config: Settings, level: int, basis: int, workers: int,
-                 options: NDArray[np.float64], lowest: np.float32,
-                 scale: Callable[[], NDArray[np.float32]], taken: Taken, tiles: int,
+                 config: Settings, level: int, basis: int, workers: int, options: Float64,
+                 lowest: np.float32, scale: Callable[[], Float32], taken: Taken, tiles: int,
                  behind: BackgroundTrainer | None = None, average: Average | None = None,
-                 table: NDArray[np.int32] | None = None) -> None:
+                 table: Int32 | None = None) -> None:
         self.behind = behind
         self.process, self.lattice, self.data, self.scale = process, lattice, data, scale
         self.taken, self.average, self.basis = taken, average, basis
@@ -183,7 +170,7 @@ class GpuSteps:
         self.table = table
         self._looks_next, self._looked = False, False
         self._waiting: list[tuple[Plan, bool]] = []
-        self._under_way: tuple[list[Plan], Future[tuple[NDArray[np.float32], float]]] | None = None
+        self._under_way: tuple[list[Plan], Future[tuple[Float32, float]]] | None = None
         self._together = _FIRST
         self._thread = ThreadPoolExecutor(1)
         self._call("begin", {
@@ -207,7 +194,7 @@ class GpuSteps:
         if len(self._waiting) >= self._together:
             self._send()
 
-    def _timed(self, *arguments: Any) -> tuple[NDArray[np.float32], float]:
+    def _timed(self, *arguments: Any) -> tuple[Float32, float]:
         """Errors of some steps, and the seconds that they took."""
         start = time.perf_counter()
         return self._call("take", *arguments), time.perf_counter() - start
@@ -293,8 +280,8 @@ class GpuSteps:
             self.average.count = self._states
         lattice.rows[:, -2:] = self._bring(lattice.density, lattice.rows)
 
-    def _bring(self, density: NDArray[np.float32], rows: NDArray[np.float32],
-               states: int = 0, sums: bool = False) -> NDArray[np.float32] | None:
+    def _bring(self, density: Float32, rows: Float32,
+               states: int = 0, sums: bool = False) -> Float32 | None:
         """Write what the device has into densities [N + 1] and the colors of rows.
 
         The lattice's values, the mean of ``states`` of them, or their sums. Returns what the

@@ -1,26 +1,74 @@
-"""Lattices while they are trained: begin, refine, and drop what is not attached to the subject.
+"""Lattices while they are trained: begun, refined, rid of what is not attached, averaged.
 
 A lattice is a link table int32 [Z, Y, X] into rows; while training there is one more row, the last,
 for empty points: zero density, zero color.
+
+Steps follow the errors of a few thousand rays, so that densities and colors wander about what all
+rays together ask for. Their mean over the last part of the training does not (Polyak and Juditsky
+1992), and rates need not fall as low for it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64, Int32
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
-from ..kernels.neighbours import fill_neighbours, mark_points
-from ..kernels.refine import refine_rows
-from .growth import dilated, labelled
-
-__all__ = ["Lattice", "box_shape"]
+from ..kernels.rows import add_rows, fill_neighbours, mark_points, put_means, refine_rows
 
 
-def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, int]:
+def _box(points: Bool, margin: int = 0) -> tuple[slice, slice, slice] | None:
+    """The box about points, by so much wider; None without a point."""
+    flat = np.any(points, axis=0)
+    sides = [np.flatnonzero(some) for some in (np.any(points, axis=(1, 2)), np.any(flat, axis=1),
+                                               np.any(flat, axis=0))]
+    if not len(sides[0]):
+        return None
+    z, y, x = (slice(max(0, int(side[0]) - margin), int(side[-1]) + 1 + margin) for side in sides)
+    return z, y, x
+
+
+def dilated(points: Bool, steps: int = 1) -> Bool:
+    """Points, and all that are at most ``steps`` from one along each axis: bool [Z, Y, X].
+
+    It is `scipy.ndimage.binary_dilation` by a cube, axis by axis.
+    """
+    out = np.zeros(points.shape, bool)
+    box = _box(points, steps)
+    if box is None:
+        return out
+    grown = points[box].copy()
+    for axis in range(3):
+        before = [slice(None)] * 3
+        behind = [slice(None)] * 3
+        before[axis], behind[axis] = slice(None, -1), slice(1, None)
+        for _ in range(steps):
+            last = grown.copy()
+            grown[tuple(behind)] |= last[tuple(before)]
+            grown[tuple(before)] |= last[tuple(behind)]
+    out[box] = grown
+    return out
+
+
+def labelled(points: Bool) -> tuple[Int32, int]:
+    """Pieces of points that touch, also across corners: their numbers from 1, and how many.
+
+    It is `scipy.ndimage.label` with a cube. int32 [Z, Y, X], 0 elsewhere.
+    """
+    out = np.zeros(points.shape, np.int32)
+    box = _box(points)
+    if box is None:
+        return out, 0
+    out[box], count = ndimage.label(points[box], np.ones((3, 3, 3), bool))
+    return out, int(count)
+
+
+def box_shape(resolution: int, radius: Float64) -> tuple[int, int, int]:
     """Lattice points along z, y, x of a box: ``resolution`` to two world units."""
     x, y, z = (max(8, round(resolution * float(r))) for r in radius)
     return z, y, x
@@ -32,25 +80,21 @@ class Lattice:
 
     Attributes
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
-    density
-        float32 [N + 1], the last one zero.
-    rows
-        float32 [N + 1, width], color coefficients channel by channel, zero-padded.
-    center, radius
-        float64 [3] (x, y, z), the box.
+    links : int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density : float32 [N + 1], the last one zero.
+    rows : float32 [N + 1, width], color coefficients channel by channel, zero-padded.
+    center, radius : float64 [3] (x, y, z), the box.
     """
 
-    links: NDArray[np.int32]
-    density: NDArray[np.float32]
-    rows: NDArray[np.float32]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
+    links: Int32
+    density: Float32
+    rows: Float32
+    center: Float64
+    radius: Float64
 
     @staticmethod
-    def filled(points: NDArray[np.bool_], density: float, width: int, center: NDArray[np.float64],
-               radius: NDArray[np.float64]) -> Lattice:
+    def filled(points: Bool, density: float, width: int, center: Float64,
+               radius: Float64) -> Lattice:
         """Grey matter of one density on the given points, bool [Z, Y, X]."""
         count = int(points.sum())
         links = np.full(points.shape, -1, np.int32)
@@ -71,7 +115,7 @@ class Lattice:
         """Distance between lattice points along x in world units."""
         return 2.0 * float(self.radius[0]) / self.links.shape[2]
 
-    def geometry(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    def geometry(self) -> tuple[Int32, Int32, Float64]:
         """What rays are cast through: brick table, brick links, size and scale of the lattice."""
         table, links = brick_table(self.links, self.count)
         depth, height, width = self.links.shape
@@ -79,15 +123,14 @@ class Lattice:
         return table, links, np.concatenate([np.array([width, height, depth], float), scale,
                                              offset])
 
-    def neighbours(self) -> NDArray[np.int32]:
+    def neighbours(self) -> Int32:
         """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
         found = np.empty((self.count, 6), np.int32)
         found[:] = np.arange(self.count, dtype=np.int32)[:, None]
         fill_neighbours(self.links, found)
         return found
 
-    def attached(self, loose: NDArray[np.bool_] | None = None,
-                 among: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    def attached(self, loose: Bool | None = None, among: Bool | None = None) -> Bool:
         """Lattice points within two steps of the large connected pieces of solid matter.
 
         Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
@@ -111,17 +154,17 @@ class Lattice:
             return self.links >= 0 if among is None else among & (self.links >= 0)
         return dilated(solid, 2)
 
-    def seen(self, weights: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
+    def seen(self, weights: Float32, least: float) -> Bool:
         """Points whose row has more than ``least`` of ``weights`` [N + 1], and their neighbours."""
         return dilated(self._points(weights > least)) & (self.links >= 0)
 
-    def _points(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _points(self, rows: Bool) -> Bool:
         """The points of marked rows, bool [N + 1]: bool [Z, Y, X]."""
         points = np.empty(self.links.shape, bool)
         mark_points(self.links, rows, points)
         return points
 
-    def kept(self, keep: NDArray[np.bool_]) -> Lattice:
+    def kept(self, keep: Bool) -> Lattice:
         """The same lattice with only the points in ``keep``, bool [Z, Y, X]."""
         keep = keep & (self.links >= 0)
         stays = np.zeros(len(self.density), bool)
@@ -134,8 +177,7 @@ class Lattice:
         return Lattice(place[self.links], self.density[rows], self.rows[rows], self.center,
                        self.radius)
 
-    def cropped(self, keep: NDArray[np.bool_], margin: int = 2,
-                ) -> tuple[Lattice, NDArray[np.bool_]]:
+    def cropped(self, keep: Bool, margin: int = 2) -> tuple[Lattice, Bool]:
         """The same lattice in a box about the points in ``keep``, and ``keep`` in that box.
 
         Rows of points outside stay, without a link.
@@ -158,7 +200,7 @@ class Lattice:
         links = np.ascontiguousarray(self.links[inside])
         return Lattice(links, self.density, self.rows, *box), keep[inside]
 
-    def refined(self, shape: tuple[int, int, int], keep: NDArray[np.bool_]) -> Lattice:
+    def refined(self, shape: tuple[int, int, int], keep: Bool) -> Lattice:
         """Trilinear interpolation on a lattice of ``shape`` points, where ``keep`` holds here."""
         # Coarse cell and place inside it of each fine plane, per axis (z, y, x).
         low, part = [], []
@@ -172,3 +214,72 @@ class Lattice:
             np.stack([np.resize(plane, longest) for plane in low]),
             np.stack([np.resize(plane, longest) for plane in part]), shape)
         return Lattice(links, density, rows, self.center, self.radius)
+
+
+STATES = 50
+"""States that a whole level would give; neighbouring ones differ little."""
+
+
+class Average:
+    """Sums of densities and colors.
+
+    Parameters
+    ----------
+    lattice : Whose states are added.
+    columns : Values of a row that are colors, from the first on; the others are left alone.
+
+    Attributes
+    ----------
+    density, rows : float32 [N + 1] and [N + 1, columns], sums of the states.
+    count : Number of states.
+    """
+
+    def __init__(self, lattice: Lattice, columns: int) -> None:
+        self.density = np.zeros_like(lattice.density)
+        self.rows = np.zeros((len(lattice.rows), columns), np.float32)
+        self.count = 0
+
+    @staticmethod
+    def due(before: float, done: float, share: float) -> bool:
+        """Whether a state is added between two moments, in shares of a level that are done.
+
+        ``share`` is the last part of the level that counts.
+        """
+        return done > 1.0 - share and int(STATES * done) > int(STATES * before)
+
+    def add(self, lattice: Lattice) -> None:
+        """Add a state."""
+        self.density += lattice.density
+        add_rows(self.rows, lattice.rows)
+        self.count += 1
+
+    def put(self, lattice: Lattice) -> None:
+        """Give the lattice the mean of its states; nothing changes if none was added."""
+        if self.count:
+            np.divide(self.density, self.count, out=lattice.density)
+            put_means(self.rows, self.rows.shape[1], np.float32(self.count), lattice.rows, 0)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """For a checkpoint."""
+        return {"average_density": self.density, "average_rows": self.rows,
+                "average_count": np.array(self.count)}
+
+    @staticmethod
+    def restored(state: dict[str, Any], lattice: Lattice) -> Average | None:
+        """From a checkpoint, None where it has none.
+
+        Raises
+        ------
+        ValueError
+            If it belongs to another lattice.
+        """
+        if "average_count" not in state:
+            return None
+        found = Average(lattice, state["average_rows"].shape[1])
+        if (found.rows.shape != state["average_rows"].shape
+                or found.density.shape != state["average_density"].shape):
+            raise ValueError("averages of another lattice")
+        found.density, found.rows = state["average_density"], state["average_rows"]
+        found.count = int(state["average_count"])
+        return found

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..grid import camera_row
-
-__all__ = ["IMPORTANCE", "Batches", "TrainingPixels"]
 
 IMPORTANCE = 0.7
 """Share of rays sampled where the error is large (docs/reconstruction.md)."""
@@ -21,14 +20,14 @@ IMPORTANCE = 0.7
 class TrainingPixels:
     """The training pixels in one array, and the 4x4 tiles that are worth casting."""
 
-    def __init__(self, capture: Capture, views: NDArray[np.int64]) -> None:
+    def __init__(self, capture: Capture, views: Int64) -> None:
         self.has_alpha = capture.alphas is not None
         shapes = [capture.images[view].shape[:2] for view in views]
         ends = np.cumsum([height * width for height, width in shapes])
         self.starts = np.append(0, ends[:-1]).astype(np.int64)
         self.pixels = np.empty((int(ends[-1]), 4), np.uint8)
 
-        def take(number: int) -> NDArray[np.int32]:
+        def take(number: int) -> Int32:
             """Write a view's pixels, and give its tiles."""
             image = capture.images[views[number]]
             alpha = (capture.alphas[views[number]] if capture.alphas is not None
@@ -46,15 +45,14 @@ class TrainingPixels:
         """Cast the rays from these cameras from now on."""
         self.cameras = np.stack([camera_row(cameras, view) for view in range(len(cameras))])
 
-    def lay_mattes(self, mattes: list[NDArray[np.uint8]]) -> None:
+    def lay_mattes(self, mattes: list[UInt8]) -> None:
         """Learn from these mattes of the training views from now on; the tiles stay the same."""
         for view, matte in enumerate(mattes):
             width, height = self.sizes[view]
             first = self.starts[view]
             self.pixels[first:first + width * height, 3] = matte.ravel()
 
-    def cube_rays(self, tiles: NDArray[np.int32], center: NDArray[np.float64],
-                  radius: NDArray[np.float64]) -> NDArray[np.float32]:
+    def cube_rays(self, tiles: Int32, center: Float64, radius: Float64) -> Float32:
         """The 16 rays of each tile in the coordinates of a box's cube: float32 [16 T, 6]."""
         inner = np.arange(16)
         view = np.repeat(tiles[:, 0], 16)
@@ -71,7 +69,7 @@ class TrainingPixels:
         rays[:, 3:] = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return rays
 
-    def _tiles(self, view: int, alpha: NDArray[np.uint8]) -> NDArray[np.int32]:
+    def _tiles(self, view: int, alpha: UInt8) -> Int32:
         """Tiles that show the person or border on them: [T, 3] (view, row, column)."""
         height, width = alpha.shape
         padded = np.zeros((-(-height // 4) * 4, -(-width // 4) * 4), np.uint8)
@@ -95,14 +93,10 @@ class Batches:
 
     Parameters
     ----------
-    data
-        The pixels.
-    size
-        Tiles a step.
-    seed, level
-        What the order follows from.
-    importance
-        Share of the rays that errors draw, from 0 to 1.
+    data : The pixels.
+    size : Tiles a step.
+    seed, level : What the order follows from.
+    importance : Share of the rays that errors draw, from 0 to 1.
     """
 
     _PARTS, _BLOCK, _KEEP = 8, 12, 0.6
@@ -133,7 +127,7 @@ class Batches:
         """Whether tiles are chosen for a step: by the errors of all steps before it."""
         return number // self._steps != self._part
 
-    def step(self, number: int) -> NDArray[np.int32]:
+    def step(self, number: int) -> Int32:
         """The tiles of a step: those of one view side by side, so that neighbours share the cache.
 
         Steps are taken one after the other. int32 [T, 3].
@@ -147,7 +141,7 @@ class Batches:
         self._now = np.sort(now)
         return np.asarray(self.data.tiles[self._now])
 
-    def _chosen(self, generator: np.random.Generator, count: int) -> NDArray[np.int64]:
+    def _chosen(self, generator: np.random.Generator, count: int) -> Int64:
         """The next ``count`` tiles, in random order."""
         weight = np.ones(len(self._credit), np.float32)
         if self.importance > 0 and self._error.any():
@@ -163,11 +157,11 @@ class Batches:
         return np.asarray(chosen[generator.permutation(count)])
 
     @property
-    def blocks(self) -> NDArray[np.int64]:
+    def blocks(self) -> Int64:
         """The blocks of the last step's tiles, [T]."""
         return np.asarray(self._block[self._now])
 
-    def learn(self, errors: NDArray[np.float32], block: NDArray[np.int64] | None = None) -> None:
+    def learn(self, errors: Float32, block: Int64 | None = None) -> None:
         """Take in the squared errors of a step's tiles, [T], by their blocks: the last step's."""
         if block is None:
             block = self.blocks

@@ -1,4 +1,8 @@
-"""What takes the steps of a level: the CPU here, a GPU in `gpu_stepping`."""
+"""Steps of a level on the CPU: their sizes, rays cast through a lattice, and what takes the steps.
+
+Sizes are learning rates, color gains and total variation (Eq. 3). A GPU takes the same steps in
+`gpu_stepping`.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,241 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32, Int64
+from ...simd.barrier import together
 from ..background import BackgroundTrainer
 from ..config import Settings
-from ..kernels.descent import descend
-from .averaging import Average
-from .casting import Caster, Descent
-from .lattice import Lattice
+from ..kernels.bricks import bright_table
+from ..kernels.descent import descend, smooth, total_variation
+from ..kernels.packet import Records, make_pad
+from ..kernels.steps import steps_kernel, train_kernel
+from .lattice import Average, Lattice
 from .pixels import TrainingPixels
-from .steps import DECAY, color_gains, smooth_run
 
-__all__ = ["CpuSteps", "Plan", "Steps", "Taken"]
+DECAY = np.float32(0.95)
+"""Decay of RMSProp's running mean, for the density; svox2's."""
+_BANDS = (0.7, 0.15, 0.15)
+"""Share of a ray's error that each band of harmonics takes up: mostly the color that all
+directions share, so that highlights do not settle where matter is still wrong."""
+
+
+def falling(first: float, last: float, done: float) -> np.float32:
+    """Learning rates fall geometrically with the share of the rays that are done."""
+    return np.float32(first * (last / first) ** done)
+
+
+def color_gains(rays: int, basis: int, width: int) -> Float32:
+    """What gradients of a step of ``rays`` rays are multiplied with, [width].
+
+    The squares of a band's harmonics add up to (2 l + 1) / (4 pi) in every direction, so that
+    a point that alone colors a ray makes good the share of the ray's error that it should. The
+    loss's own factor, 2 / (3 rays), is taken out. ``basis`` is the number of harmonics, ``width``
+    the length of a point's row.
+    """
+    gains = np.zeros(width, np.float32)
+    band = np.sqrt(np.arange(basis)).astype(int)
+    share = 4.0 * np.pi * np.array(_BANDS)[band] / (2 * band + 1)
+    gains[:3 * basis] = np.tile(1.5 * rays * share, 3)
+    return gains
+
+
+def variation_of(config: Settings, level: int, count: int,
+                 ) -> tuple[tuple[float, float], float, int]:
+    """How a level's total variation is weighted, on a lattice of ``count`` points.
+
+    Returns
+    -------
+    weights : Of the density's and of the colors'.
+    scale : Differences between neighbours are multiplied by this.
+    run : Rows that are smoothed in a step.
+    """
+    finest = level == len(config.resolutions) - 1
+    return ((config.lambda_tv * 0.5 ** level, config.lambda_tv_sh * (0.1 if finest else 1.0)),
+            config.resolutions[level] / 256.0, max(1, int(config.tv_sparsity * count)))
+
+
+def smooth_run(lattice: Lattice, config: Settings, level: int, neighbours: Int32, place: float,
+               rate: np.float32, lowest: np.float32, gains: Float32) -> None:
+    """Total variation (Eq. 3) on a run of rows that begins at ``place``, from 0 to 1.
+
+    ``lowest`` is the least density that stays, ``gains`` those of `color_gains`.
+    """
+    weights, scale, run = variation_of(config, level, lattice.count)
+    first = int(place * lattice.count)
+    last = min(lattice.count, first + run)
+    flat = lattice.rows.ravel()
+    for values, width, weight in zip((lattice.density, flat), (1, len(gains)), weights,
+                                     strict=True):
+        if weight > 0:
+            slopes = np.empty((last - first) * width, np.float32)
+            total_variation(neighbours, first, last, values, width, weight / run, scale, slopes)
+            smooth(lattice.density, flat, len(gains), slopes, first, last, rate,
+                   DECAY, lowest, gains)
+
+
+@dataclass(frozen=True)
+class Descent:
+    """What the steps of a level have in common, besides how rays are cast.
+
+    Attributes
+    ----------
+    neighbours : int32 [N + 1, 6], as `lfportrait.field.kernels.descent.total_variation` takes them.
+    variation : float32 [3]: weights of the density's and the colors' total variation over the rows
+        of a run, and the scale of differences.
+    slopes, color_slopes : float32 [R] and [R * width], scratch: R rows are a run.
+    decay, lowest : Of the density's running mean of squared slopes; densities are kept at or above
+        this.
+    gains : float32 [width], from `color_gains`.
+    """
+
+    neighbours: Int32
+    variation: Float32
+    slopes: Float32
+    color_slopes: Float32
+    decay: np.float32
+    lowest: np.float32
+    gains: Float32
+
+    @staticmethod
+    def of(lattice: Lattice, config: Settings, level: int, lowest: np.float32,
+           gains: Float32) -> Descent:
+        """That of a level; ``lowest`` and ``gains`` are given."""
+        weights, scale, run = variation_of(config, level, lattice.count)
+        return Descent(
+            lattice.neighbours(), np.array([*(weight / run for weight in weights), scale],
+                                           np.float32),
+            np.zeros(run, np.float32), np.zeros(run * len(gains) if weights[1] > 0 else 1,
+                                                np.float32),
+            DECAY, lowest, gains)
+
+
+class Caster:
+    """Casts rays through a lattice, forward and backward.
+
+    Parameters
+    ----------
+    lattice : What to cast through; its values may change between casts, its points may not.
+    data : The pixels.
+    basis : Harmonics a channel.
+    workers : Threads that cast, each with records of its own.
+
+    Attributes
+    ----------
+    records : What the last cast found (`lfportrait.field.kernels.packet.Records`).
+    bases : float32 [T, 64], harmonics of the last cast's packets.
+    errors : float32 [T], squared errors of the last cast's tiles.
+    losses : float64 [workers, 3], of the last cast: squared errors, rays, samples.
+    """
+
+    def __init__(self, lattice: Lattice, data: TrainingPixels, basis: int, workers: int) -> None:
+        self.lattice, self.data, self.basis = lattice, data, basis
+        self._whole, self.links, self.geometry = lattice.geometry()
+        self.table = self._whole
+        self.pad = make_pad(workers, self.table, len(self.links) // 128)
+        self.records = Records.empty(workers, 1 << 14)
+        self.bases, self.errors = np.zeros((0, 64), np.float32), np.zeros(0, np.float32)
+        self.losses = np.zeros((workers, 3))
+        self.place()
+
+    def place(self) -> None:
+        """Cast rays from the cameras that the pixels have now."""
+        self._cameras = self.data.cameras.copy()
+
+    def _run(self, tiles: Int32, ground: Float32, scale: Float32, options: Float64, slopes: Float32,
+             seen: Float32) -> None:
+        lattice, data = self.lattice, self.data
+        # A slice with gaps is another type of array, for which all would be compiled once more.
+        tiles = np.ascontiguousarray(tiles)
+        self._fit(len(tiles))
+        train_kernel(lattice.rows.shape[1])(
+            self.table, self.links, lattice.density, lattice.rows.ravel(), self.geometry,
+            self.basis, self._cameras, data.sizes, data.starts, data.pixels, scale, tiles, ground,
+            options, self.pad, self.records.arrays, self.bases, slopes, seen, self.errors,
+            self.losses)
+
+    def _fit(self, tiles: int) -> None:
+        """Have room for what a cast of so many tiles leaves."""
+        if len(self.bases) != tiles:
+            self.bases = np.zeros((tiles, 64), np.float32)
+            self.errors = np.zeros(tiles, np.float32)
+
+    def cast(self, tiles: Int32, ground: Float32, scale: Float32, options: Float64) -> Float32:
+        """Cast the rays of tiles; leaves ``records``, ``bases`` and ``losses``.
+
+        Parameters
+        ----------
+        tiles : int32 [T, 3] (view, row, column).
+        ground : float32 [16 T, 3], the background of each ray.
+        scale : float32 [V, 3], what 8-bit colors of each view are multiplied with.
+        options : See `lfportrait.field.kernels.train.make_cast`.
+
+        Returns
+        -------
+        slopes : float32 [16 T, 3], slope of the loss by each ray's background.
+        """
+        slopes = np.empty_like(ground)
+        unused = np.zeros((len(self.losses), 1), np.float32)
+        while True:
+            self._run(tiles, ground, scale, options, slopes, unused)
+            grown = self.records.grown()
+            if grown is None:
+                return slopes
+            self.records = grown
+
+    def take(self, tiles: Int32, greys: Float32, scale: Float32, options: Float64, descent: Descent,
+             rates: Float32, firsts: Int64) -> tuple[Float32, Float64]:
+        """Cast rays and take up what they found, step by step.
+
+        Parameters
+        ----------
+        tiles, greys : int32 [S, T, 3] (view, row, column) of each step, and the grey behind each,
+            [S, T].
+        scale, options : As for `cast`.
+        descent : What all steps have in common.
+        rates : float32 [S, 2], the density's rate, and the weight of rays that colors are means of.
+        firsts : int64 [S], where the run of rows begins that total variation smooths.
+
+        Returns
+        -------
+        errors : float32 [S, T], squared errors of the tiles.
+        losses : float64 [S, W, 3], as ``losses`` of each step.
+        """
+        lattice, data, width = self.lattice, self.data, self.lattice.rows.shape[1]
+        steps, count = tiles.shape[:2]
+        self._fit(count)
+        errors = np.empty((steps, count), np.float32)
+        losses = np.zeros((steps, *self.losses.shape))
+        grounds = np.repeat(np.repeat(greys[..., None], 3, axis=2), 16, axis=1)
+        slopes = np.empty_like(grounds[0])
+        unused = np.zeros((len(self.losses), 1), np.float32)
+        done = np.zeros(len(self.losses), np.int64)
+        while True:
+            together(
+                steps_kernel(width), len(self.losses), done, False, self.table, self.links,
+                lattice.density, lattice.rows.ravel(), self.geometry, self.basis, self._cameras,
+                data.sizes, data.starts, data.pixels, scale, tiles, grounds, options, self.pad,
+                self.records.arrays, self.bases, slopes, unused, descent.neighbours,
+                descent.variation, rates, firsts, descent.slopes, descent.color_slopes,
+                descent.decay, descent.lowest, descent.gains, errors, losses)
+            grown = self.records.grown()
+            if grown is None:
+                self.errors, self.losses = errors[-1], losses[-1]
+                return errors, losses
+            self.records = grown
+
+    def skip_clear(self, least: float) -> None:
+        """Let rays leap over bricks in which no density is above ``least``, from now on."""
+        self.table = bright_table(self._whole, self.links, self.lattice.density, least)
+
+    def largest(self, tiles: Int32, scale: Float32, options: Float64) -> Float32:
+        """The largest weight of each row on the rays of tiles: float32 [N + 1]."""
+        seen = np.zeros((len(self.losses), len(self.lattice.density)), np.float32)
+        options = options.copy()
+        options[6] = 1.0
+        self._run(tiles, np.zeros((16 * len(tiles), 3), np.float32), scale, options,
+                  np.zeros((1, 3), np.float32), seen)
+        return np.asarray(seen.max(axis=0))
 
 
 @dataclass(frozen=True)
@@ -43,9 +270,9 @@ class Plan:
         Whether the state after the step counts for the average.
     """
 
-    tiles: NDArray[np.int32]
-    blocks: NDArray[np.int64]
-    greys: NDArray[np.float32]
+    tiles: Int32
+    blocks: Int64
+    greys: Float32
     rate: np.float32
     rate_sh: np.float32
     place: float
@@ -56,7 +283,7 @@ class Plan:
 _TOGETHER = 16
 """Steps of a call at most: enough that a call's own time does not count, and little to wait for."""
 
-Taken = Callable[[Plan, NDArray[np.float32], float], None]
+Taken = Callable[[Plan, Float32, float], None]
 """Called after a step with its plan, the tiles' squared errors [T], and their sum."""
 
 
@@ -65,7 +292,7 @@ class Steps(Protocol):
 
     average: Average | None
     """Sums of states, as far as they are known here."""
-    table: NDArray[np.int32] | None
+    table: Int32 | None
     """Table of bricks that rays are cast by, as far as it is known here; None: of all bricks."""
 
     def take(self, plan: Plan) -> None:
@@ -95,31 +322,25 @@ class CpuSteps:
 
     Parameters
     ----------
-    lattice, data, config, level
-        What is trained, the pixels, the parameters, and the level's number.
-    basis, workers
-        Harmonics a channel, and threads.
-    options
-        See `lfportrait.field.kernels.train.make_cast`.
-    lowest
-        Densities are kept at or above this.
-    scale
-        Gives float32 [V, 3], what 8-bit colors of each view are multiplied with.
-    taken
-        Called after each step.
+    lattice, data, config, level : What is trained, the pixels, the parameters, and the level's
+        number.
+    basis, workers : Harmonics a channel, and threads.
+    options : See `lfportrait.field.kernels.train.make_cast`.
+    lowest : Densities are kept at or above this.
+    scale : Gives float32 [V, 3], what 8-bit colors of each view are multiplied with.
+    taken : Called after each step.
     """
 
-    def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings,
-                 level: int, basis: int, workers: int, options: NDArray[np.float64],
-                 lowest: np.float32, scale: Callable[[], NDArray[np.float32]], taken: Taken,
-                 ) -> None:
+    def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings, level: int,
+                 basis: int, workers: int, options: Float64, lowest: np.float32,
+                 scale: Callable[[], Float32], taken: Taken) -> None:
         self.lattice, self.data, self.config, self.level = lattice, data, config, level
         self.basis, self.width = basis, lattice.rows.shape[1]
         self.options, self.lowest, self.scale, self.taken = options, lowest, scale, taken
         self.caster = Caster(lattice, data, basis, workers)
         self.behind: BackgroundTrainer | None = None
         self.average: Average | None = None
-        self.table: NDArray[np.int32] | None = None
+        self.table: Int32 | None = None
         self._waiting: list[Plan] = []
         # The first one is taken at once, so that its error is known.
         self._together = 1
@@ -185,7 +406,7 @@ class CpuSteps:
         self.caster.skip_clear(least)
         self.table = self.caster.table
 
-    def go_on_with(self, table: NDArray[np.int32]) -> None:
+    def go_on_with(self, table: Int32) -> None:
         """Cast rays by a table that `look_again` gave."""
         self.table = self.caster.table = table
 

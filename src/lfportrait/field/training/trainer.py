@@ -11,8 +11,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32, UInt8
 from ...cache import key_of
 from ...capture import Capture
 from ...device import device_name
@@ -24,25 +24,18 @@ from ..background import Background, BackgroundTrainer
 from ..config import Settings
 from ..geometry.exposure import matte_gains
 from ..geometry.head_surface import HeadSurface, find_surface, is_narrow
-from ..geometry.hull import ruled_out
-from ..geometry.outlines import refined_mattes
-from ..geometry.start import start_person, start_room
+from ..geometry.mattes import refined_mattes
+from ..geometry.start import ruled_out, start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
-from ..quality import held_out_quality
-from .averaging import Average
-from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
 from .gpu_stepping import fits_gpu, largest_on_gpu, prepare, warn
-from .lattice import Lattice, box_shape
+from .lattice import Average, Lattice, box_shape
 from .level import Level
-from .meter import Meter
-from .outlook import outlook
+from .meter import Meter, held_out_quality, outlook
 from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
-from .stepping import Steps
-
-__all__ = ["Trainer"]
+from .stepping import Caster, Steps
 
 INIT_OPACITY = 0.1
 """Initial opacity of a voxel in the visual hull of the mattes."""
@@ -62,10 +55,9 @@ one is so in any case."""
 class Trainer:
     """The state of one reconstruction."""
 
-    def __init__(self, capture: Capture, config: Settings,
-                 progress: Progress | None = None, checkpoint: Path | None = None,
-                 meter: Meter | None = None, process: GpuProcess | None = None,
-                 look: Callable[[], None] | None = None) -> None:
+    def __init__(self, capture: Capture, config: Settings, progress: Progress | None = None,
+                 checkpoint: Path | None = None, meter: Meter | None = None,
+                 process: GpuProcess | None = None, look: Callable[[], None] | None = None) -> None:
         # The GPU's, until it is lost; None: the CPU.
         self.process = process
         if process is not None:
@@ -89,7 +81,7 @@ class Trainer:
         # Of the level that is being trained.
         self.behind: BackgroundTrainer | None = None
         self.batches: Batches | None = None
-        self.table: NDArray[np.int32] | None = None
+        self.table: Int32 | None = None
         self.recent = np.zeros(2)
         self.average: Average | None = None
         self.steps: Steps | None = None
@@ -100,7 +92,7 @@ class Trainer:
         self.lays_mattes = capture.alphas is not None and config.refines_mattes(
             capture.figures.get("mattes"))
         # Recomputed mattes, deflated, as a checkpoint stores them.
-        self.laid: NDArray[np.uint8] | None = None
+        self.laid: UInt8 | None = None
         self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
         self.key = key_of(__name__, config, len(self.views),
                           int(self.data.pixels[::997].sum()), self.workers)
@@ -109,7 +101,7 @@ class Trainer:
         self.looked = 0.0  # seconds that looks took
 
     @property
-    def scale(self) -> NDArray[np.float32]:
+    def scale(self) -> Float32:
         """What the kernel multiplies 8-bit colors of each view with, [V, 3]."""
         return (1.0 / (255.0 * self.gains)).astype(np.float32)
 
@@ -276,7 +268,7 @@ class Trainer:
             self.background = self.background.upsampled()
         self.lattice = lattice.refined(box_shape(resolution, lattice.radius), keep)
 
-    def lay_mattes(self, mattes: list[NDArray[np.uint8]]) -> None:
+    def lay_mattes(self, mattes: list[UInt8]) -> None:
         """Go on with these mattes of all views."""
         self.capture = replace(self.capture, alphas=mattes)
         self.data.lay_mattes([mattes[view] for view in self.views])
@@ -326,7 +318,7 @@ class Trainer:
             keep &= lattice.attached(loose, keep)
         return lattice.kept(keep)
 
-    def options(self) -> NDArray[np.float64]:
+    def options(self) -> Float64:
         """Options of the kernel: step, least density and so on."""
         assert self.lattice is not None
         config = self.config
@@ -338,7 +330,7 @@ class Trainer:
                          LAMBDA_ALPHA if self.data.has_alpha else 0.0,
                          LAMBDA_SPARSITY, config.lambda_distortion, 0.0, config.near_clip])
 
-    def _largest_weights(self) -> NDArray[np.float32]:
+    def _largest_weights(self) -> Float32:
         """The largest weight of each row on an eighth of the training tiles."""
         assert self.lattice is not None
         # Behind a transmittance of ``prune`` no weight is larger than that: a ray may end there.
@@ -376,8 +368,7 @@ class Trainer:
         whole = config.training_seconds(self.data.has_alpha, faced)
         return now + share * max(1.0, whole - (now - self.began))
 
-    def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
-                            ) -> BackgroundTrainer | None:
+    def background_trainer(self, mean_square: Float32 | None = None) -> BackgroundTrainer | None:
         """What trains the background, if there is one; goes on from what it remembers."""
         if self.background is None:
             return None

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64, UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ...field.gpu import Atlas, field_parts, keep_texture, picture_texture, shader, texture_parts
@@ -38,14 +38,10 @@ class LivePicture:
 
     Attributes
     ----------
-    buffer
-        Its bytes: red, green, blue, pixel after pixel.
-    words
-        Words of 4 bytes from one row to the next.
-    rows
-        How many rows there are.
-    apart
-        How many rows of the panel each of them stands for.
+    buffer : Its bytes: red, green, blue, pixel after pixel.
+    words : Words of 4 bytes from one row to the next.
+    rows : How many rows there are.
+    apart : How many rows of the panel each of them stands for.
     """
 
     buffer: Any
@@ -53,7 +49,7 @@ class LivePicture:
     rows: int
     apart: int
 
-    def read(self, device: Device, display: Display) -> NDArray[np.uint8]:
+    def read(self, device: Device, display: Display) -> UInt8:
         """The panel's pixels as seen, uint8 [H, W, 3]; coarse rows are repeated."""
         raw = device.read(self.buffer, np.uint8, (self.rows, 4 * self.words))
         rows = raw[:, :3 * display.width].reshape(self.rows, display.width, 3)
@@ -65,10 +61,9 @@ class Blit:
 
     Parameters
     ----------
-    device, display
-        Where the pictures are, and the panel that they are for.
-    format
-        Of the targets, one of WebGPU's with 8 bits a color and without a conversion (``-srgb``).
+    device, display : Where the pictures are, and the panel that they are for.
+    format : Of the targets, one of WebGPU's with 8 bits a color and without a conversion
+        (``-srgb``).
     """
 
     def __init__(self, device: Device, display: Display, format: str) -> None:
@@ -114,7 +109,7 @@ class Blit:
         return kept[1]
 
 
-def pixels_of(device: Device, texture: Any) -> NDArray[np.uint8]:
+def pixels_of(device: Device, texture: Any) -> UInt8:
     """What a texture of 8 bits a color holds, uint8 [H, W, 3]: red, green, blue."""
     width, height, _ = texture.size
     raw = device.raw.queue.read_texture({"texture": texture}, {
@@ -128,15 +123,12 @@ class LiveGround:
 
     Parameters
     ----------
-    device, field, display
-        Where it is shown, what throws its shadow, and the panel.
+    device, field, display : Where it is shown, what throws its shadow, and the panel.
 
     Attributes
     ----------
-    made_for
-        The configuration that the latest one belongs to.
-    texture
-        Its texture on the device.
+    made_for : The configuration that the latest one belongs to.
+    texture : Its texture on the device.
     """
 
     def __init__(self, device: Device, field: VoxelField, display: Display) -> None:
@@ -189,7 +181,6 @@ class LiveGround:
         self.texture = picture_texture(self._device,
                                        None if self._ground is None else self._ground.planes)
 
-
 _TILE = 16
 """Pixels along a side of a workgroup's tile."""
 _DISPATCH = 0.05
@@ -219,27 +210,18 @@ class LiveCoder:
 
     Parameters
     ----------
-    device
-        The device.
-    field
-        The (stylised) field.
-    display
-        The panel: at most 8192 pixels a side, and a picture that a shader sees at once.
-    photo
-        A field of the same points with other colors, to mix in; or None.
-    page
-        Bytes of the field's arrays that a shader sees at once.
+    device : The device.
+    field : The (stylised) field.
+    display : The panel: at most 8192 pixels a side, and a picture that a shader sees at once.
+    photo : A field of the same points with other colors, to mix in; or None.
+    page : Bytes of the field's arrays that a shader sees at once.
 
     Attributes
     ----------
-    picture
-        The picture that was coded last.
-    exact
-        Whether it is what `lfportrait.lightfield.encode` gives for what was asked for last.
-    shown
-        The configuration and share that it was coded for.
-    seconds
-        What the last picture took.
+    picture : The picture that was coded last.
+    exact : Whether it is what `lfportrait.lightfield.encode` gives for what was asked for last.
+    shown : The configuration and share that it was coded for.
+    seconds : What the last picture took.
     """
 
     def __init__(self, device: Device, field: VoxelField, display: Display,
@@ -270,7 +252,7 @@ class LiveCoder:
         self._buffers = [device.buffer(size), device.buffer(size)]
         self._behind = LiveGround(device, field, display)
         self._level = -2
-        self._shaded: tuple[float, NDArray[np.float64] | None] = (-1.0, None)
+        self._shaded: tuple[float, Float64 | None] = (-1.0, None)
         self._shading, self._pace, self._worst, self._band = 0.0, 0.0, 0.0, 1
         self._work: _Work | None = None
         self._wanted: tuple[EncodeConfig, float] | None = None
@@ -283,15 +265,12 @@ class LiveCoder:
 
         Parameters
         ----------
-        config
-            Placement and quality, without ``compose``.
-        share
-            Share of the photo's colors, 0 to 1.
+        config : Placement and quality, without ``compose``.
+        share : Share of the photo's colors, 0 to 1.
 
         Returns
         -------
-        new
-            Whether there is another picture than before.
+        new : Whether there is another picture than before.
         """
         if config.method == "slices":
             config = replace(config, method="auto")  # a head that is turned far has none
@@ -313,7 +292,7 @@ class LiveCoder:
         while not self.exact:
             self.step(config, share)
 
-    def read(self) -> NDArray[np.uint8]:
+    def read(self) -> UInt8:
         """The last picture as seen, uint8 [H, W, 3]."""
         return self.picture.read(self._device, self.display)
 
@@ -400,7 +379,7 @@ class LiveCoder:
         """Whether colors depend on the eye."""
         return (self._painted_basis > 1 and share < 1) or (self._photo_basis > 1 and share > 0)
 
-    def _shade(self, eyes: NDArray[np.float64], share: float, moving: bool) -> bool:
+    def _shade(self, eyes: Float64, share: float, moving: bool) -> bool:
         """Evaluate colors where they are others by now; whether they are those of these eyes."""
         known, places = self._shaded
         if known == share and places is not None and (
@@ -441,15 +420,12 @@ class _Work:
 
     Attributes
     ----------
-    job, apart, rows, wanted
-        What is coded, every how-many-th row, how many rows, and what was asked for.
-    lacks_detail, lacks_ground
-        Whether another picture of the same will be better, and whether it will once its ground is
-        there.
-    moving
-        Coded in one go, because something moves.
-    at, spent, worst
-        The next row of tiles, seconds so far, and most seconds of a row of tiles.
+    job, apart, rows, wanted : What is coded, every how-many-th row, how many rows, and what was
+        asked for.
+    lacks_detail, lacks_ground : Whether another picture of the same will be better, and whether it
+        will once its ground is there.
+    moving : Coded in one go, because something moves.
+    at, spent, worst : The next row of tiles, seconds so far, and most seconds of a row of tiles.
     """
 
     job: PanelJob
@@ -464,7 +440,7 @@ class _Work:
     worst: float = 0.0
 
 
-def spread_viewpoints(viewpoints: NDArray[np.float64], layers: int) -> NDArray[np.float64]:
+def spread_viewpoints(viewpoints: Float64, layers: int) -> Float64:
     """So many eyes, float64 [layers, 3], over the line that evenly spread ones [L, 3] stand for."""
     many = len(viewpoints)
     if many == layers:

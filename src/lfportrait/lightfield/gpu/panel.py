@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
 from ...field.gpu import Atlas, DeviceTexture, picture_texture, shader
 from ...gpu.device import BINDING, Device, bands
 
@@ -28,42 +28,31 @@ class PanelJob:
 
     Attributes
     ----------
-    width, height
-        Pixels of the picture.
-    matrix
-        float64 [3, 4], from the deep display frame to the lattice.
-    panel
-        float64 [61], the panel's numbers as `encode_kernel` takes them.
-    eyes
-        float64 [V], x of the views' eyes.
-    fixed
-        One view for all sub-pixels, or -1.
-    rays, spread, gamma
-        Rays a sub-pixel; how far their outermost eyes would lie apart; gamma of the panel.
-    axis, step
-        1, 2 or 3: samples lie where rays cross lattice planes of x, y or z, ``step`` planes apart;
-        0: they lie ``step`` lattice units apart.
-    threshold, stop, whole
-        Density that counts; transmittance at which rays end; whether the rest has their color.
-    background
-        Grey level behind the field.
-    viewpoints
-        float64 [L, 3], eyes in the field's world that colors are evaluated for.
-    ground
-        float32 [3, R, C], 0 to 255, or None.
-    ground_place
-        Its depth over the eyes' distance, left, top, width and height of a texel, eyes' height.
-    ordered
-        Sort the sub-pixels of a tile by view.
-    sliced
-        Cast through row slices: for ``axis`` 3 and colors of one viewpoint.
+    width, height : Pixels of the picture.
+    matrix : float64 [3, 4], from the deep display frame to the lattice.
+    panel : float64 [61], the panel's numbers as `encode_kernel` takes them.
+    eyes : float64 [V], x of the views' eyes.
+    fixed : One view for all sub-pixels, or -1.
+    rays, spread, gamma : Rays a sub-pixel; how far their outermost eyes would lie apart; gamma of
+        the panel.
+    axis, step : 1, 2 or 3: samples lie where rays cross lattice planes of x, y or z, ``step``
+        planes apart; 0: they lie ``step`` lattice units apart.
+    threshold, stop, whole : Density that counts; transmittance at which rays end; whether the rest
+        has their color.
+    background : Grey level behind the field.
+    viewpoints : float64 [L, 3], eyes in the field's world that colors are evaluated for.
+    ground : float32 [3, R, C], 0 to 255, or None.
+    ground_place : Its depth over the eyes' distance, left, top, width and height of a texel, eyes'
+        height.
+    ordered : Sort the sub-pixels of a tile by view.
+    sliced : Cast through row slices: for ``axis`` 3 and colors of one viewpoint.
     """
 
     width: int
     height: int
-    matrix: NDArray[np.float64]
-    panel: NDArray[np.float64]
-    eyes: NDArray[np.float64]
+    matrix: Float64
+    panel: Float64
+    eyes: Float64
     fixed: int
     rays: int
     spread: float
@@ -74,13 +63,13 @@ class PanelJob:
     stop: float
     whole: bool
     background: float
-    viewpoints: NDArray[np.float64]
-    ground: NDArray[np.float32] | None = None
+    viewpoints: Float64
+    ground: Float32 | None = None
     ground_place: tuple[float, ...] = (0.0,) * 6
     ordered: bool = True
     sliced: bool = False
 
-    def uniform(self, first: int, rows: int) -> NDArray[np.uint8]:
+    def uniform(self, first: int, rows: int) -> UInt8:
         """The uniform ``panel`` of `panel.wgsl` for a band of rows, uint8 [384]."""
         out = np.zeros(384, np.uint8)
         floats, words = out.view(np.float32), out.view(np.uint32)
@@ -177,7 +166,7 @@ class _Slices:
                 (self.build, build, (-(-self.size[0] // 64), self.size[2], rows))]
 
 
-def _slice_uniform(job: PanelJob) -> NDArray[np.uint8]:
+def _slice_uniform(job: PanelJob) -> UInt8:
     """The uniform ``slice`` of `slices.wgsl`, uint8 [32]: lattice rows of a panel row's plane."""
     matrix, eye_y, distance = job.matrix, job.panel[1], job.panel[2]
     det = matrix[0, 0] * matrix[2, 2] - matrix[0, 2] * matrix[2, 0]
@@ -191,25 +180,21 @@ def _slice_uniform(job: PanelJob) -> NDArray[np.uint8]:
 
 
 def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool = True,
-               repeats: int = 0) -> tuple[NDArray[np.uint8], dict[str, float]]:
+               repeats: int = 0) -> tuple[UInt8, dict[str, float]]:
     """Code a panel.
 
     Parameters
     ----------
-    device, keys
-        The device, and the names of the field and its texture there (`upload`, `keep_texture`).
-    job
-        The panel.
-    read
-        Whether the picture is wanted; else it stays on the device.
-    repeats
-        How often to code it once more, to measure.
+    device, keys : The device, and the names of the field and its texture there (`upload`,
+        `keep_texture`).
+    job : The panel.
+    read : Whether the picture is wanted; else it stays on the device.
+    repeats : How often to code it once more, to measure.
 
     Returns
     -------
-    picture, figures
-        uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back; with
-        ``repeats``, those of one of them, sent off one after the other; bytes of the field.
+    picture, figures : uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back;
+        with ``repeats``, those of one of them, sent off one after the other; bytes of the field.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])

@@ -26,17 +26,12 @@ def shade_ground(since, until, picture, rows, columns, shade, down, across, out)
 
     Parameters
     ----------
-    picture
-        uint8 [h, w, 3].
-    rows, columns
-        int64 [R], [C]: which of its rows and columns.
-    shade
-        float32 [a, b], what is left of the light.
-    down, across
-        float32 [R], [C]: where they lie in ``shade``, in its pixels from the first one's middle;
-        from 0 to a - 1 and b - 1.
-    out
-        float32 [3, R, C], 0 to 255.
+    picture : uint8 [h, w, 3].
+    rows, columns : int64 [R], [C]: which of its rows and columns.
+    shade : float32 [a, b], what is left of the light.
+    down, across : float32 [R], [C]: where they lie in ``shade``, in its pixels from the first one's
+        middle; from 0 to a - 1 and b - 1.
+    out : float32 [3, R, C], 0 to 255.
     """
     last_row, last_column = shade.shape[0] - 2, shade.shape[1] - 2
     for y in range(since, until):
@@ -60,19 +55,13 @@ def fill_ground(since, until, planes, line, base, turn, mask, fixed, eyes, panel
 
     Parameters
     ----------
-    planes
-        float32 [3, R, C], the ground, 0 to 255 (`shade_ground`).
-    line
-        float64 [H], where each row looks, in rows of the ground.
-    base
-        float32 [4, W * 3], where a sub-pixel looks from the middle of the eyes' line, in columns;
-        row of the panel mod 4. Those of the second and third plane are C and 2 C further.
-    turn
-        Columns to the left for each unit that an eye is to the right.
-    mask, fixed, eyes, panel
-        As `encode_kernel` has them.
-    out
-        uint8 [H, W * 3].
+    planes : float32 [3, R, C], the ground, 0 to 255 (`shade_ground`).
+    line : float64 [H], where each row looks, in rows of the ground.
+    base : float32 [4, W * 3], where a sub-pixel looks from the middle of the eyes' line, in
+        columns; row of the panel mod 4. Those of the second and third plane are C and 2 C further.
+    turn : Columns to the left for each unit that an eye is to the right.
+    mask, fixed, eyes, panel : As `encode_kernel` has them.
+    out : uint8 [H, W * 3].
     """
     high, wide = planes.shape[1], planes.shape[2]
     across = out.shape[1]
@@ -165,13 +154,11 @@ def view_ground(since, until, planes, origin, across, down, corner, out):
 
     Parameters
     ----------
-    planes
-        float32 [3, R, C], the ground, 0 to 255.
-    origin, across, down, corner
-        float64 [3] in texels (column, row, and height above the ground): the camera's place; its
-        ray's growth for a pixel to the right and below, and the first one's.
-    out
-        float32 [H, W, 3] in [0, 1]; beyond the borders of the planes they are mirrored.
+    planes : float32 [3, R, C], the ground, 0 to 255.
+    origin, across, down, corner : float64 [3] in texels (column, row, and height above the ground):
+        the camera's place; its ray's growth for a pixel to the right and below, and the first
+        one's.
+    out : float32 [H, W, 3] in [0, 1]; beyond the borders of the planes they are mirrored.
     """
     high, wide = planes.shape[1], planes.shape[2]
     width = out.shape[1]

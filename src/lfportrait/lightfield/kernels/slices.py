@@ -48,15 +48,13 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
 
     Returns
     -------
-    encode
-        ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix, axes,
+    encode : ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix, axes,
         mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as
-        `encode_kernel` has it, but the field's values come as `Stretches`, ``matrix`` float64
-        [3, 4] takes the display frame to lattice coordinates (only its second row may depend on
-        y, and that on nothing else), ``axes`` float64 [2, 3] the display's x and z axes in the
-        field's world, ``stride`` is the number of lattice planes to a sample and ``workers`` the
-        number of threads. Where ``background`` is below 0, ``out`` holds what is behind the
-        field.
+        `encode_kernel` has it, but the field's values come as `Stretches`, ``matrix`` float64 [3,
+        4] takes the display frame to lattice coordinates (only its second row may depend on y, and
+        that on nothing else), ``axes`` float64 [2, 3] the display's x and z axes in the field's
+        world, ``stride`` is the number of lattice planes to a sample and ``workers`` the number of
+        threads. Where ``background`` is below 0, ``out`` holds what is behind the field.
     """
     build, cast = make_build(count), make_cast(count, permutes)
     load, store, floats = LANES.load, LANES.store, LANES.floats
@@ -241,8 +239,7 @@ def view_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]:
 
     Returns
     -------
-    render
-        ``render(places, occupied, values, lattice, cameras, least, stride, threshold, stop,
+    render : ``render(places, occupied, values, lattice, cameras, least, stride, threshold, stop,
         workers, color, alpha, depth)``: the field's `Stretches`; ``cameras`` float64 [V, 16], pose
         row by row, focal x, y, principal point x, y, of cameras that differ only by what lies along
         their right axis: eye, focal x and principal x. That axis is level, and the lattice lies

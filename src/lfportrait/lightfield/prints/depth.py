@@ -22,8 +22,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int64, UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ..coding import encode_rows, view_camera
@@ -214,9 +214,8 @@ def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDep
         sheet.depth_budget, front, back, *ends, depth_scale, focus, parallax, touching, behind)
 
 
-def through_lenses(coded: NDArray[np.uint8], display: Display, eye: float,
-                   rows: NDArray[np.int64] | None = None, *, distance: float | None = None,
-                   ) -> NDArray[np.float32]:
+def through_lenses(coded: UInt8, display: Display, eye: float, rows: Int64 | None = None, *,
+                   distance: float | None = None) -> Float32:
     """The color of each lens to an eye.
 
     Parameters
@@ -256,7 +255,7 @@ def through_lenses(coded: NDArray[np.uint8], display: Display, eye: float,
     return np.asarray(mixed ** np.float32(1.0 / display.gamma), np.float32)
 
 
-def _lens_middles(display: Display, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _lens_middles(display: Display, rows: Int64) -> Float64:
     """Column of the middle of each lens, float64 [rows, lenses], from lens to lens a pitch on."""
     lens = display.pitch / 3.0
     # Of the lens in the page's middle; phase is half a pitch there.
@@ -282,8 +281,8 @@ class SheetView:
     """
 
     sheet: PrintSheet
-    rows: NDArray[np.int64]
-    coded: NDArray[np.uint8]
+    rows: Int64
+    coded: UInt8
 
     @staticmethod
     def of(field: VoxelField, sheet: PrintSheet, config: EncodeConfig | None = None,
@@ -306,7 +305,7 @@ class SheetView:
         coded = encode_rows(field, sheet.display, config, int(rows[0]), len(rows), apart)
         return SheetView(sheet, rows, coded)
 
-    def picture(self, eye: float) -> NDArray[np.float32]:
+    def picture(self, eye: float) -> Float32:
         """The finished print to an eye at a share of the viewing angle, -0.5 (left) to 0.5.
 
         Returns
@@ -325,7 +324,7 @@ class SheetView:
         return np.asarray(cv2.remap(seen, lens, np.ascontiguousarray(line), cv2.INTER_LINEAR,
                                     borderMode=cv2.BORDER_REPLICATE), np.float32)
 
-    def sweep(self, frames: int = 90) -> Iterator[NDArray[np.float32]]:
+    def sweep(self, frames: int = 90) -> Iterator[Float32]:
         """Pictures of an eye that moves through nine tenths of the viewing angle and back."""
         for turn in np.arange(frames) * 2 * math.pi / frames:
             yield self.picture(0.45 * math.sin(turn))

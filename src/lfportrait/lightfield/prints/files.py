@@ -47,16 +47,11 @@ class RowFile:
 
     Parameters
     ----------
-    stream
-        Where to write; a place in it can be sought.
-    width, height
-        Size in pixels.
-    dpi
-        Pixels per inch.
-    grey
-        True: one channel of 16 bits, a measure and no color; False: sRGB, 3 channels of 8 bits.
-    note
-        A line about the picture.
+    stream : Where to write; a place in it can be sought.
+    width, height : Size in pixels.
+    dpi : Pixels per inch.
+    grey : True: one channel of 16 bits, a measure and no color; False: sRGB, 3 channels of 8 bits.
+    note : A line about the picture.
     """
 
     def __init__(self, stream: BinaryIO, width: int, height: int, dpi: float, *,

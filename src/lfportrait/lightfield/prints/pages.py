@@ -30,6 +30,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float64, Int64, UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ...progress import Progress
@@ -47,15 +48,13 @@ _LINE = 0.15
 """Width of a line in millimetres."""
 
 
-def stripes(display: Display, rows: NDArray[np.int64], columns: NDArray[np.int64],
-            ) -> NDArray[np.bool_]:
+def stripes(display: Display, rows: Int64, columns: Int64) -> Bool:
     """Where half of each lens is black, its middle: [rows, columns]."""
     phase = display.phase(rows[:, None], columns[None], 0) / display.pitch
     return np.asarray(np.abs(phase - 0.5) < 0.25)
 
 
-def lettering(text: str, height: int, width: int, size: int, align: str = "center",
-              ) -> NDArray[np.uint8]:
+def lettering(text: str, height: int, width: int, size: int, align: str = "center") -> UInt8:
     """A line of text, black on white, uint8 [height, width]; letters shrink where it is narrow."""
     from PIL import Image, ImageDraw, ImageFont
 
@@ -76,10 +75,8 @@ class Marks:
 
     Attributes
     ----------
-    sheet
-        The page.
-    text
-        A line below the picture.
+    sheet : The page.
+    text : A line below the picture.
     """
 
     sheet: PrintSheet
@@ -106,7 +103,7 @@ class Marks:
                 Box(outer, picture.top, inner, picture.bottom),
                 Box(display.width - inner, picture.top, display.width - outer, picture.bottom)]
 
-    def paint(self, band: NDArray[np.uint8], first: int) -> None:
+    def paint(self, band: UInt8, first: int) -> None:
         """Paint the border of some rows, uint8 [n, W, 3], from page row ``first`` on."""
         sheet, last = self.sheet, first + len(band)
         picture = sheet.picture
@@ -127,7 +124,7 @@ class Marks:
         self._cuts(band, first)
         self._write(band, first)
 
-    def _cuts(self, band: NDArray[np.uint8], first: int) -> None:
+    def _cuts(self, band: UInt8, first: int) -> None:
         """Short lines at the corners of the finished print, outside of the bleed."""
         display, picture, trim = self.sheet.display, self.sheet.picture, self.sheet.trim
         start = round((_WHITE + _STRIP + _CUT) * picture.left)
@@ -148,7 +145,7 @@ class Marks:
                               (picture.right + half, display.width - start)):
                 fill(low, y - half, high, y - half + thick)
 
-    def _write(self, band: NDArray[np.uint8], first: int) -> None:
+    def _write(self, band: UInt8, first: int) -> None:
         """The line of text, below the picture."""
         height, width = self._words.shape
         top, left = self.sheet.picture.bottom, (self.sheet.display.width - width) // 2
@@ -156,7 +153,6 @@ class Marks:
         if high > low:
             band[low - first:high - first, left:left + width] = self._words[
                 low - top:high - top, :, None]
-
 
 _BAND = 16 << 20
 """Bytes of a band's pixels."""
@@ -170,7 +166,7 @@ def bands(display: Display) -> Iterator[tuple[int, int]]:
 
 
 def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
-                ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+                ) -> Iterator[tuple[int, UInt8]]:
     """First row and rows, uint8 [n, W, 3], of a page's bands."""
     views: NDArray[np.unsignedinteger] | None = None
     config = composed(field, display, config)
@@ -182,9 +178,8 @@ def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
                                  ground=ground)
 
 
-def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
-                progress: Progress | None = None, *, coding: EncodeConfig | None = None,
-                ) -> dict[str, Any]:
+def write_print(field: VoxelField, sheet: PrintSheet, path: Path, progress: Progress | None = None,
+                *, coding: EncodeConfig | None = None) -> dict[str, Any]:
     """Code a field for a lens sheet and write the page.
 
     Parameters
@@ -238,8 +233,7 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
 Profile = Literal["arc", "sine"]
 
 
-def lens_heights(sheet: PrintSheet, profile: Profile, rows: NDArray[np.int64],
-                 ) -> NDArray[np.float64]:
+def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
     """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W].
 
     Raises
@@ -262,7 +256,7 @@ def lens_heights(sheet: PrintSheet, profile: Profile, rows: NDArray[np.int64],
     return np.asarray(sheet.thickness - swing * (1 - np.cos(2 * math.pi * away / lens)))
 
 
-def _phase(display: Display, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _phase(display: Display, rows: Int64) -> Float64:
     return display.phase(rows[:, None], np.arange(display.width)[None], 0)
 
 
@@ -329,12 +323,9 @@ class TrialPage:
 
     Attributes
     ----------
-    sheet
-        Page and lens sheet in its middle, without borders.
-    pitches, phases
-        What the rows stand for, lenses per inch and lenses.
-    lines
-        From the top down.
+    sheet : Page and lens sheet in its middle, without borders.
+    pitches, phases : What the rows stand for, lenses per inch and lenses.
+    lines : From the top down.
     """
 
     sheet: PrintSheet
@@ -370,7 +361,7 @@ class TrialPage:
         return TrialPage(sheet, pitches, phases,
                          tuple(_layout(config, sheet, pitches, phases, high)))
 
-    def rows(self, first: int, count: int) -> NDArray[np.uint8]:
+    def rows(self, first: int, count: int) -> UInt8:
         """Some rows of the page, uint8 [count, W]: black and white."""
         page = np.full((count, self.sheet.display.width), 255, np.uint8)
         for line in self.lines:
@@ -384,7 +375,7 @@ class TrialPage:
         line = [line for line in self.lines if line.sheet is not None][number]
         return line.top, line.height
 
-    def _line(self, line: _Line, low: int, high: int) -> NDArray[np.uint8]:
+    def _line(self, line: _Line, low: int, high: int) -> UInt8:
         """Rows ``low`` to ``high`` of the page within a line."""
         width, edge = self.sheet.display.width, self.sheet.pixels(_EDGE)
         out = np.full((high - low, width), 255, np.uint8)

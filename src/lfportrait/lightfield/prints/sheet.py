@@ -144,7 +144,6 @@ class PrintConfig(PlacementConfig):
                             f"{self.lpi:g} lpi, and at least 2 are needed: print with a higher "
                             "--dpi, or use a sheet with fewer lenses")
 
-
 _VIEWS = 256
 """Directions that kernels sort rays by; the rays themselves have each pixel's own direction."""
 _LARGEST = 65536

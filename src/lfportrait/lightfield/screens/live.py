@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import UInt8
 from ...errors import UserError
 from ...field import Backdrop, VoxelField, head_points
 from ...gpu.device import Device
@@ -56,19 +56,14 @@ class Controls:
 
     Parameters
     ----------
-    distance
-        Of the eyes, in half panel heights.
-    mixable
-        Whether there is a photo's field to mix in.
-    sway
-        Whether the head sways until the viewer pauses it.
+    distance : Of the eyes, in half panel heights.
+    mixable : Whether there is a photo's field to mix in.
+    sway : Whether the head sways until the viewer pauses it.
 
     Attributes
     ----------
-    share
-        Share of the photo, 0 to 1.
-    closed, help
-        Whether the viewer closed the window; whether the help is to be seen.
+    share : Share of the photo, 0 to 1.
+    closed, help : Whether the viewer closed the window; whether the help is to be seen.
     """
 
     def __init__(self, distance: float = 4.0, mixable: bool = False, sway: bool = True) -> None:
@@ -87,10 +82,8 @@ class Controls:
 
         Parameters
         ----------
-        event
-            As rendercanvas gives it: ``"event_type"`` and what belongs to that.
-        width
-            Of the window, in the unit of the event's ``"x"``.
+        event : As rendercanvas gives it: ``"event_type"`` and what belongs to that.
+        width : Of the window, in the unit of the event's ``"x"``.
         """
         kind = event["event_type"]
         if kind == "pointer_down" and event.get("button") == 1:
@@ -177,7 +170,6 @@ class Controls:
         if self._mixable:
             self._fades_to = _between(share, 0.0, 1.0)
 
-
 _KEPT = 10000
 """Pictures, the latest ones, whose times the figures are about."""
 
@@ -187,29 +179,19 @@ class Live:
 
     Parameters
     ----------
-    device
-        The device.
-    field, config
-        What is shown, and how it is placed at first.
-    panel
-        The display that it is composed for.
-    display
-        The one that it is coded for: the panel, or `one_eyed` of it.
-    photo
-        A field of the same points whose colors can be mixed in; or None.
-    seconds
-        When it is over; 0: when the viewer closes it.
-    say
-        Is given a line a second, and the help when the viewer asks for it.
+    device : The device.
+    field, config : What is shown, and how it is placed at first.
+    panel : The display that it is composed for.
+    display : The one that it is coded for: the panel, or `one_eyed` of it.
+    photo : A field of the same points whose colors can be mixed in; or None.
+    seconds : When it is over; 0: when the viewer closes it.
+    say : Is given a line a second, and the help when the viewer asks for it.
 
     Attributes
     ----------
-    controls
-        What the viewer has set.
-    coder
-        Codes the pictures.
-    frames
-        How many pictures were coded.
+    controls : What the viewer has set.
+    coder : Codes the pictures.
+    frames : How many pictures were coded.
     """
 
     def __init__(self, device: Device, field: VoxelField, config: EncodeConfig, panel: Display,
@@ -321,13 +303,12 @@ class OffscreenWindow:
     screen = 0
 
     def __init__(self, size: tuple[int, int],
-                 script: Mapping[int, Sequence[Mapping[str, Any]]] | None = None,
-                 frames: int = 1, rate: float = 30.0, keep: bool = True,
-                 exact: bool = False) -> None:
+                 script: Mapping[int, Sequence[Mapping[str, Any]]] | None = None, frames: int = 1,
+                 rate: float = 30.0, keep: bool = True, exact: bool = False) -> None:
         self.size = size
         self._script, self._frames, self._rate, self._keep = script or {}, frames, rate, keep
         self._exact = exact
-        self.pictures: list[NDArray[np.uint8]] = []
+        self.pictures: list[UInt8] = []
 
     def open(self) -> tuple[int, int]:
         """Its width and height in pixels."""

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import UInt8
 from ...errors import UserError
 from ..display import Display
 from ..interlacing import check_size
@@ -31,10 +31,10 @@ class Driver(Protocol):
     def open(self, screen: int, size: tuple[int, int]) -> tuple[int, int]:
         """Open a full-screen window; the width and height in pixels that it really has."""
 
-    def put(self, image: NDArray[np.uint8]) -> None:
+    def put(self, image: UInt8) -> None:
         """Show a picture of the window's size."""
 
-    def pixels(self) -> NDArray[np.uint8]:
+    def pixels(self) -> UInt8:
         """The window's pixels as they are, uint8 [H, W, 3]."""
 
     def wait(self, seconds: float) -> str:
@@ -89,7 +89,7 @@ class PygameDriver:
             return int(window[0]), int(window[1])
         return int(self.surface.get_width()), int(self.surface.get_height())
 
-    def put(self, image: NDArray[np.uint8]) -> None:
+    def put(self, image: UInt8) -> None:
         """Show a picture of the window's size."""
         height, width = image.shape[:2]
         picture = self.pygame.image.frombuffer(np.ascontiguousarray(image).tobytes(),
@@ -97,7 +97,7 @@ class PygameDriver:
         self.surface.blit(picture, (0, 0))
         self.pygame.display.flip()
 
-    def pixels(self) -> NDArray[np.uint8]:
+    def pixels(self) -> UInt8:
         """The window's pixels as they are, uint8 [H, W, 3]."""
         width, height = self.surface.get_size()
         data = self.pygame.image.tobytes(self.surface, "RGB")
@@ -132,13 +132,10 @@ def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: 
 
     Parameters
     ----------
-    screens
-        Width and height of every screen.
-    display
-        The panel.
-    screen
-        Number of the screen; -1 = the one that has the panel's pixels (the last of several, because
-        the first is the desktop's).
+    screens : Width and height of every screen.
+    display : The panel.
+    screen : Number of the screen; -1 = the one that has the panel's pixels (the last of several,
+        because the first is the desktop's).
 
     Raises
     ------
@@ -165,7 +162,7 @@ def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: 
     return fitting[-1]
 
 
-def show(images: Sequence[NDArray[np.uint8]], display: Display, *, screen: int = -1,
+def show(images: Sequence[UInt8], display: Display, *, screen: int = -1,
          seconds: float = 0.0, driver: Driver | None = None) -> int:
     """Show coded pictures full screen, unscaled, until the viewer closes the window.
 

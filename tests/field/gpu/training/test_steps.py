@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.training.casting import Caster
 from lfportrait.field.training.gpu_stepping import (
     GpuSteps,
     cameras_given,
@@ -13,6 +12,7 @@ from lfportrait.field.training.gpu_stepping import (
     ray_numbers,
     tiles_given,
 )
+from lfportrait.field.training.stepping import Caster
 
 from .scene import (
     SmallSteps,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfportrait.field import ReconstructConfig
-from lfportrait.field.quality import held_out_quality
+from lfportrait.field.training.meter import held_out_quality
 from lfportrait.field.training.trainer import Trainer
 from lfportrait.gpu import GpuLostError
 from lfportrait.progress import Progress
@@ -43,7 +43,7 @@ class Fragile:
         if name == self.fatal and self.calls.count(name) > self.number:
             self.process.close()
             raise GpuLostError("Card 9 was lost")
-        return self.process.call(f"lfportrait.field.gpu.training.calls:{name}", *arguments)
+        return self.process.call(f"lfportrait.field.gpu.training.steps:{name}", *arguments)
 
 
 @pytest.fixture

@@ -1,21 +1,79 @@
-"""Steps of a training on the device: kernels in their order, for many steps at a time."""
+"""Steps of a training on the device: kernels in their order, for many steps at a time.
+
+The functions at the end are what the training process asks of the device's process, by name
+(`lfportrait.gpu.GpuProcess`).
+"""
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Mapping, Sequence
+from importlib import resources
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....arrays import Bool, Float32, Int32
 from ....gpu.device import Device, Kernel
-from .lattice import DeviceLattice, row_floats
-from .notes import Notes, blocks_of_a_packet
-from .shaders import BINDINGS, STEP, source
-from .shells import Shells
+from .buffers import DeviceLattice, Notes, Shells, blocks_of_a_packet, row_floats
 
-__all__ = ["SLOTS", "Steps", "largest_weights"]
+BINDINGS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "march": ("march", ("step", "bricks", "density", "cameras", "inputs", "packets", "blocks",
+                        "samples")),
+    "points": ("points", ("step", "bricks", "packets", "blocks", "samples", "corners", "records")),
+    "color": ("color", ("step", "rows", "records", "packets", "blocks", "values", "page")),
+    "blend": ("blend", ("step", "packets", "blocks", "samples", "corners", "values")),
+    "composite": ("composite", ("step", "packets", "blocks", "samples", "sides", "cameras",
+                                "inputs", "errors", "grounds")),
+    "gather": ("gather", ("step", "packets", "blocks", "samples", "sides", "records", "values",
+                          "heads")),
+    "settle": ("settle", ("step", "density", "states", "heads", "records", "values", "lines",
+                          "blocks")),
+    "paint": ("paint", ("step", "rows", "records", "values", "lines", "packets", "blocks",
+                        "page")),
+    "vary": ("variation", ("step", "density", "", "after", "before", "slopes", "blocks")),
+    "smooth_run": ("variation", ("step", "density", "states", "", "", "slopes", "blocks")),
+    "vary_colors": ("colors", ("step", "rows", "rows_before", "rows_behind", "after", "before",
+                               "color_slopes", "blocks", "page")),
+    "smooth_colors": ("colors", ("step", "", "", "", "", "", "color_slopes", "blocks", "page",
+                                 "rows", "states")),
+    "shells_forward": ("shells", ("step", "packets", "blocks", "map", "spheres", "grounds")),
+    "shells_backward": ("shells", ("step", "packets", "blocks", "map", "spheres", "grounds",
+                                   "shell_sums")),
+    "shells_step": ("shells", ("step", "", "blocks", "", "spheres", "", "shell_sums",
+                               "shell_squares")),
+    "largest": ("largest", ("step", "bricks", "packets", "blocks", "samples", "most")),
+    "next_band": ("largest", ("", "", "", "blocks")),
+    "bright": ("table", ("step", "bricks", "density", "whole", "near", "", "blocks")),
+    "along_x": ("table", ("step", "", "", "", "near", "nearer", "blocks")),
+    "along_y": ("table", ("step", "", "", "", "near", "nearer", "blocks")),
+    "along_z": ("table", ("step", "bricks", "", "whole", "near", "nearer", "blocks")),
+    "add": ("sums", ("", "given", "sums", "blocks")),
+}
+"""Of each entry point: its file, and the names of its bindings in their order ("": none)."""
+
+STEP = np.dtype([
+    ("size", "<u4", 3), ("tiles", "<u4"), ("bricks", "<u4", 3), ("links", "<u4"),
+    ("pace", "<f4"), ("threshold", "<f4"), ("stop", "<f4"), ("near", "<f4"),
+    ("alpha_weight", "<f4"), ("sparsity", "<f4"), ("narrow", "<f4"), ("share", "<f4"),
+    ("rate", "<f4"), ("decay", "<f4"), ("lowest", "<f4"), ("memory", "<f4"),
+    ("tv_weight", "<f4"), ("tv_scale", "<f4"), ("tv_first", "<u4"), ("tv_last", "<u4"),
+    ("input", "<u4"), ("output", "<u4"), ("packet", "<u4"), ("empty", "<u4"),
+    ("block_room", "<u4"), ("record_room", "<u4"), ("workers", "<u4"), ("basis", "<u4"),
+    ("row", "<u4"), ("gain", "<f4"), ("layers", "<u4"), ("tv_color", "<f4"), ("high", "<u4"),
+    ("grey", "<f4"), ("rate_shell", "<f4"), ("rate_shell_density", "<f4"), ("", "V96")])
+"""The uniform ``Step`` of ``common.wgsl``, in slots of 256 bytes."""
+
+
+@functools.cache
+def source(file: str) -> str:
+    """The text of a shader, with what all have in common."""
+    folder = resources.files(__package__)
+    return "\n".join((folder / f"{name}.wgsl").read_text(encoding="utf-8")
+                     for name in ("common", file))
+
 
 SLOTS = 64
 """Steps that are sent off together."""
@@ -49,14 +107,12 @@ class Steps:
 
     Parameters
     ----------
-    device
-        Where.
-    given
-        What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
-        ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total
-        variation a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance
-        between samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there
-        are any).
+    device : Where.
+    given : What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
+        ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total variation
+        a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance between
+        samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there are
+        any).
     """
 
     def __init__(self, device: Device, given: dict[str, Any]) -> None:
@@ -126,25 +182,20 @@ class Steps:
         return self.slots[number]
 
     def take(self, steps: NDArray[Any], inputs: NDArray[np.uint32],
-             averaged: NDArray[np.bool_], looks: NDArray[np.bool_]) -> NDArray[np.float32]:
+             averaged: Bool, looks: Bool) -> Float32:
         """Take some steps.
 
         Parameters
         ----------
-        steps
-            `STEP` [K], at most `SLOTS`.
-        inputs
-            uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
-        averaged
-            bool [K], whether the state after a step counts for the average.
-        looks
-            bool [K], whether it is looked for bright bricks before a step: rays leap over others
-            from then on.
+        steps : `STEP` [K], at most `SLOTS`.
+        inputs : uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
+        averaged : bool [K], whether the state after a step counts for the average.
+        looks : bool [K], whether it is looked for bright bricks before a step: rays leap over
+            others from then on.
 
         Returns
         -------
-        errors
-            float32 [K, T], squared errors of the tiles.
+        errors : float32 [K, T], squared errors of the tiles.
         """
         device, done = self.device, 0
         device.write(self.buffers["inputs"], inputs)
@@ -161,7 +212,7 @@ class Steps:
             self.slots = []
         return device.read(self.buffers["errors"], np.float32, (len(steps), self.tiles)).copy()
 
-    def _send(self, averaged: NDArray[np.bool_], looks: NDArray[np.bool_], done: int) -> None:
+    def _send(self, averaged: Bool, looks: Bool, done: int) -> None:
         """Send off the steps from the first that is not ``done`` on."""
         waiting: list[Dispatch] = []
         for number in range(done, len(averaged)):
@@ -183,7 +234,7 @@ class Steps:
             self.sums = [self.device.buffer(buffer.size) for buffer in given]
         return given
 
-    def put_sums(self, density: NDArray[np.float32], rows: NDArray[np.float32]) -> None:
+    def put_sums(self, density: Float32, rows: Float32) -> None:
         """Go on with sums [N + 1] of densities and [N + 1, 3 B] of colors."""
         self._make_sums()
         self.device.write(self.sums[0], density)
@@ -215,7 +266,7 @@ class Steps:
 
     # -- what else is asked for -------------------------------------------------------------------
 
-    def table(self) -> NDArray[np.int32]:
+    def table(self) -> Int32:
         """The table that rays are cast by."""
         whole = self.lattice.table
         return self.device.read(self.lattice.bricks, np.int32, whole.shape).copy()
@@ -226,15 +277,12 @@ class Steps:
 
         Parameters
         ----------
-        steps, inputs
-            One step, as for `take`.
-        repeats
-            How often each is run.
+        steps, inputs : One step, as for `take`.
+        repeats : How often each is run.
 
         Returns
         -------
-        figures
-            ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
+        figures : ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
             ``blocks``, ``records`` and visible ``samples`` of the step.
         """
         # Once, for room and for compiled kernels.
@@ -292,24 +340,19 @@ def _filled(steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int], n
 
 
 def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
-                    inputs: NDArray[np.uint32]) -> NDArray[np.float32]:
+                    inputs: NDArray[np.uint32]) -> Float32:
     """The largest weight of each row on the rays of tiles.
 
     Parameters
     ----------
-    device
-        Where.
-    given
-        ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes them.
-    steps
-        `STEP` [1], of which the rays' numbers count.
-    inputs
-        uint32 [T, 20], the tiles.
+    device : Where.
+    given : ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes them.
+    steps : `STEP` [1], of which the rays' numbers count.
+    inputs : uint32 [T, 20], the tiles.
 
     Returns
     -------
-    weights
-        float32 [N + 1].
+    weights : float32 [N + 1].
     """
     lattice = DeviceLattice.of(device, given)
     band = min(_BAND, len(inputs))
@@ -338,3 +381,77 @@ def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
         if header["failed"]:
             notes = notes.larger(device, header)
     return device.read(resources["most"], np.float32, len(given["density"])).copy()
+
+
+_KEY = "field training"
+
+
+def begin(device: Device, given: dict[str, Any]) -> None:
+    """Begin a level; what `Steps` takes, and perhaps a ``bright`` table to go on with."""
+    device.kept.pop(_KEY, None)
+    steps = device.kept[_KEY] = Steps(device, given)
+    if given.get("bright") is not None:
+        steps.lattice.write_table(device, given["bright"])
+
+
+def prepare(device: Device) -> None:
+    """Compile the kernels that every training needs, while the training still gets ready."""
+    for entry, (file, _) in BINDINGS.items():
+        if file not in ("shells", "colors"):
+            device.kernel(source(file), entry)
+
+
+def end(device: Device) -> None:
+    """Forget the level."""
+    device.kept.pop(_KEY, None)
+
+
+def place(device: Device, cameras: Float32) -> None:
+    """Cast the rays from other cameras, float32 [V, 32], from now on."""
+    device.write(device.kept[_KEY].buffers["cameras"], cameras)
+
+
+def take(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32],
+         averaged: Bool, looks: Bool) -> Float32:
+    """Take some steps (`Steps.take`); their tiles' squared errors, float32 [K, T]."""
+    return np.asarray(device.kept[_KEY].take(steps, inputs, averaged, looks))
+
+
+def measure(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
+            ) -> dict[str, Any]:
+    """What a step's kernels take (`Steps.measure`); the level is of no use afterwards."""
+    return dict(device.kept[_KEY].measure(steps, inputs, repeats))
+
+
+def fetch_table(device: Device) -> Int32:
+    """The table of bricks that rays are cast by, int32 [BZ, BY, BX]."""
+    return np.asarray(device.kept[_KEY].table())
+
+
+def fetch(device: Device, sums: bool = False) -> tuple[Float32, list[Float32], Float32 | None]:
+    """Densities [N + 1], pages of colors [rows, `row_floats`], states [N + 1, 2].
+
+    Or the sums of the average, without states.
+    """
+    steps: Steps = device.kept[_KEY]
+    lattice = steps.lattice
+    if sums:
+        return *lattice.read(device, steps.sums[0], steps.sums[1:]), None
+    return (*lattice.read(device, lattice.density, lattice.pages),
+            device.read(lattice.states, np.float32, (lattice.count + 1, 2)))
+
+
+def fetch_shells(device: Device) -> tuple[Float32, Float32]:
+    """Values of the spheres behind the lattice, and their mean squared slopes (`Shells.read`)."""
+    return device.kept[_KEY].shells.read(device)
+
+
+def put_average(device: Device, density: Float32, rows: Float32) -> None:
+    """Go on with sums of an average, [N + 1] and [N + 1, columns]."""
+    device.kept[_KEY].put_sums(density, rows)
+
+
+def largest(device: Device, given: dict[str, Any], steps: NDArray[Any],
+            inputs: NDArray[np.uint32]) -> Float32:
+    """The largest weight of each row on the rays of tiles (`largest_weights`)."""
+    return largest_weights(device, given, steps, inputs)

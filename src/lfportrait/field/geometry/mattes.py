@@ -1,10 +1,16 @@
-"""Mattes from geometry: cut out the object at the origin consistently in all photos.
+"""Mattes that all photos agree on: outlines of the field, or of a solid, along each photo's edges.
+
+A matte that a network or a rough solid gave errs here and there by a few pixels, each photo at
+other places. A field that is trained roughly has already weighed all of them: rendered into a
+photo, its opacity is right within a pixel or two of its own nearly everywhere, and the photo's
+edges say the rest (`refined_mattes`, `lfportrait.capture.refine_matte`). Held-out photos, whose
+mattes erred alike, get theirs in the same way, from a field that never saw them.
 
 Where a network's mattes contradict each other, the photos themselves define the object: a solid
 from the depth of the training photos (`fused_depth`) is outlined in every photo, and each outline
-is laid along that photo's own edges. Held-out photos are cut in the same way; no depth is taken
-from them, and no field is asked. Where the mattes agree, the same solid shows what in them lies far
-from the person.
+is laid along that photo's own edges (`cut_out`). Held-out photos are cut in the same way; no depth
+is taken from them, and no field is asked. Where the mattes agree, the same solid shows what in them
+lies far from the person (`trim`).
 """
 
 from __future__ import annotations
@@ -19,16 +25,82 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...capture import Capture
+from ...arrays import Float32, UInt8
+from ...capture import Capture, refine_matte
 from ...progress import Progress
 from ...simd.threads import side_by_side
+from ..grid import VoxelField
 from .fused_depth import REACH, Solid, find_solid
-from .outlines import along_edges
 from .sweep import sweep_depth
 
-__all__ = ["cut_out", "trim"]
+Plane = Float32
 
-Plane = NDArray[np.float32]
+_AGREE = 0.8
+"""Overlap with a rough outline below which a photo's edges are not followed."""
+
+
+def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
+    """Lay a rough matte along its photo's edges.
+
+    Parameters
+    ----------
+    image : uint8 [H, W, 3].
+    coarse : float32 [H, W] in [0, 1], right within a few cells.
+    cell : Pixels to a cell (`lfportrait.capture.refine_matte`).
+
+    Returns
+    -------
+    matte, follows : float32 [H, W] in [0, 1], and whether the edges agree with the rough matte;
+        where they do not, the matte is that itself, steeper.
+    """
+    rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
+    if not len(rows):
+        return coarse, True
+    margin = max(coarse.shape) // 24
+    box = (slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
+           slice(max(0, columns[0] - margin), columns[-1] + margin + 1))
+    matte = coarse.copy()
+    matte[box] = refine_matte(image[box], coarse[box], cell, calm=True)
+    both = ((matte > 0.5) & (coarse > 0.5)).sum()
+    either = ((matte > 0.5) | (coarse > 0.5)).sum()
+    if both < _AGREE * either:
+        return np.clip(2.0 * coarse - 0.5, 0, 1).astype(np.float32), False
+    return matte, True
+
+
+def refined_mattes(field: VoxelField, capture: Capture) -> list[UInt8]:
+    """Mattes of photos, from a field that was trained with rougher ones.
+
+    Parameters
+    ----------
+    field : The field so far.
+    capture : The photos, with mattes and what is behind the person.
+
+    Returns
+    -------
+    mattes : V mattes, uint8 [H, W]; a photo's own where its edges contradict the field.
+    """
+    assert capture.alphas is not None
+    given = capture.alphas
+    bricks = field.bricks  # which all views share
+    assert len(bricks.links)
+
+    def refined(view: int) -> UInt8:
+        matte, follows = along_edges(capture.images[view], *_opacity(field, capture, view))
+        return np.asarray(255.0 * matte + 0.5, np.uint8) if follows else given[view]
+
+    return side_by_side(refined, range(len(capture)))
+
+
+def _opacity(field: VoxelField, capture: Capture, view: int) -> tuple[Plane, int]:
+    """The field's opacity in one photo, [H, W], and the photo's pixels to a cell."""
+    camera = capture.cameras[view]
+    distance = float(np.linalg.norm(camera.position[0] - field.center))
+    voxel = float(field.spacing.max()) * float(camera.focal.max()) / distance
+    small = field.depth(camera.scaled(min(1.0, 1.0 / voxel)))[0]
+    large = cv2.resize(small, capture.images[view].shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return np.clip(large, 0.0, 1.0).astype(np.float32), max(2, round(0.5 * voxel))
+
 
 _OUTLINE = 256  # height or width in which outlines are drawn
 _FEW = 48  # photos whose depth is enough to see what lies far from the object
@@ -147,6 +219,6 @@ def _coarse(capture: Capture, view: int, solid: Solid) -> Plane:
                       np.float32)
 
 
-def _cut(image: NDArray[np.uint8], coarse: Plane) -> tuple[Plane, bool]:
+def _cut(image: UInt8, coarse: Plane) -> tuple[Plane, bool]:
     """The matte laid along the photo's edges, and whether these agree with the outline."""
     return along_edges(image, coarse, max(2, round(max(coarse.shape) / 256)))

@@ -1,4 +1,7 @@
-"""Trilinear interpolation of a sparse lattice's rows at the points of a finer one."""
+"""Rows of a lattice: which are next to each other, those of a finer lattice, and means of states.
+
+A lattice is a table of links into rows: of each point that has one, a density and colors.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,46 @@ import numpy as np
 from ...simd.decorators import lean_kernel
 from ...simd.threads import shared
 
-__all__ = ["refine_rows"]
+
+@shared("links")
+@lean_kernel
+def fill_neighbours(since, until, links, found):
+    """Fill int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one.
+
+    Parameters
+    ----------
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    found : Written.
+    """
+    depth, height, width = links.shape
+    for z in range(since, until):
+        for y in range(height):
+            for x in range(width):
+                row = links[z, y, x]
+                if row < 0:
+                    continue
+                for side in range(6):
+                    step = 1 if side < 3 else -1
+                    k = z + step if side % 3 == 2 else z
+                    j = y + step if side % 3 == 1 else y
+                    i = x + step if side % 3 == 0 else x
+                    other = row
+                    inside = 0 <= k < depth and 0 <= j < height and 0 <= i < width
+                    if inside and links[k, j, i] >= 0:
+                        other = links[k, j, i]
+                    found[row, side] = other
+
+
+@shared("links")
+@lean_kernel
+def mark_points(since, until, links, rows, points):
+    """Fill bool [Z, Y, X], the points of marked rows, bool [N + 1]."""
+    _, height, width = links.shape
+    for z in range(since, until):
+        for y in range(height):
+            for x in range(width):
+                row = links[z, y, x]
+                points[z, y, x] = row >= 0 and rows[max(row, 0)]
 
 
 def refine_rows(links, density, rows, keep, low, part, shape):
@@ -15,23 +57,17 @@ def refine_rows(links, density, rows, keep, low, part, shape):
 
     Parameters
     ----------
-    links
-        int32 [Z, Y, X], row of each coarse point or -1.
-    density, rows
-        float32 [N + 1] and [N + 1, width].
-    keep
-        bool [Z, Y, X], the coarse points about which fine ones live.
-    low, part
-        Coarse cell and place inside it of each fine plane, per axis (z, y, x): int64 and float32
-        [3, longest side].
-    shape
-        Fine points along z, y, x.
+    links : int32 [Z, Y, X], row of each coarse point or -1.
+    density, rows : float32 [N + 1] and [N + 1, width].
+    keep : bool [Z, Y, X], the coarse points about which fine ones live.
+    low, part : Coarse cell and place inside it of each fine plane, per axis (z, y, x): int64 and
+        float32 [3, longest side].
+    shape : Fine points along z, y, x.
 
     Returns
     -------
-    links, density, rows
-        int32 [Z', Y', X'], float32 [M + 1] and [M + 1, width], the last row zero. Color is the mean
-        over the corners that exist: empty points have none to mix in.
+    links, density, rows : int32 [Z', Y', X'], float32 [M + 1] and [M + 1, width], the last row
+        zero. Color is the mean over the corners that exist: empty points have none to mix in.
     """
     fine = np.empty(shape, np.int32)
     counts = np.empty(shape[0], np.int64)
@@ -94,3 +130,36 @@ def _refine(since, until, links, density, rows, firsts, low, part, fine, fine_de
                     fine_rows[point, i] *= scale
                 fine_density[point] = dense
                 point += 1
+
+
+@shared("sums")
+@lean_kernel
+def put_means(since, until, sums, columns, count, rows, first):
+    """Write means into the first columns of rows; one state is written as it is.
+
+    Parameters
+    ----------
+    sums : float32 [M, columns or more].
+    columns : How many values of a row are written.
+    count : Number of states, a float32.
+    rows : float32 [first + M or more, columns or more], written.
+    first : The row that the first sums belong to.
+    """
+    for row in range(since, until):
+        for column in range(columns):
+            rows[first + row, column] = sums[row, column] / count
+
+
+@shared("sums")
+@lean_kernel
+def add_rows(since, until, sums, rows):
+    """Add the first columns of rows to sums.
+
+    Parameters
+    ----------
+    sums : float32 [N, columns], written.
+    rows : float32 [N, width], at least as wide.
+    """
+    for row in range(since, until):
+        for column in range(sums.shape[1]):
+            sums[row, column] += rows[row, column]
