@@ -52,7 +52,8 @@ def shown(opened, job):
     """Hand a job over as the server does; the pages of the heads that are seen, and its picture."""
     opened.run("""async (job) => (await import("/static/state.js")).keepJob(job)""", job)
     return opened.run("""() => [
-      [...document.querySelectorAll(".latest .stage.there iframe:not(.coming)")].map((one) => one.src),
+      [...document.querySelectorAll(".latest .stage.there iframe:not(.coming)")]
+        .map((one) => one.src),
       document.querySelector(".latest .still").hidden]""")
 
 
