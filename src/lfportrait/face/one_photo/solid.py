@@ -43,6 +43,11 @@ NECK_OVERLAP = 0.05
 """How far the body goes up into the model's neck, portrait units."""
 SOFT_NECK, SOFT_HAIR = 0.03, 0.008
 """Widths of the joints, portrait units."""
+TAPER, RECEDING = 0.12, 0.05
+"""Height from which on the model's neck recedes behind, and by how much at its end: else it would
+stand out from the body's as a ledge."""
+BAND = 0.06
+"""How far from the outline the model says how thick the neck is, portrait units."""
 LEANING, SHOULDERS = 1.1, 0.33
 """How far the body recedes below the neck, over the way down, and at most, portrait units."""
 LOWEST = -1.35
@@ -157,7 +162,12 @@ class Solid:
         asked = np.ones(len(points), bool) if near is None else near
         places, depth = self.parts.places(points)
         above = points @ self.neck[:3] - self.neck[3]
-        head[asked] = np.maximum(self.head.distance(points[asked], reach), -above[asked])
+        receding = np.zeros(len(points))
+        if self.body is not None:
+            receding = RECEDING * (np.clip((depth - self.body.middle.min()) / TAPER, 0, 1)
+                                   * np.clip(1 - above / TAPER, 0, 1) ** 2)
+        head[asked] = np.maximum(self.head.distance(points[asked], reach) + receding[asked],
+                                 -above[asked])
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
         owner = np.full(len(points), HEAD, np.uint8)
@@ -339,7 +349,8 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Flo
     for side in range(2):
         # Seen from above or below, a cell may show one side of the neck alone.
         thickness = (middle - band[0], band[1] - middle)[side]
-        given = np.where(thickness > 0, thickness ** 2, np.nan)
+        sure = (thickness > 0) & (parts.inside * cell > BAND)
+        given = np.where(sure, thickness ** 2, np.nan)
         q = inflated(domain, inside, cell, source=2.0, given=given, free=person & ~domain)
         thick = np.sqrt(np.maximum(q, 0))
         q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2
