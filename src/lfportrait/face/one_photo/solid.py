@@ -44,8 +44,8 @@ NECK_OVERLAP = 0.05
 SOFT_NECK, SOFT_HAIR = 0.03, 0.008
 """Widths of the joints, portrait units."""
 TAPER, RECEDING = 0.12, 0.05
-"""Height from which on the model's neck recedes behind, and by how much at its end: else it would
-stand out from the body's as a ledge."""
+"""Height from which on the model's neck, downwards, and the body's, upwards, recede behind, and by
+how much at their ends: else each would stand out from the other's nape as a ledge."""
 BAND = 0.06
 """How far from the outline the model says how thick the neck is, portrait units."""
 LEANING, SHOULDERS = 1.1, 0.33
@@ -164,17 +164,19 @@ class Solid:
         above = points @ self.neck[:3] - self.neck[3]
         receding = np.zeros(len(points))
         if self.body is not None:
-            receding = RECEDING * (np.clip((depth - self.body.middle.min()) / TAPER, 0, 1)
-                                   * np.clip(1 - above / TAPER, 0, 1) ** 2)
-        head[asked] = np.maximum(self.head.distance(points[asked], reach) + receding[asked],
-                                 -above[asked])
+            receding = RECEDING * np.clip((depth - self.body.middle.min()) / TAPER, 0, 1)
+        head[asked] = np.maximum(
+            self.head.distance(points[asked], reach)
+            + receding[asked] * np.clip(1 - above[asked] / TAPER, 0, 1) ** 2, -above[asked])
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
         owner = np.full(len(points), HEAD, np.uint8)
         out = head
         if self.body is not None:
             # It goes on into the neck, up to a plane.
-            body = np.maximum(self.body.distance(self.parts, places, depth), above - NECK_OVERLAP)
+            above -= NECK_OVERLAP
+            body = np.maximum(self.body.distance(self.parts, places, depth)
+                              + receding * np.clip(1 + above / TAPER, 0, 1) ** 2, above)
             owner[body < out] = BODY
             out = _joined(out, body, SOFT_NECK)
         if self.hair is not None:
