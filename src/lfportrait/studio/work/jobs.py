@@ -43,7 +43,7 @@ from .telling import Teller
 __all__ = ["do_task", "serve"]
 
 
-_FITTED = {"capture": 2.5, "reconstruct": 5.5}
+_FITTED = {"capture": 2.5, "reconstruct": 7.5}
 """Seconds of a head that is fitted to a face."""
 
 
@@ -111,7 +111,7 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
         number = iter(range(1 << 30))
 
         def draw(field: VoxelField) -> Any:
-            if fitted:  # shown once, and no worse than the head will be
+            if is_portrait(taken):  # it is not trained, and shown once
                 teller.page("reconstruct", field)
             return head_picture(field, 320, (turned(next(number)),))
 
