@@ -59,7 +59,8 @@ def shown(opened, job):
 
 def test_the_head_turns_as_far_as_it_is_made(opened):
     """It goes on turning until the finished one takes its place, as it was turned by then."""
-    viewed = opened.ask("POST", "/api/projects/anna/viewer", {"style": None})["page"]
+    viewed = opened.ask("POST", "/api/projects/anna/viewer", {"version": "portrait"})["page"]
+    opened.page.route("**/viewer", lambda route: route.fulfill(json={"page": viewed}))
     stages = [{"name": name, "title": name, "state": "waiting", "progress": None, "note": "",
                "seconds": 0, "left": 5, "picture": None, "page": None}
               for name in ("capture", "reconstruct", "surface")]

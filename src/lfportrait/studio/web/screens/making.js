@@ -66,7 +66,7 @@ class Making {
     const sitter = project(this.id),
       job = this.job();
     if (!sitter) return;
-    const same = this.head?.job === job?.id && (isLive(job) || job.state === "done");
+    const same = this.head && this.head.job === job?.id && (isLive(job) || job.state === "done");
     if (same && this.head.shows === WHOLE) {
       this.drawAction(sitter, job);
       return this.drawQueue();
