@@ -81,7 +81,7 @@ def test_the_head_turns_as_far_as_it_is_made(opened):
     (page,), _ = shown(opened, job)
     assert page.endswith("?v=1")
     assert opened.run("document.querySelector('.latest iframe').contentWindow.kept"), "it stays"
-    assert "about" in opened.page.inner_text(".phase.running .when")
+    assert "left" in opened.page.inner_text(".phase.running .when")
     shown(opened, {**job, "state": "done"})
     opened.eventually(lambda: not shown(opened, {**job, "state": "done"})[0][0].endswith("?v=1"))
     turned = opened.run(
