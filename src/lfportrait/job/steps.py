@@ -43,7 +43,7 @@ __all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "source_files",
            "source_key", "write_code", "write_field", "write_styled"]
 
 Look = Callable[[Capture, Callable[[], VoxelField]], None]
-"""Is offered a field that is trained in part: its capture, and what gives it."""
+"""Is offered a field that is made in part: its capture, and what gives it."""
 
 
 @dataclass(frozen=True)
@@ -118,16 +118,16 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
                 ) -> tuple[dict[str, Any], VoxelField]:
     """Reconstruct the field of a capture; its figures, and the field as written.
 
-    ``look`` is offered fields that are trained in part, with the capture.
+    ``look`` is offered fields that are made in part, with the capture.
     """
     settings = replace(config.reconstruct, seed=seed)
+    shown = None if look is None else partial(look, capture)
     if is_portrait(capture):
-        result, figures = portrait_field(capture, settings, progress)
-        result.save(target)
-        return figures, result.as_read()
-    result, figures = reconstruct_with_figures(
-        capture, settings, progress, checkpoint=checkpoint, device=device,
-        look=None if look is None else partial(look, capture), fit_head=fit_to_surface)
+        result, figures = portrait_field(capture, settings, progress, look=shown)
+    else:
+        result, figures = reconstruct_with_figures(
+            capture, settings, progress, checkpoint=checkpoint, device=device, look=shown,
+            fit_head=fit_to_surface)
     result.save(target)
     return figures, result.as_read()
 

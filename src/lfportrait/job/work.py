@@ -60,7 +60,7 @@ class Tools:
     sheet
         Picture of the photos that were left out; by default in the task's folder.
     look
-        The first look that is taken while a field is trained.
+        The first look that is taken while a field is made.
     outlook
         Knows the time that is left of the whole job.
     kept

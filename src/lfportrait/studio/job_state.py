@@ -39,6 +39,8 @@ class StageState:
         It will take, as far as is known.
     pictures
         How often it was drawn.
+    pages
+        How often a page was written that turns the head as far as it is made.
     begun
         When it began, in seconds since 1970.
     """
@@ -50,6 +52,7 @@ class StageState:
     seconds: float = 0.0
     need: float = 0.0
     pictures: int = 0
+    pages: int = 0
     begun: float = 0.0
 
     def left(self, spent: float, pace: float = 1.0) -> float:
@@ -166,7 +169,9 @@ class JobState:
             "seconds": round(self.spent(one), 1),
             "left": self.left_of(one) if not self.over else 0.0,
             "picture": f"/api/jobs/{self.id}/stages/{one.name}/picture?v={one.pictures}"
-            if one.pictures else None} for one in self.stages]
+            if one.pictures else None,
+            "page": f"/api/jobs/{self.id}/stages/{one.name}/page?v={one.pages}"
+            if one.pages else None} for one in self.stages]
         return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,
                 "version": self.version, "title": self.order.get("title"),
                 "export": self.export, "state": self.state,

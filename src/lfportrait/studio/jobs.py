@@ -166,7 +166,7 @@ class Jobs:
         del self.jobs[job.id]
         (self._folder / f"{job.id}.json").unlink(missing_ok=True)
         (self._folder / f"{job.id}.log").unlink(missing_ok=True)
-        for path in self.pictures(job).glob("*.jpg"):
+        for path in (*self.pictures(job).glob("*.jpg"), *self.pictures(job).glob("*.html")):
             path.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self.pictures(job).rmdir()
@@ -276,6 +276,8 @@ class Jobs:
             stage.begun = time.time()
         elif kind == "picture":
             stage.pictures += 1
+        elif kind == "page":
+            stage.pages += 1
         elif kind == "done":
             stage.state, stage.progress, stage.note = "done", 1.0, ""
             stage.seconds = facts[1]

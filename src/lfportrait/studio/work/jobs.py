@@ -43,7 +43,7 @@ from .telling import Teller
 __all__ = ["do_task", "serve"]
 
 
-_FITTED = {"capture": 2.5, "reconstruct": 5.5}
+_FITTED = {"capture": 2.5, "reconstruct": 7.5}
 """Seconds of a head that is fitted to a face."""
 
 
@@ -109,8 +109,13 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
         teller.picture("capture", photo_picture(taken) if is_portrait(taken)
                        else cameras_picture(taken))
         number = iter(range(1 << 30))
-        do_task(order, teller, field_task, figures, warmup,
-                draw=lambda field: head_picture(field, 320, (turned(next(number)),)), look=look)
+
+        def draw(field: VoxelField) -> Any:
+            if is_portrait(taken):  # it is not trained, and shown once
+                teller.page("reconstruct", field)
+            return head_picture(field, 320, (turned(next(number)),))
+
+        do_task(order, teller, field_task, figures, warmup, draw=draw, look=look)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")
