@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float64, Int64
+
 __all__ = ["Camera"]
 
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,11 @@ class Camera:
         int64 [V], picture sizes in pixels.
     """
 
-    pose: Float
-    focal: Float
-    center: Float
-    width: NDArray[np.int64]
-    height: NDArray[np.int64]
+    pose: Float64
+    focal: Float64
+    center: Float64
+    width: Int64
+    height: Int64
 
     def __post_init__(self) -> None:
         pose = np.asarray(self.pose, np.float64)
@@ -67,7 +68,7 @@ class Camera:
                       self.width[index], self.height[index])
 
     @property
-    def position(self) -> Float:
+    def position(self) -> Float64:
         """Camera centres in the world, float64 [V, 3]."""
         return self.pose[:, :3, 3]
 
@@ -84,7 +85,7 @@ class Camera:
         ratio = np.stack([width / self.width, height / self.height], axis=1)
         return Camera(self.pose, self.focal * ratio, self.center * ratio, width, height)
 
-    def rays(self, view: int, pixels: Float | None = None) -> tuple[Float, Float]:
+    def rays(self, view: int, pixels: Float64 | None = None) -> tuple[Float64, Float64]:
         """Rays of one view.
 
         Parameters
@@ -109,7 +110,7 @@ class Camera:
         directions = local @ self.pose[view, :3, :3].T
         return np.broadcast_to(self.position[view], directions.shape).copy(), directions
 
-    def project(self, points: Float) -> tuple[Float, Float]:
+    def project(self, points: Float64) -> tuple[Float64, Float64]:
         """Project world points into every view.
 
         Parameters
@@ -131,13 +132,13 @@ class Camera:
         pixels = local[..., :2] / safe[..., None] * self.focal[:, None] + self.center[:, None]
         return pixels, depth
 
-    def shows(self, points: Float) -> NDArray[np.bool_]:
+    def shows(self, points: Float64) -> Bool:
         """Whether each view has world points [N, 3] before it and in its picture, bool [V, N]."""
         pixels, depth = self.project(points)
         size = np.stack([self.width, self.height], axis=-1)[:, None]
         return np.asarray((depth > 0) & ((pixels >= 0) & (pixels < size)).all(axis=-1))
 
-    def transformed(self, similarity: Float) -> Camera:
+    def transformed(self, similarity: Float64) -> Camera:
         """The cameras in another world: ``similarity`` [4, 4] maps old world points to new ones."""
         scale = np.cbrt(np.linalg.det(similarity[:3, :3]))
         pose = similarity @ self.pose
@@ -151,7 +152,7 @@ class Camera:
                         for name in ("pose", "focal", "center", "width", "height")))
 
     @staticmethod
-    def look_at(positions: Float, target: Float, *, width: int, height: int, focal: float,
+    def look_at(positions: Float64, target: Float64, *, width: int, height: int, focal: float,
                 up: Sequence[float] = (0.0, 1.0, 0.0)) -> Camera:
         """Cameras at ``positions`` [V, 3] that look at ``target`` [3], pictures upright."""
         positions = np.atleast_2d(np.asarray(positions, np.float64))
@@ -167,7 +168,7 @@ class Camera:
                       np.asarray(width), np.asarray(height))
 
     @staticmethod
-    def arc(degrees: Float, *, distance: float, width: int, height: int, focal: float,
+    def arc(degrees: Float64, *, distance: float, width: int, height: int, focal: float,
             target: Sequence[float] = (0.0, 0.0, 0.0), pitch: float = 0.0) -> Camera:
         """Cameras on a horizontal arc about ``target``.
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+
+from ..arrays import UInt8
 
 __all__ = ["BAD", "FAIR", "GOOD", "INK", "PAPER", "contact_sheet", "font"]
 
@@ -32,9 +33,9 @@ def _shortened(draw: ImageDraw.ImageDraw, text: str, face: ImageFont.FreeTypeFon
     return text + "..."
 
 
-def contact_sheet(images: Sequence[NDArray[np.uint8]], names: Sequence[str],
+def contact_sheet(images: Sequence[UInt8], names: Sequence[str],
                   marks: Mapping[str, str], *, fair: Mapping[str, str] | None = None,
-                  columns: int = 8) -> NDArray[np.uint8]:
+                  columns: int = 8) -> UInt8:
     """Draw a contact sheet.
 
     Parameters

@@ -10,8 +10,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32
 from ..files import UNREADABLE_ARRAYS
 from ..media.depth import DepthMap
 from .distortion import Lens
@@ -49,7 +49,7 @@ def straightened(depth: DepthMap, lens: Lens) -> DepthMap:
     columns = np.ascontiguousarray(place[..., 0], np.float32)
     rows = np.ascontiguousarray(place[..., 1], np.float32)
 
-    def moved(numbers: NDArray[np.float32]) -> NDArray[np.float32]:
+    def moved(numbers: Float32) -> Float32:
         return np.asarray(cv2.remap(np.ascontiguousarray(numbers), columns, rows,
                                     cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 

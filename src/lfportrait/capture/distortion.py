@@ -25,11 +25,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64
 from ..media.colors import premultiplied, straight
 
 __all__ = ["Lens", "undistort"]
 
-Float = NDArray[np.float64]
 
 
 # A straightened picture may be this much larger than the photo to leave no uncovered corners.
@@ -84,7 +84,7 @@ class Lens:
                        center=(self.height - self.center[1], self.center[0]),
                        p=(self.p[1], -self.p[0]), s=(-self.s[1], self.s[0]))
 
-    def _radial(self, r: Float) -> Float:
+    def _radial(self, r: Float64) -> Float64:
         """Distance from the centre on the sensor over the pinhole's, without the other terms."""
         if self.model == "fov":
             angle = self.k[0] if self.k else 0.0
@@ -107,10 +107,10 @@ class Lens:
         bent = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
         return np.where(r > 1e-12, bent / np.maximum(r, 1e-12), 1.0)
 
-    def distort(self, points: Float) -> Float:
+    def distort(self, points: Float64) -> Float64:
         """Normalised pinhole coordinates [..., 2] -> normalised coordinates on the sensor."""
         r = np.sqrt((points * points).sum(-1))
-        found: Float = points * self._radial(r)[..., None]
+        found: Float64 = points * self._radial(r)[..., None]
         if self.model == "thin_prism":
             points = points * np.where(r > 1e-12, np.arctan(r) / np.maximum(r, 1e-12),
                                        1.0)[..., None]
@@ -130,7 +130,7 @@ class Lens:
         return Lens(self.width, self.height, (self.focal[0] * zoom, self.focal[1] * zoom),
                     self.center)
 
-    def source_pixels(self, size: tuple[int, int] | None = None) -> Float:
+    def source_pixels(self, size: tuple[int, int] | None = None) -> Float64:
         """For each pixel of the pinhole picture, where it lies in the photo: [H, W, 2] (x, y).
 
         NaN where the lens' formula folds back, which no photo shows. ``size``, (width, height):
@@ -142,7 +142,7 @@ class Lens:
         return _source(self, np.stack([x, y], -1), self.pinhole().focal)
 
 
-def _source(lens: Lens, pixels: Float, focal: tuple[float, float]) -> Float:
+def _source(lens: Lens, pixels: Float64, focal: tuple[float, float]) -> Float64:
     """Where pixels [..., 2] of a pinhole picture with this focal length lie in the photo."""
     flat = (pixels - np.array(lens.center)) / np.array(focal)
     r = np.sqrt((flat * flat).sum(-1))
@@ -155,7 +155,7 @@ def _source(lens: Lens, pixels: Float, focal: tuple[float, float]) -> Float:
     return place
 
 
-def _covered(lens: Lens, place: Float) -> NDArray[np.bool_]:
+def _covered(lens: Lens, place: Float64) -> Bool:
     """Which places [..., 2] lie in the photo; not the unknown ones."""
     return np.asarray((place[..., 0] >= 0) & (place[..., 0] <= lens.width)
                       & (place[..., 1] >= 0) & (place[..., 1] <= lens.height))
@@ -181,7 +181,7 @@ def _zoom(lens: Lens) -> float:
     return high
 
 
-def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], Bool]:
     """Resample a photo as a pinhole camera sees it.
 
     Parameters
@@ -211,7 +211,7 @@ def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np
 
 
 @functools.lru_cache(maxsize=1)
-def _map(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+def _map(lens: Lens) -> tuple[Float32, Float32, Bool]:
     """Columns and rows [H, W] of the photo for each pixel, and where the photo covers it.
 
     Photos of one camera follow each other, so the last one's is kept.

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import UInt8
 from ..media.colors import ColorSpace, coded_space, from_space
 
 __all__ = ["decoded", "film_of", "space_of", "turns_of", "upright_frame"]
@@ -51,7 +51,7 @@ def space_of(frame: Any) -> ColorSpace:
     return replace(coded_space(*codes), source=source)
 
 
-def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
+def _pixels(frame: Any, max_side: int) -> UInt8:
     """A decoded frame in sRGB, uint8 [H, W, 3]."""
     space = space_of(frame)
     if space.curve not in ("pq", "hlg"):
@@ -68,7 +68,7 @@ def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
     return from_space(deep, space)
 
 
-def _square(picture: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
+def _square(picture: UInt8, ratio: float) -> UInt8:
     """A picture [H, W, 3] with square pixels, from ones whose width over height is ``ratio``.
 
     The shorter way is lengthened, so that nothing is lost.
@@ -85,7 +85,7 @@ def turns_of(frame: Any) -> int:
     return round(getattr(frame, "rotation", 0) / 90) % 4
 
 
-def upright_frame(frame: Any, max_side: int, aspect: float) -> NDArray[np.uint8]:
+def upright_frame(frame: Any, max_side: int, aspect: float) -> UInt8:
     """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
     turns = turns_of(frame)
     pixels = _square(_pixels(frame, max_side), aspect)

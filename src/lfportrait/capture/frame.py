@@ -8,14 +8,13 @@ cameras: people photograph what they want to see from its front, with the camera
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float64
 from .camera import Camera
 
 __all__ = ["looks_normalised", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
            "pose_corrections", "without_drift"]
 
-Float = NDArray[np.float64]
 
 # Where points of an adult face lie from the middle between the eyes (x to the picture's right, y
 # up, z out of the face), in units of the height from there to the chin's lower end, about 115 mm:
@@ -35,7 +34,7 @@ _MIDDLE_BEHIND_EYES = 0.72
 _HALF_EDGE = 1.8
 
 
-def focus_point(cameras: Camera) -> Float:
+def focus_point(cameras: Camera) -> Float64:
     """The point nearest to all optical axes in the least-squares sense, [3]."""
     forward = cameras.pose[:, :3, 2]
     across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
@@ -43,7 +42,7 @@ def focus_point(cameras: Camera) -> Float:
     return np.linalg.solve(matrix, np.einsum("vij,vj->i", across, cameras.position))
 
 
-def mean_up(cameras: Camera) -> Float:
+def mean_up(cameras: Camera) -> Float64:
     """The cameras' common up direction, [3], not of unit length.
 
     A photo may be turned by quarters: where the pictures' own "up" cancel out, each camera counts
@@ -51,7 +50,7 @@ def mean_up(cameras: Camera) -> Float:
     """
     sides = np.stack([-cameras.pose[:, :3, 1], cameras.pose[:, :3, 1],
                       cameras.pose[:, :3, 0], -cameras.pose[:, :3, 0]], axis=1)
-    up: Float = sides[:, 0].mean(0)
+    up: Float64 = sides[:, 0].mean(0)
     if np.linalg.norm(up) < 0.6:
         for _ in range(10):
             best = np.argmax(sides @ up, axis=1)
@@ -77,7 +76,7 @@ def looks_normalised(cameras: Camera) -> bool:
     return bool(upright and (away[2] > 0.2 or np.hypot(away[0], away[2]) < 0.25))
 
 
-def portrait_frame_from_cameras(cameras: Camera, box: Float | None = None) -> Float:
+def portrait_frame_from_cameras(cameras: Camera, box: Float64 | None = None) -> Float64:
     """Similarity [4, 4] from the cameras' world to a portrait frame guessed from the cameras.
 
     The origin is the point that the cameras look at (nearest to all optical axes); +y is their mean
@@ -107,7 +106,7 @@ def portrait_frame_from_cameras(cameras: Camera, box: Float | None = None) -> Fl
     return _similarity(1.0 / float(np.quantile(distance * half, 0.25)), rotation, middle)
 
 
-def _similarity(scale: float, rotation: Float, middle: Float) -> Float:
+def _similarity(scale: float, rotation: Float64, middle: Float64) -> Float64:
     """The map x -> scale rotation (x - middle) as [4, 4]."""
     similarity = np.eye(4)
     similarity[:3, :3] = scale * rotation
@@ -115,7 +114,7 @@ def _similarity(scale: float, rotation: Float, middle: Float) -> Float:
     return similarity
 
 
-def _fit(source: Float, target: Float) -> tuple[float, Float, Float]:
+def _fit(source: Float64, target: Float64) -> tuple[float, Float64, Float64]:
     """Scale, rotation and source mean of the least-squares similarity (Umeyama 1991)."""
     mean = source.mean(0)
     spread, wanted = source - mean, target - target.mean(0)
@@ -125,7 +124,7 @@ def _fit(source: Float, target: Float) -> tuple[float, Float, Float]:
     return scale, (u * signs) @ vt, mean
 
 
-def portrait_frame_from_landmarks(landmarks: Float, cameras: Camera) -> Float:
+def portrait_frame_from_landmarks(landmarks: Float64, cameras: Camera) -> Float64:
     """Similarity [4, 4] from the cameras' world to the portrait frame of a face.
 
     Parameters
@@ -179,14 +178,14 @@ def without_drift(found: Camera, given: Camera) -> Camera:
     return found.transformed(similarity)
 
 
-def _looked_at(cameras: Camera, far: Float) -> Float:
+def _looked_at(cameras: Camera, far: Float64) -> Float64:
     """Centres, the points ``far`` before them, and two beside those: [4 V, 3]."""
     x, y, z = (far[:, None] * cameras.pose[:, :3, axis] for axis in range(3))
     seen = cameras.position + z
     return np.concatenate([cameras.position, seen, seen + 0.3 * x, seen + 0.3 * y])
 
 
-def pose_corrections(given: Camera, found: Camera) -> tuple[Float, Float]:
+def pose_corrections(given: Camera, found: Camera) -> tuple[Float64, Float64]:
     """How far two batches of V cameras are apart.
 
     Returns

@@ -23,8 +23,8 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
+from ..arrays import Float64, Int64
 from ..errors import UserError
 from ..progress import Progress
 from ..simd.threads import side_by_side
@@ -68,7 +68,6 @@ neighbours in the order of their names: pairs grow with the square of the photos
 _DENSE = 1.2
 """Degrees between neighbours up to which photos between them show nothing more."""
 
-Float = NDArray[np.float64]
 
 
 class PhotosError(UserError):
@@ -128,7 +127,7 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
     return found
 
 
-def _pairs(count: int, alike: NDArray[np.int64] | None) -> list[tuple[int, int]]:
+def _pairs(count: int, alike: Int64 | None) -> list[tuple[int, int]]:
     """The pairs of so many photos that are worth comparing."""
     return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
 
@@ -148,7 +147,7 @@ def _matches(features: list[Features], pairs: list[tuple[int, int]], say: Callab
 class _Placed:
     """Pose (camera-to-world) and lens of every registered photo by its name, and figures."""
 
-    cameras: dict[str, tuple[Float, Lens]] = field(default_factory=dict)
+    cameras: dict[str, tuple[Float64, Lens]] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
     spacing: float = np.inf
     """Degrees between a camera and the next one, seen from the points; the median."""
@@ -175,7 +174,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     if len(photos) <= ALL_PAIRS:
         alike = likeness(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
 
-    def place(some: NDArray[np.int64]) -> _Placed:
+    def place(some: Int64) -> _Placed:
         pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)])
         folder = work / f"of{len(some)}"
         folder.mkdir()
@@ -351,7 +350,7 @@ def _listed(names: list[str]) -> str:
     return f"{', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
 
 
-def _pinholes(poses: NDArray[np.float64], lenses: list[Lens]) -> Camera:
+def _pinholes(poses: Float64, lenses: list[Lens]) -> Camera:
     return Camera(poses, np.array([lens.focal for lens in lenses]),
                   np.array([lens.center for lens in lenses]),
                   np.array([lens.width for lens in lenses]),

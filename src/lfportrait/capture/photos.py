@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import UInt8
 from ..errors import UserError
 from ..measure import usable_cores
 from ..media.colors import color_space, srgb_from
@@ -53,7 +53,7 @@ class Photo:
     """
 
     name: str
-    image: NDArray[np.uint8]
+    image: UInt8
     focal: float | None = None
     lens: str = ""
     turns: int = 0

@@ -13,7 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Float32, Float64, UInt8
 
 __all__ = ["blurred", "fineness", "relative_sharpness"]
 
@@ -22,7 +23,7 @@ _FINE, _COARSE = 0.8, 2.4
 _NEIGHBOURS = 4
 
 
-def _second_derivatives(grey: NDArray[np.float32], sigma: float) -> list[NDArray[np.float32]]:
+def _second_derivatives(grey: Float32, sigma: float) -> list[Float32]:
     """xx, xy and yy of the picture smoothed by ``sigma`` pixels."""
     reach = int(np.ceil(4 * sigma))
     x = np.arange(-reach, reach + 1) / sigma
@@ -37,7 +38,7 @@ def _second_derivatives(grey: NDArray[np.float32], sigma: float) -> list[NDArray
     return found
 
 
-def fineness(image: NDArray[np.uint8], side: int = _SIDE) -> NDArray[np.float64]:
+def fineness(image: UInt8, side: int = _SIDE) -> Float64:
     """Fine over coarse detail along 0, 45, 90 and 135 degrees, float64 [4].
 
     Parameters
@@ -63,8 +64,8 @@ def fineness(image: NDArray[np.uint8], side: int = _SIDE) -> NDArray[np.float64]
     return (np.array(energies[0]) + 1e-6) / (np.array(energies[1]) + 1e-6)
 
 
-def relative_sharpness(measures: NDArray[np.float64], groups: Sequence[Any] | None = None,
-                       reach: int = _NEIGHBOURS) -> NDArray[np.float64]:
+def relative_sharpness(measures: Float64, groups: Sequence[Any] | None = None,
+                       reach: int = _NEIGHBOURS) -> Float64:
     """Sharpness of each picture relative to its neighbours, float64 [V]; 1 is usual.
 
     Parameters
@@ -87,7 +88,7 @@ def relative_sharpness(measures: NDArray[np.float64], groups: Sequence[Any] | No
     return found
 
 
-def blurred(images: Sequence[NDArray[np.uint8]], threshold: float) -> list[int]:
+def blurred(images: Sequence[UInt8], threshold: float) -> list[int]:
     """Indices of the pictures that are blurred relative to their neighbours, in order.
 
     Parameters

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import UInt8
 from .photos import Photo, is_video, read_photos
 from .video import read_video
 
 __all__ = ["load_photos", "read_source"]
 
 
-def load_photos(path: str | Path) -> list[tuple[str, NDArray[np.uint8]]]:
+def load_photos(path: str | Path) -> list[tuple[str, UInt8]]:
     """Names and pictures (uint8 [H, W, 3 or 4], upright) of a folder of photos or a video.
 
     Raises

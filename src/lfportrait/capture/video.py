@@ -16,8 +16,8 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from .film import decoded, film_of, upright_frame
 from .photos import Photo
@@ -39,21 +39,21 @@ class _Scan:
     seconds (phones film at a rate that varies); ``sharp`` the frames' relative sharpness.
     """
 
-    way: NDArray[np.float64]
-    time: NDArray[np.float64]
-    sharp: NDArray[np.float64]
+    way: Float64
+    time: Float64
+    sharp: Float64
     broken: str
 
 
-def _followed(before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32],
-              ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _followed(before: UInt8, after: UInt8, points: Float32,
+              ) -> tuple[Float32, Bool]:
     """Where points [K, 1, 2] of one picture are in another, and which were found."""
     place, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, points.copy(),
                                                winSize=(15, 15), maxLevel=4)
     return np.asarray(place, np.float32), np.asarray(found).ravel() == 1
 
 
-def _moved(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
+def _moved(before: UInt8, after: UInt8) -> float:
     """Median displacement of features in parts of the longer side; NaN where too few are found."""
     points = cv2.goodFeaturesToTrack(before, 200, 0.01, 6)
     if points is None or len(points) < 10:
@@ -71,10 +71,10 @@ def _moved(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
 def _scan(path: Path) -> _Scan:
     import av
 
-    details: list[NDArray[np.float64]] = []
+    details: list[Float64] = []
     times: list[float] = []
     nodes, moves = [0], []
-    last: NDArray[np.uint8] | None = None
+    last: UInt8 | None = None
     broken = ""
     try:
         for index, (rate, _, frame) in enumerate(decoded(path)):
@@ -167,7 +167,7 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
     return photos
 
 
-def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
+def video_frames(path: Path) -> tuple[float, Iterator[UInt8]]:
     """Frames per second of a video, and its upright frames (uint8 [H, W, 3]) one at a time.
 
     Raises
@@ -188,7 +188,7 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
     except (av.error.FFmpegError, OSError, ValueError) as error:  # names that are no UTF-8, too
         raise UserError(f"the video {path} can't be read: {error}") from error
 
-    def frames() -> Iterator[NDArray[np.uint8]]:
+    def frames() -> Iterator[UInt8]:
         try:
             for _, aspect, frame in decoded(path):
                 yield np.ascontiguousarray(upright_frame(frame, 0, aspect))

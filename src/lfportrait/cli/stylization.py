@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, UInt8
 from ..errors import UserError
 from ..example import (
     Exemplar,
@@ -69,7 +69,7 @@ class _Painter:
                 as_painted(self.exemplar, self.config.wear), self.config))
             aside.shutdown(wait=False)
 
-    def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
+    def _apply(self, style: str, photo: UInt8, points: Float64) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
         chosen = (fitting(exemplar, points, photo, self.config.eyes, self.config.wear)
@@ -83,8 +83,8 @@ class _Painter:
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
-    def paint(self, photo: NDArray[np.uint8], points: NDArray[np.float64],
-              ) -> tuple[NDArray[np.float32], Any]:
+    def paint(self, photo: UInt8, points: Float64,
+              ) -> tuple[Float32, Any]:
         """The picture of a photo with landmarks, float32 [H, W, 3], and the result as a whole."""
         result = self._apply("", photo, points)
         if not self.choices:
@@ -172,7 +172,7 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     video = VideoTransfer(Transfer(exemplar, config))
     start = time.perf_counter()
 
-    def painted() -> Iterator[NDArray[np.uint8]]:
+    def painted() -> Iterator[UInt8]:
         for number, frame in enumerate(video.frames(frames)):
             progress.update(number, f"frame {number + 1}")
             yield frame
@@ -184,10 +184,10 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
             "frames_per_second": count / seconds, "flicker": flicker}
 
 
-def _first_face(frames: Iterator[NDArray[np.uint8]], most: int = 30,
-                ) -> tuple[Iterator[NDArray[np.uint8]], NDArray[np.float64] | None]:
+def _first_face(frames: Iterator[UInt8], most: int = 30,
+                ) -> tuple[Iterator[UInt8], Float64 | None]:
     """All frames, and the landmarks of the first face among the first ``most``, or None."""
-    looked_at: list[NDArray[np.uint8]] = []
+    looked_at: list[UInt8] = []
     points = None
     for frame in islice(frames, most):
         looked_at.append(frame)

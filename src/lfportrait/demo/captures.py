@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..capture import Capture
 from ..errors import UserError
 from ..files import read_json
@@ -20,7 +20,7 @@ SIZE, VIEWS = 384, 60
 LEAST_SIZE, LEAST_VIEWS = 16, 4
 
 
-def demo_landmarks() -> NDArray[np.float64]:
+def demo_landmarks() -> Float64:
     """The 68 landmarks of the embedded capture's head, float64 [68, 3], in its world."""
     return np.array(read_json(DATA / "capture" / "transforms.json")["landmarks"])
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float64, UInt8
 from ..example import Sitting
 from ..face import read_landmarks
 from ..media.pictures import read_image
@@ -14,10 +14,9 @@ from .shipped import DATA, resized
 
 __all__ = ["demo_photo", "embedded_sittings"]
 
-Landmarks = NDArray[np.float64]
 
 
-def _portrait(path: Path, height: int) -> tuple[NDArray[np.uint8], Landmarks]:
+def _portrait(path: Path, height: int) -> tuple[UInt8, Float64]:
     """A cut-out photo, uint8 [H, 3/4 H, 4], and its landmarks."""
     picture = read_image(path)
     points = np.asarray(read_landmarks(path.with_suffix(".landmarks.txt")), np.float64)
@@ -26,7 +25,7 @@ def _portrait(path: Path, height: int) -> tuple[NDArray[np.uint8], Landmarks]:
     return resized(picture, width, height), points * scale
 
 
-def demo_photo(height: int = 1024) -> tuple[NDArray[np.uint8], Landmarks]:
+def demo_photo(height: int = 1024) -> tuple[UInt8, Float64]:
     """The head of the embedded capture, seen from eight degrees to its left.
 
     Parameters

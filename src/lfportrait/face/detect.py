@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float64, UInt8
 from .mediapipe_tasks import made, picture
 from .points import FROM_MEDIAPIPE, centred
 
@@ -38,7 +38,7 @@ def _landmarker(path: str, faces: int) -> Any:
     return made(make, lambda task: task.detect(picture(np.zeros((64, 64, 3), np.uint8))))
 
 
-def face_mesh(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
+def face_mesh(image: UInt8) -> Float64 | None:
     """All points of MediaPipe's mesh of the surest face in a picture.
 
     Parameters
@@ -59,12 +59,12 @@ def face_mesh(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
     return np.array([(point.x * width, point.y * height) for point in found.face_landmarks[0]])
 
 
-def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]]:
+def _meshes(image: UInt8, most: int = 1) -> list[Float64]:
     """MediaPipe's points of ``most`` faces mapped to 68 landmarks [68, 2], the largest first."""
     detector = _landmarker(str(models.fetch("face-landmarker")), most)
     found = detector.detect(picture(image))
     height, width = image.shape[:2]
-    faces: list[NDArray[np.float64]] = []
+    faces: list[Float64] = []
     for mesh in found.face_landmarks:  # the surest first
         points = np.array([(point.x * width, point.y * height) for point in mesh])[FROM_MEDIAPIPE]
         if not _among(points, faces):
@@ -72,19 +72,19 @@ def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]
     return sorted(faces, key=_extent, reverse=True)
 
 
-def _among(points: NDArray[np.float64], faces: list[NDArray[np.float64]]) -> bool:
+def _among(points: Float64, faces: list[Float64]) -> bool:
     """Whether landmarks are those of a face that was found before."""
     return any(np.linalg.norm(points.mean(axis=0) - one.mean(axis=0)) < 0.3 * _extent(one)
                for one in faces)
 
 
-def _extent(points: NDArray[np.float64]) -> float:
+def _extent(points: Float64) -> float:
     """Size of a face in pixels: the diagonal of its landmarks' box."""
     return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def detect_faces(image: NDArray[np.uint8], near: tuple[float, float] | None = None, *,
-                 thorough: bool = True) -> list[NDArray[np.float64]]:
+def detect_faces(image: UInt8, near: tuple[float, float] | None = None, *,
+                 thorough: bool = True) -> list[Float64]:
     """The 68 landmarks of every face in a picture, the largest first.
 
     Parameters
@@ -107,7 +107,7 @@ def detect_faces(image: NDArray[np.uint8], near: tuple[float, float] | None = No
     windows = list(_windows(height, width) if near is None else _around(near, height, width))
     if near is None and not thorough:
         windows = windows[:1]
-    faces: list[NDArray[np.float64]] = []
+    faces: list[Float64] = []
     for x0, y0, x1, y1 in windows:
         for points in _meshes(image[y0:y1, x0:x1], _MANY):
             points = points + np.array([x0, y0])
@@ -137,7 +137,7 @@ def _around(near: tuple[float, float], height: int, width: int,
             yield x0, y0, x1, y1
 
 
-def _within(points: NDArray[np.float64], place: tuple[float, float]) -> bool:
+def _within(points: Float64, place: tuple[float, float]) -> bool:
     """Whether a place lies in the box around landmarks, forehead included."""
     low, high = points.min(axis=0), points.max(axis=0)
     low = low - [0.0, 0.4 * (high[1] - low[1])]
@@ -155,7 +155,7 @@ def _windows(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
                 yield x, y, x + w, y + h
 
 
-def _inside_a_head(image: NDArray[np.uint8], points: NDArray[np.float64]) -> bool:
+def _inside_a_head(image: UInt8, points: Float64) -> bool:
     """Whether what was taken for a face, [68, 2], is a part of a larger head: a profile's ear.
 
     Above and beside a face, one and a half times as far from the brows as the chin, no person is.
@@ -175,8 +175,8 @@ def _inside_a_head(image: NDArray[np.uint8], points: NDArray[np.float64]) -> boo
     return bool((person_matte(np.ascontiguousarray(image))[y, x] > 0.9).all())
 
 
-def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
-                    ) -> NDArray[np.float64]:
+def _second_opinion(image: UInt8, points: Float64,
+                    ) -> Float64:
     """The mean of MediaPipe's landmarks and face-api's, where both saw the same face.
 
     The two err in different directions: over 14 painted and sculpted portraits the mean error is
@@ -196,8 +196,8 @@ def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
     return centred(0.5 * (points + other)) if apart.mean() < 0.15 * eyes else points
 
 
-def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
-                     thorough: bool = True) -> NDArray[np.float64] | None:
+def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
+                     thorough: bool = True) -> Float64 | None:
     """The 68 landmarks of the largest face in a picture.
 
     Parameters
@@ -237,8 +237,8 @@ def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
     return None
 
 
-def _turn_back(points: NDArray[np.float64], turn: int, shape: tuple[int, ...],
-               ) -> NDArray[np.float64]:
+def _turn_back(points: Float64, turn: int, shape: tuple[int, ...],
+               ) -> Float64:
     """Points found in a picture turned by quarter turns, in the picture itself."""
     height, width = shape[:2]
     x, y = points[:, 0], points[:, 1]
@@ -252,7 +252,7 @@ def _turn_back(points: NDArray[np.float64], turn: int, shape: tuple[int, ...],
     return points
 
 
-def face_yaw(landmarks: NDArray[np.float64]) -> float:
+def face_yaw(landmarks: Float64) -> float:
     """How far a face is turned, from -1 (profile to the left) over 0 (frontal) to 1.
 
     The nose tip's place between the outer corners of the eyes, along the line through them.

@@ -12,15 +12,14 @@ import functools
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from safetensors.numpy import load_file
 
 from .. import models
+from ..arrays import Float32, Float64, UInt8
 
 __all__ = ["detect_face", "detect_landmarks68", "landmarks_in_box"]
 
-Float32 = NDArray[np.float32]
 
 _ANCHORS = ((1.603231, 2.094468), (6.041143, 7.080126), (2.882459, 3.518061),
             (4.266906, 5.178857), (9.041765, 10.66308))
@@ -32,7 +31,7 @@ def _weights(name: str) -> dict[str, Float32]:
             for key, value in load_file(str(models.fetch(name))).items()}
 
 
-def _resized(image: NDArray[np.uint8], width: int, height: int) -> Float32:
+def _resized(image: UInt8, width: int, height: int) -> Float32:
     picture = Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR)
     return np.asarray(picture, np.float32)
 
@@ -79,8 +78,8 @@ def _leaky(x: Float32) -> Float32:
     return np.maximum(x, np.float32(0.1) * x)
 
 
-def detect_face(image: NDArray[np.uint8], least: float = 0.4,
-                ) -> tuple[NDArray[np.float64], float] | None:
+def detect_face(image: UInt8, least: float = 0.4,
+                ) -> tuple[Float64, float] | None:
     """The box (x, y, width, height) of the most certain face, with its score, or None.
 
     Parameters
@@ -121,7 +120,7 @@ def detect_face(image: NDArray[np.uint8], least: float = 0.4,
     return np.array([*corner, *box]) / scale, float(score.reshape(-1)[best])
 
 
-def landmarks_in_box(image: NDArray[np.uint8], box: NDArray[np.float64]) -> NDArray[np.float64]:
+def landmarks_in_box(image: UInt8, box: Float64) -> Float64:
     """The 68 landmarks [68, 2] of the face in a box (x, y, width, height)."""
     weights = _weights("face-landmarks-68")
     height, width = image.shape[:2]
@@ -146,7 +145,7 @@ def landmarks_in_box(image: NDArray[np.uint8], box: NDArray[np.float64]) -> NDAr
     return (points * 112.0 - (left, top)) / scale + (x0, y0)
 
 
-def detect_landmarks68(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
+def detect_landmarks68(image: UInt8) -> Float64 | None:
     """The 68 landmarks [68, 2] of the most certain face, or None."""
     found = detect_face(image)
     return None if found is None else landmarks_in_box(image, found[0])

@@ -10,11 +10,11 @@ is a plane through the head's middle.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Float64
 
 __all__ = ["EGG", "GENERIC_LANDMARKS", "MIRRORED", "generic_depth"]
 
-Float64 = NDArray[np.float64]
 
 GENERIC_LANDMARKS: Float64 = np.array([
     (-0.403, 0.003, 0.180), (-0.402, -0.065, 0.190), (-0.369, -0.146, 0.210),

@@ -15,20 +15,22 @@ from PIL import Image
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
+from ..arrays import Bool, Float32, Float64, UInt8
+
 __all__ = ["face_mask"]
 
 FINE = 160
 """Minimum width of the face in blocks of pixels."""
 
 
-def _chroma(image: NDArray[Any]) -> NDArray[np.float32]:
+def _chroma(image: NDArray[Any]) -> Float32:
     """Cb and Cr of an sRGB picture (ITU-R BT.601), [H, W, 2], in units of 1/255, and luma."""
     rgb = np.asarray(image, np.float32)
     luma = rgb @ np.array([0.299, 0.587, 0.114], np.float32)
     return np.stack([0.564 * (rgb[..., 2] - luma), 0.713 * (rgb[..., 0] - luma), luma], axis=-1)
 
 
-def _forehead(landmarks: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+def _forehead(landmarks: Float64, reach: float) -> Float64:
     """The upper half of an ellipse on the line between the jaw's ends, turned with the head."""
     left, right = landmarks[0], landmarks[16]
     middle, across = 0.5 * (left + right), 0.5 * (right - left)
@@ -40,8 +42,8 @@ def _forehead(landmarks: NDArray[np.float64], reach: float) -> NDArray[np.float6
     return middle - across * -np.cos(angle) + upward * np.sin(angle) * reach * face
 
 
-def face_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64], *,
-              softness: float = 0.02) -> NDArray[np.float32]:
+def face_mask(image: UInt8, landmarks: Float64, *,
+              softness: float = 0.02) -> Float32:
     """The soft mask of the face in a photo.
 
     Parameters
@@ -79,12 +81,12 @@ def face_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64], *,
     return out
 
 
-def _small_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64],
-                softness: float) -> NDArray[np.float32]:
+def _small_mask(image: UInt8, landmarks: Float64,
+                softness: float) -> Float32:
     """`face_mask` of a picture that holds little else."""
     shape = image.shape[:2]
 
-    def filled(outline: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def filled(outline: Float64) -> Bool:
         # Points are continuous, pixels lie at their middles.
         return polygon2mask(shape, outline[:, ::-1] - 0.5)
 

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import UInt8
 
 __all__ = ["made", "picture"]
 
@@ -50,7 +51,7 @@ def _made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
         os.close(silent)
 
 
-def picture(image: NDArray[np.uint8]) -> Any:
+def picture(image: UInt8) -> Any:
     """A picture, uint8 [H, W, 3 or 4], as MediaPipe wants it."""
     import mediapipe
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..errors import UserError
 from ..files import atomic_write
 
@@ -41,7 +42,7 @@ _LEAN = {
 _MIRROR = {17: 26, 18: 25, 19: 24, 20: 23, 21: 22, 36: 45, 40: 47, 41: 46, 49: 53, 59: 55}
 
 
-def centred(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def centred(points: Float64) -> Float64:
     """Landmarks [68, 2] that both networks found, without the lean that their mean has.
 
     Where the networks put brows, lids and bridge differs from where people put them. The table
@@ -58,7 +59,7 @@ def centred(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(points - lean @ np.array([[x, y], [-y, x]]), np.float64)
 
 
-def read_landmarks(path: str | Path) -> NDArray[np.float64]:
+def read_landmarks(path: str | Path) -> Float64:
     """Read 68 landmarks, ``x y`` a line, in pixels.
 
     Returns

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
 from .generic_head import GENERIC_LANDMARKS
 
 __all__ = ["FacePose", "face_pose"]
 
-Float64 = NDArray[np.float64]
 
 _JAW = 0.5
 """Weight of the jaw's landmarks: on a turned face they slide along the outline."""

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .. import models
+from ..arrays import Float32, UInt8
 from ..errors import UserError
 from ..labels import SEGMENTS
 from .mediapipe_tasks import made, picture
 
 __all__ = ["SEGMENTS", "hair_mask", "mattes", "parts", "person_matte"]
 
-Float32 = NDArray[np.float32]
 
 _MULTICLASS = "multiclass-segmentation"
 
@@ -83,7 +83,7 @@ def _described(content: bytes, size: int) -> tuple[bytes, int]:
     return content, channels
 
 
-def _run(name: str, frame: NDArray[np.uint8]) -> Float32:
+def _run(name: str, frame: UInt8) -> Float32:
     """The output [h, w, c] of a network for one square picture [H, H, C], read only.
 
     A painting is looked at again whenever one of its landmarks was moved.
@@ -117,7 +117,7 @@ def _quarter_turns(up: NDArray[Any] | None) -> int:
     return 0 if y <= 0 else 2
 
 
-def _resized(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+def _resized(image: UInt8, size: int) -> UInt8:
     """The picture as the networks want it: [size, size, 3]."""
     # Whole blocks of pixels first, where there are some: as good, and several times faster.
     return np.asarray(Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR,
@@ -130,7 +130,7 @@ def _full_size(mask: Float32, shape: tuple[int, ...], turns: int) -> Float32:
     return np.ascontiguousarray(np.rot90(np.clip(back, 0, 1), -turns), np.float32)
 
 
-def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
+def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     """How much of each pixel is the person.
 
     Parameters
@@ -154,8 +154,8 @@ def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> ND
     return _person(image, _quarter_turns(up))
 
 
-def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
-              ) -> NDArray[np.float32]:
+def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
+              ) -> Float32:
     """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`.
 
     ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
@@ -166,8 +166,8 @@ def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: in
     return _hair(image, _quarter_turns(up), size)
 
 
-def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
-           ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def mattes(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
+           ) -> tuple[Float32, Float32]:
     """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
     turns = _quarter_turns(up)
     if models.available(_MULTICLASS):
@@ -177,8 +177,8 @@ def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int =
     return _person(image, turns), _hair(image, turns, size)
 
 
-def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
-          ) -> dict[str, NDArray[np.float32]]:
+def parts(image: UInt8, up: NDArray[Any] | None = None,
+          ) -> dict[str, Float32]:
     """How much of each pixel is each part of a person, by the network of six parts.
 
     This is written against the network's documented input and outputs, and tested with a stand-in
@@ -205,11 +205,11 @@ def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
             for index, name in enumerate(SEGMENTS)}
 
 
-def _upright(image: NDArray[np.uint8], turns: int) -> NDArray[np.uint8]:
+def _upright(image: UInt8, turns: int) -> UInt8:
     return np.ascontiguousarray(np.rot90(image, turns))
 
 
-def _shares(image: NDArray[np.uint8], turns: int) -> tuple[Float32, tuple[int, ...]]:
+def _shares(image: UInt8, turns: int) -> tuple[Float32, tuple[int, ...]]:
     """Confidences [256, 256, 6] of the classes, and height and width of the upright picture."""
     upright = _upright(image, turns)
     result = _run(_MULTICLASS, _resized(upright, 256))
@@ -222,7 +222,7 @@ def _shares(image: NDArray[np.uint8], turns: int) -> tuple[Float32, tuple[int, .
     return (result if ready else _softmax(result)), upright.shape[:2]
 
 
-def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
+def _person(image: UInt8, turns: int) -> Float32:
     if models.available(_MULTICLASS):
         shares, shape = _shares(image, turns)
         return _full_size(1 - shares[..., 0], shape, turns)
@@ -231,7 +231,7 @@ def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
     return _full_size(matte[..., 0], upright.shape[:2], turns)
 
 
-def _hair(image: NDArray[np.uint8], turns: int, size: int) -> NDArray[np.float32]:
+def _hair(image: UInt8, turns: int, size: int) -> Float32:
     if models.available(_MULTICLASS):
         shares, shape = _shares(image, turns)
         return _full_size(shares[..., 1], shape, turns)

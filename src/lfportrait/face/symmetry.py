@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64
 from .generic_head import GENERIC_LANDMARKS, MIRRORED
 from .pose import FacePose
 
 __all__ = ["symmetric_landmarks"]
 
-Float64 = NDArray[np.float64]
 
 JAW = 17
 """The first landmarks are the jaw's."""

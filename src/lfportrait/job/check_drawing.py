@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from ..arrays import UInt8
 from ..capture import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .photo_check import PhotoCheck, PhotoFacts
 
@@ -72,7 +72,7 @@ def wrapped(draw: ImageDraw.ImageDraw, text: str, width: float, size: int) -> li
     return lines
 
 
-def check_picture(check: PhotoCheck) -> NDArray[np.uint8]:
+def check_picture(check: PhotoCheck) -> UInt8:
     """Draw what `check_photos` found.
 
     Returns

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float64, UInt8
 
 __all__ = ["face_faults"]
 
@@ -23,14 +24,14 @@ _WHOLE = [*range(1, 6), 57, *range(11, 16), *range(26, 16, -1)]
 """Around a face without the lowest part of the jaw, as a throat is body, too."""
 
 
-def _share(mask: NDArray[np.floating], points: NDArray[np.float64]) -> float:
+def _share(mask: NDArray[np.floating], points: Float64) -> float:
     """How much of a polygon is covered by a mask."""
     inside = np.zeros(mask.shape, np.uint8)
     cv2.fillPoly(inside, [np.round(points).astype(np.int32)], 1)
     return float((mask[inside > 0] > 0.5).mean()) if inside.any() else 0.0
 
 
-def face_faults(image: NDArray[np.uint8], landmarks: NDArray[np.float64], name: str) -> list[str]:
+def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
     """Sentences about what lies before a face in a photo; empty where nothing does.
 
     Parameters

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture, LatePictures, is_calibrated
 from ..errors import UserError
@@ -100,7 +101,7 @@ def _late(photos: Path, stored: dict[str, NDArray[Any]]) -> Capture:
     def again() -> Capture:
         return Capture.load(photos)
 
-    def mattes() -> Sequence[NDArray[np.uint8]]:
+    def mattes() -> Sequence[UInt8]:
         found = again().alphas
         assert found is not None
         return found

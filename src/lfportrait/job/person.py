@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, UInt8
 from ..capture import Capture, consistent_mattes, matte_agreement, refine_changes, refine_matte
 from ..progress import Progress
 from ..simd.threads import side_by_side
@@ -19,12 +19,11 @@ __all__ = ["cut_person", "rough_mattes"]
 _OVERLAP, _MOST, _FEWEST = 0.6, 0.8, 0.25
 _NOBODY = 0.01  # share of all pixels below which the network sees nobody
 
-Plane = NDArray[np.float32]
-Network = Callable[[NDArray[np.uint8], NDArray[np.float64]], Plane]
+Network = Callable[[UInt8, Float64], Float32]
 
 
 def rough_mattes(capture: Capture, progress: Progress | None = None,
-                 network: Network | None = None) -> list[Plane]:
+                 network: Network | None = None) -> list[Float32]:
     """A network's mattes of each photo separately.
 
     Parameters
@@ -60,7 +59,7 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
 
 def cut_person(capture: Capture, progress: Progress | None = None,
                network: Network | None = None,
-               soft: list[Plane] | None = None) -> tuple[Capture, str]:
+               soft: list[Float32] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
     A network's mattes where they agree: corrected by what other photos show behind the person
@@ -114,8 +113,8 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     return replace(capture, alphas=alphas, figures={**capture.figures, "mattes": how}), how
 
 
-def _along_edges(capture: Capture, soft: list[Plane], sure: bool,
-                 progress: Progress | None) -> list[Plane]:
+def _along_edges(capture: Capture, soft: list[Float32], sure: bool,
+                 progress: Progress | None) -> list[Float32]:
     """A network's mattes, corrected by what is behind the person and along the photos' edges.
 
     Where the views do not show what is behind, they and their depth vote on the mattes instead;
@@ -140,7 +139,7 @@ def _along_edges(capture: Capture, soft: list[Plane], sure: bool,
                                                     agreed[view]), views, 2)
 
 
-def _up_in_image(capture: Capture, view: int) -> NDArray[np.float64]:
+def _up_in_image(capture: Capture, view: int) -> Float64:
     """The world's up direction in a picture, [2] (x right, y down), unit length."""
     up = capture.cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
     flat = up[:2]

@@ -16,9 +16,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float64, UInt8
 from ..capture import (
     Photo,
     contact_sheet,
@@ -105,7 +105,7 @@ class PhotoCheck:
     photos: list[PhotoFacts]
     gaps: list[tuple[float, float]] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
-    images: list[NDArray[np.uint8]] = field(default_factory=list, repr=False)
+    images: list[UInt8] = field(default_factory=list, repr=False)
     notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, Any]:
@@ -117,15 +117,15 @@ class PhotoCheck:
                 "photos": [asdict(one) for one in self.photos]}
 
 
-def _upright(points: NDArray[np.float64], size: tuple[int, int],
-             turn: int) -> NDArray[np.float64]:
+def _upright(points: Float64, size: tuple[int, int],
+             turn: int) -> Float64:
     """Points [68, 2] of a picture of ``size`` turned counter-clockwise by quarter turns."""
     for _ in range(turn):
         points, size = np.stack([points[:, 1], size[0] - points[:, 0]], 1), size[::-1]
     return points
 
 
-def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.float64], float]:
+def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, Float64, float]:
     """Facts of one photo alone, its mean color (linear, [3]) and the share that is burnt out."""
     image = np.ascontiguousarray(photo.image[..., :3])
     height, width = image.shape[:2]
@@ -150,7 +150,7 @@ def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.
     return facts, color, float((part.min(-1) >= 254).mean())
 
 
-def _beside(values: NDArray[np.float64], reach: int = 7) -> NDArray[np.float64]:
+def _beside(values: Float64, reach: int = 7) -> Float64:
     """Each value over the median of its neighbours'."""
     found = np.ones_like(values)
     for index in range(len(values)):
@@ -174,7 +174,7 @@ def _judge_few(photos: list[Photo], facts: list[PhotoFacts]) -> None:
             one.wrong = "several faces"
 
 
-def _width(face: NDArray[np.float64]) -> float:
+def _width(face: Float64) -> float:
     """Distance of the jaw's ends."""
     return float(np.linalg.norm(face[16] - face[0]))
 
@@ -200,7 +200,7 @@ def _few_advice(facts: list[PhotoFacts]) -> list[str]:
     return found
 
 
-def _judge(facts: list[PhotoFacts], colors: NDArray[np.float64], burnt: list[float]) -> None:
+def _judge(facts: list[PhotoFacts], colors: Float64, burnt: list[float]) -> None:
     """Note what is wrong with each photo, or could be better."""
     brighter = _beside(colors.mean(1) + 1e-4)
     tint = np.maximum(*(np.abs(np.log(_beside((colors[:, c] + 1e-4) / (colors[:, 1] + 1e-4))))

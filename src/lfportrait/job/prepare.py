@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float32, Float64
 from ..cache import kept_arrays, key_of
 from ..capture import (
     CalibrateConfig,
@@ -96,7 +97,7 @@ def _with_landmarks(capture: Capture, fresh: bool, reframe: bool, progress: Prog
     return replace(capture, landmarks=points), figures
 
 
-def _in_portrait_frame(capture: Capture, points: NDArray[np.float64]) -> Capture:
+def _in_portrait_frame(capture: Capture, points: Float64) -> Capture:
     """The capture with a face's landmarks [68, 3], turned into its frame."""
     similarity = portrait_frame_from_landmarks(points, capture.cameras)
     if np.allclose(similarity, np.eye(4), atol=1e-3):
@@ -106,14 +107,14 @@ def _in_portrait_frame(capture: Capture, points: NDArray[np.float64]) -> Capture
 
 
 def _landmarks(capture: Capture, progress: Progress | None,
-               ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
+               ) -> tuple[Float64 | None, dict[str, Any]]:
     from ..face import landmarks_of_capture
 
     return landmarks_of_capture(capture, progress)
 
 
 def _kept_landmarks(capture: Capture, progress: Progress | None,
-                    ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
+                    ) -> tuple[Float64 | None, dict[str, Any]]:
     from ..face import detectors_key
 
     def find() -> dict[str, NDArray[Any]]:
@@ -128,9 +129,9 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
     return kept.get("points"), json.loads(str(kept["figures"]))
 
 
-def _following(capture: Capture, soft: list[NDArray[np.float32]], config: CalibrateConfig,
+def _following(capture: Capture, soft: list[Float32], config: CalibrateConfig,
                progress: Progress | None,
-               ) -> tuple[Capture, list[NDArray[np.float32]], dict[str, Any]]:
+               ) -> tuple[Capture, list[Float32], dict[str, Any]]:
     """The capture and its rough mattes, its cameras following a head that moved; figures."""
     if progress is not None:
         progress.update(0, "checking whether the head moved")

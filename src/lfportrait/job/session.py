@@ -18,9 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import UInt8
 from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
@@ -143,7 +141,7 @@ class Session:
         self.shown = self._shown().mix(**choices)
         return self.shown
 
-    def encode(self, display: Any, config: Any = None) -> NDArray[np.uint8]:
+    def encode(self, display: Any, config: Any = None) -> UInt8:
         """The shown field, coded for a display: uint8 [H, W, 3].
 
         Parameters

@@ -7,8 +7,8 @@ colored squares with the same landmarks are its painting. Nobody looks at what c
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float64
 from ..capture import Camera, Capture
 from ..example import Exemplar
 from ..field import VoxelField
@@ -18,14 +18,14 @@ __all__ = ["ball_capture", "ball_field", "ball_points", "drawn_exemplar"]
 _RADIUS = 0.6
 
 
-def _face() -> NDArray[np.float64]:
+def _face() -> Float64:
     """68 landmarks of a frontal face, [68, 2]: x right, y down, the face about 2 high."""
     def arc(count: int, x: float, y: float, rx: float, ry: float, start: float, end: float,
-            ) -> NDArray[np.float64]:
+            ) -> Float64:
         angle = np.radians(np.linspace(start, end, count))
         return np.stack([x + rx * np.cos(angle), y + ry * np.sin(angle)], axis=1)
 
-    def line(count: int, x0: float, y0: float, x1: float, y1: float) -> NDArray[np.float64]:
+    def line(count: int, x0: float, y0: float, x1: float, y1: float) -> Float64:
         return np.stack([np.linspace(x0, x1, count), np.linspace(y0, y1, count)], axis=1)
 
     eyes = [arc(7, side * 0.28, -0.17, 0.11, 0.05, 180, 540)[:6] for side in (-1, 1)]
@@ -36,7 +36,7 @@ def _face() -> NDArray[np.float64]:
         arc(9, 0, 0.47, 0.17, 0.03, 180, 540)[:8]])
 
 
-def ball_points(cameras: Camera, view: int) -> NDArray[np.float64]:
+def ball_points(cameras: Camera, view: int) -> Float64:
     """Where each pixel's ray meets the ball: float64 [H, W, 3], NaN where it does not."""
     origins, directions = cameras.rays(view)
     half = (origins * directions).sum(-1)

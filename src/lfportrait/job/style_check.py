@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, UInt8
 from ..capture import BAD, FAIR, GOOD, Camera
 from ..demo import demo_landmarks
 from ..errors import UserError
@@ -64,18 +64,18 @@ class StyleCheck:
     """
 
     exemplar: Exemplar
-    faces: list[NDArray[np.float64]]
+    faces: list[Float64]
     pose: FacePose
-    frontal: NDArray[np.uint8] | None = None
-    mirrored: NDArray[np.float32] | None = None
-    preview: NDArray[np.uint8] | None = None
+    frontal: UInt8 | None = None
+    mirrored: Float32 | None = None
+    preview: UInt8 | None = None
     facts: list[tuple[tuple[int, int, int], str]] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
 
 
-def chosen_face(path: Path, image: NDArray[np.uint8], face: int = 0,
+def chosen_face(path: Path, image: UInt8, face: int = 0,
                 at: tuple[float, float] | None = None,
-                ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+                ) -> tuple[Float64, list[Float64]]:
     """Landmarks of the one face of a picture that is meant, and of all that were found.
 
     Parameters
@@ -127,7 +127,7 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
         If the picture can't be read or there is no such face.
     """
     path = Path(style)
-    faces: list[NDArray[np.float64]] = []
+    faces: list[Float64] = []
     if not path.exists() or (path.with_suffix(".landmarks.txt").exists() and not face
                              and at is None):
         exemplar = Exemplar.load(style)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from ..arrays import UInt8
 from ..capture import FAIR, GOOD, INK, PAPER, font
 from ..example import head_mesh
 from .check_drawing import wrapped
@@ -35,14 +35,14 @@ def draw_faces(draw: ImageDraw.ImageDraw, check: StyleCheck, factor: float) -> N
                   stroke_width=2, stroke_fill=(0, 0, 0))
 
 
-def _fitted(image: NDArray[np.uint8], width: float) -> tuple[Image.Image, float]:
+def _fitted(image: UInt8, width: float) -> tuple[Image.Image, float]:
     """A picture as large as fits, and the factor."""
     factor = min(width / image.shape[1], _TALL / image.shape[0])
     size = max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor))
     return Image.fromarray(image).resize(size, Image.Resampling.LANCZOS), factor
 
 
-def style_picture(check: StyleCheck) -> NDArray[np.uint8]:
+def style_picture(check: StyleCheck) -> UInt8:
     """Draw what `check_style` found.
 
     Returns

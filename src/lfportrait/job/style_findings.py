@@ -10,18 +10,16 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from .. import models
+from ..arrays import Float64, UInt8
 from ..capture import BAD, FAIR
 from ..example import PROFILE, Exemplar, Regions, shut_eyes
 from ..stylize import PARTED, mouth_opening
 
 __all__ = ["Finding", "findings", "oval_frame"]
 
-Image = NDArray[np.uint8]
-Bools = NDArray[np.bool_]
 
 SMALL = 300
 """A face of so many pixels from chin to brows, or less, has coarse strokes on any panel."""
@@ -85,7 +83,7 @@ def findings(exemplar: Exemplar, yaw: float, rows: int) -> list[Finding]:
     return [one for one in found if one is not None]
 
 
-def _coarse(points: NDArray[np.float64], rows: int) -> Finding | None:
+def _coarse(points: Float64, rows: int) -> Finding | None:
     """Strokes of a small face."""
     pixels = float(np.ptp(points[:, 1]))
     if pixels > SMALL:
@@ -96,7 +94,7 @@ def _coarse(points: NDArray[np.float64], rows: int) -> Finding | None:
                    "larger picture of it", round(times, 2), BAD if times > 4 else FAIR)
 
 
-def oval_frame(image: Image) -> tuple[int, int, int, int] | None:
+def oval_frame(image: UInt8) -> tuple[int, int, int, int] | None:
     """Box (left, top, right, bottom) of an oval or round frame with plain corners, or None.
 
     Parameters
@@ -133,7 +131,7 @@ def oval_frame(image: Image) -> tuple[int, int, int, int] | None:
     return left, top, min(right, width), min(bottom, height)
 
 
-def _oval(image: Image, masked: bool) -> Finding | None:
+def _oval(image: UInt8, masked: bool) -> Finding | None:
     """A frame whose corners would be painted."""
     box = oval_frame(image)
     if box is None or masked:
@@ -156,7 +154,7 @@ def _half(yaw: float) -> Finding | None:
                    "own", round(abs(yaw), 1))
 
 
-def _shadow(image: Image, points: NDArray[np.float64]) -> Finding | None:
+def _shadow(image: UInt8, points: Float64) -> Finding | None:
     """A half of the face that is in deep shadow."""
     middle = points[[27, 28, 29, 30]]
     sides = []
@@ -189,7 +187,7 @@ def _hair(regions: Regions) -> Finding | None:
                    "picture helps", round(share, 2))
 
 
-def _eyes(points: NDArray[np.float64], image: Image) -> Finding | None:
+def _eyes(points: Float64, image: UInt8) -> Finding | None:
     """Eyes that the painter painted closed."""
     shut = shut_eyes(points, image)
     if not any(shut):
@@ -199,7 +197,7 @@ def _eyes(points: NDArray[np.float64], image: Image) -> Finding | None:
                    "--keep eyes leaves the photo's", list(shut))
 
 
-def _mouth(points: NDArray[np.float64]) -> Finding | None:
+def _mouth(points: Float64) -> Finding | None:
     """An open mouth."""
     opening = mouth_opening(points)
     if not opening > PARTED:
@@ -208,7 +206,7 @@ def _mouth(points: NDArray[np.float64]) -> Finding | None:
                    "lips; --keep lips leaves the photo's", round(opening, 2))
 
 
-def _hand(image: Image, points: NDArray[np.float64]) -> Finding | None:
+def _hand(image: UInt8, points: Float64) -> Finding | None:
     """A hand at the face, where the network of parts is at hand."""
     if models.missing(["multiclass-segmentation"]):
         return None

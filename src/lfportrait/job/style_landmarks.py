@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from ..arrays import Float64, UInt8
 from ..errors import UserError
 from ..example import Exemplar
 from ..face import face_pose, read_landmarks, write_landmarks
@@ -47,7 +47,7 @@ def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) 
     """
     image = np.ascontiguousarray(read_image(path)[..., :3])
     beside, drawn = path.with_suffix(".landmarks.txt"), path.with_suffix(".landmarks.png")
-    faces: list[NDArray[np.float64]] = []
+    faces: list[Float64] = []
     if beside.exists():
         if face or at is not None:
             raise UserError(f"{beside} already exists; remove it to use another face")
@@ -68,7 +68,7 @@ def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) 
             "pose": pose.angles, "faces": max(len(faces), 1), "said": said}
 
 
-def draw_landmarks(check: StyleCheck) -> NDArray[np.uint8]:
+def draw_landmarks(check: StyleCheck) -> UInt8:
     """The picture with mesh and numbered landmarks, enlarged so that the numbers can be read."""
     image, points = check.exemplar.image, check.exemplar.landmarks
     size = float(np.ptp(points, axis=0).max())

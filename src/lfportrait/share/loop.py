@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import UInt8
 from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
@@ -55,7 +55,7 @@ def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:
 
 
 def _frames(field: VoxelField, config: LoopConfig, context: ExportContext,
-            ) -> Iterator[NDArray[np.uint8]]:
+            ) -> Iterator[UInt8]:
     """The pictures of a loop, uint8 [size, size, 3]."""
     cameras = loop_cameras(config, field)
     seen = render_views(field, cameras, background=context.encode.background,

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float64, UInt8
 from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
@@ -32,7 +33,7 @@ def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
     return min(max(reach, 0.5), 0.9), max(low, -1.0), min(high, 1.2)
 
 
-def _arc(degrees: NDArray[np.float64], size: int, field: VoxelField | None,
+def _arc(degrees: Float64, size: int, field: VoxelField | None,
          pitch: float) -> Camera:
     """Cameras on an arc that see the whole head, framed the same in all of them."""
     reach, low, high = head_extent(field)
@@ -49,7 +50,7 @@ def good_cone(field: VoxelField, cone: float) -> float:
     return min(cone, field.cone) if field.cone else cone
 
 
-def sweep_degrees(frames: int, cone: float) -> NDArray[np.float64]:
+def sweep_degrees(frames: int, cone: float) -> Float64:
     """Yaw of each frame of a sweep there and back: slow at the ends, without a seam in a loop.
 
     Parameters
@@ -120,7 +121,7 @@ def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Gr
 def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
                  background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
                  device: str = "cpu",
-                 ) -> Iterator[NDArray[np.uint8]]:
+                 ) -> Iterator[UInt8]:
     """Frames of a sweep, rendered one at a time.
 
     Parameters
@@ -149,7 +150,7 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
     last = np.array([np.flatnonzero(places == place)[-1] for place in range(len(yaw))])
     fresh = render_views(field, cameras, np.sort(first).tolist(), background=background,
                          ground=plane, device=device)
-    kept: dict[int, NDArray[np.uint8]] = {}
+    kept: dict[int, UInt8] = {}
     for frame, place in enumerate(places.ravel().tolist()):
         if frame == first[place]:
             kept[place] = eight_bit(next(fresh).color)

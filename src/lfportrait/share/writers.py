@@ -10,8 +10,8 @@ from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32
 from ..errors import UserError
 from ..field import VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_path, atomic_write
@@ -128,8 +128,8 @@ def _unit(field: VoxelField, config: ExportConfig) -> float:
     return METRES * float(np.cbrt(np.linalg.det(field.frame[:3, :3])))
 
 
-def _placed(points: NDArray[np.float32], normals: NDArray[np.float32], field: VoxelField,
-            config: ExportConfig) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _placed(points: Float32, normals: Float32, field: VoxelField,
+            config: ExportConfig) -> tuple[Float32, Float32]:
     """Points and normals in the coordinates that are asked for, those of the portrait in metres."""
     if config.world == "portrait":
         return points * np.float32(METRES), normals

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import UInt8
 from ..errors import UserError
 from ..files import atomic_path, atomic_write, read_json
 from ..labels import BY_HAND
@@ -260,7 +260,7 @@ def _check(data: bytes, target: Path) -> None:
                       "needs at least 64")
 
 
-def write_picture(source: Path | NDArray[np.uint8], size: int, target: Path) -> None:
+def write_picture(source: Path | UInt8, size: int, target: Path) -> None:
     """Write a painting, a file or what was read of one, with sides of at most ``size`` pixels.
 
     Parameters

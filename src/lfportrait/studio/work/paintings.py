@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import models
+from ...arrays import Float64
 from ...capture import FAIR, GOOD
 from ...errors import UserError
 from ...example import Exemplar
@@ -61,7 +61,7 @@ def _choose(sitting: Sitting, facts: Facts) -> dict[str, Any]:
     return {"points": points.tolist()}
 
 
-def usual_face(place: tuple[float, float], width: int, height: int) -> NDArray[np.float64]:
+def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
     """Landmarks of a usual face with the tip of its nose at a place, to be corrected by hand.
 
     Parameters
@@ -81,7 +81,7 @@ def usual_face(place: tuple[float, float], width: int, height: int) -> NDArray[n
     reach = np.array([-face.min(0), face.max(0)])
     room = np.array([nose, [width - 1, height - 1] - nose]) / reach
     scale = 0.4 * min(width, height) / np.ptp(face[:, 1])
-    points: NDArray[np.float64] = nose + face * max(min(scale, room.min()), 0.25 * scale)
+    points: Float64 = nose + face * max(min(scale, room.min()), 0.25 * scale)
     return points
 
 

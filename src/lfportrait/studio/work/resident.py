@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import UInt8
 from ...errors import UserError
 from ...files import atomic_path, write_json
 from ...lightfield import (
@@ -50,7 +50,7 @@ _BRIDGE = 3.0
 """Seconds that Bridge has to answer."""
 
 
-def jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
+def jpeg(image: UInt8, quality: int = 88) -> bytes:
     """A picture as JPEG."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "JPEG", quality=quality)
@@ -62,7 +62,7 @@ class _Resident:
 
     def __init__(self) -> None:
         self.sitting = Sitting()
-        self._coded: tuple[str, NDArray[np.uint8]] | None = None
+        self._coded: tuple[str, UInt8] | None = None
 
     def preview(self, facts: Facts) -> dict[str, Any]:
         """A picture of a look, JPEG."""
@@ -117,7 +117,7 @@ class _Resident:
                 "placement": {name: getattr(config, name) for name in (
                     "size", "shift_x", "shift_y", "focus", "depth_scale")}}
 
-    def coded(self, facts: Facts) -> NDArray[np.uint8]:
+    def coded(self, facts: Facts) -> UInt8:
         """A look, coded for a panel; the last one is kept."""
         look = Look(facts["look"])
         field, panel, config = self._placed(facts)

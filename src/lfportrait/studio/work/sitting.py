@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import UInt8
 from ...cache import hash_of, tried
 from ...errors import UserError
 from ...example import Exemplar, known_ground
@@ -178,7 +178,7 @@ class Sitting:
         return session.preview_all(exemplars, config)
 
     def picture(self, look: Look, cameras: Sequence[tuple[float, float, float]], size: int,
-                background: float = 1.0) -> NDArray[np.uint8]:
+                background: float = 1.0) -> UInt8:
         """What is shown from some cameras, side by side: uint8 [size, size * cameras, 3]."""
         field = self.field(look)
         return np.concatenate([eight_bit(seen.color) for seen in render_views(

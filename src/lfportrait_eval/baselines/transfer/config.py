@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import tyro
 from numpy.typing import NDArray
 
+from lfportrait.arrays import Float32
 from lfportrait.files import write_image
 
 from ..config import BaselineConfig
@@ -77,7 +77,7 @@ class Painted:
         Intermediates by name, uint8 or float in [0, 1].
     """
 
-    image: NDArray[np.float32]
+    image: Float32
     seconds: dict[str, float]
     pictures: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
 
