@@ -23,7 +23,7 @@ LABORATORY = ROOT / "src" / "lfportrait_eval"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("arrays", "browsing", "cache", "color", "device", "errors",
+GROUND = ("arrays", "browsing", "cache", "color", "device", "download", "errors",
           "files", "gpu", "health", "labels", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "runner", "simd", "stages", "temporary", "version")

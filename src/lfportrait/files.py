@@ -25,9 +25,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from .errors import UserError
-from .leftovers import moved_name, part_folder, part_name, remove_part, sweep_once
 from .png import write_png
-from .temporary import temporary_place
+from .temporary import moved_name, part_folder, part_name, remove_part, sweep_once, temporary_place
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from lfportrait.files import atomic_path
-from lfportrait.leftovers import part_name
 from lfportrait.runner import processes
 from lfportrait.studio import desk, job_state
 from lfportrait.studio.exports import forget_unfinished
 from lfportrait.studio.job_state import JobState, StageState
 from lfportrait.studio.jobs import Jobs
 from lfportrait.studio.routes import start
+from lfportrait.temporary import part_name
 
 from .conftest import jpeg, opened
 

@@ -15,9 +15,9 @@ from ..arrays import Float32
 from ..errors import UserError
 from ..field import VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_path, atomic_write
-from ..leftovers import part_folder
 from ..lightfield import Display, ViewMask, composed, encode_with_figures, write_coded
 from ..lightfield.prints import PrintConfig, PrintSheet, check_file, fitted, write_print
+from ..temporary import part_folder
 from . import mesh as meshes
 from .exporter import METRES, ExportConfig, ExportContext, NoParameters, SweepConfig
 from .page import PageConfig, write_page

@@ -12,8 +12,8 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
-from ..leftovers import MARK
 from ..share import Export, Option, exports
+from ..temporary import MARK
 from .answers import Refusal, choice, number, text, truth, whole
 from .names import folder_name, id_of
 from .projects import Project

@@ -18,7 +18,7 @@ from filelock import Timeout
 
 from ...errors import UserError
 from ...files import lock
-from ...leftovers import sweep_below
+from ...temporary import sweep_below
 
 __all__ = ["FOLDER", "Event", "Journal", "Watcher", "is_running", "locked",
            "locked_file", "read_events"]
