@@ -19,10 +19,10 @@ from ..arrays import UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture, LatePictures, is_calibrated
 from ..errors import UserError
+from ..files import file_state
 from ..media.depth import DepthMap
 from ..media.folders import files_below
 from ..progress import Progress
-from ..states import file_state
 
 __all__ = ["capture_of_face"]
 

@@ -23,9 +23,9 @@ from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import VoxelField
+from ..files import file_state
 from ..lightfield import Display, encode
 from ..progress import Progress
-from ..states import file_state
 from ..stylize import (
     NearbyPainters,
     Painters,

@@ -19,12 +19,11 @@ from PIL import Image
 
 from ..arrays import UInt8
 from ..errors import UserError
-from ..files import atomic_path, atomic_write, read_json
+from ..files import atomic_path, atomic_write, file_state, read_json
 from ..labels import BY_HAND
 from ..media.folders import visible
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
-from ..states import file_state
 from .answers import Refusal
 from .names import file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects

@@ -1,4 +1,4 @@
-"""Hashes of photos, kept by the files' states (`lfportrait.states`), so that resuming is fast.
+"""Hashes of photos, kept by the files' states (`lfportrait.files`), so that resuming is fast.
 
 Where a state can't tell a change (Windows, memory cards, files that were written just now), the
 photos are read again.
@@ -13,8 +13,7 @@ from pathlib import Path
 
 from ...cache import hash_of
 from ...errors import UserError
-from ...files import write_json
-from ...states import file_state, tells_changes
+from ...files import file_state, tells_changes, write_json
 from ..steps import source_files
 
 __all__ = ["Fingerprints"]

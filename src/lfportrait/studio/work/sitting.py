@@ -15,9 +15,9 @@ from ...cache import hash_of, tried
 from ...errors import UserError
 from ...example import Exemplar, known_ground
 from ...field import Backdrop, VoxelField, head_points
+from ...files import file_state
 from ...job import Session
 from ...lightfield import eight_bit, render_views
-from ...states import file_state
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from .pictures import views_of
 
