@@ -1,6 +1,14 @@
 from .calibration.database import USUAL_FOCAL
 from .calibration.head_motion import HeadMotion, follow_head, place_by_head
-from .camera import Camera
+from .camera import (
+    Camera,
+    focus_point,
+    looks_normalised,
+    portrait_frame_from_cameras,
+    portrait_frame_from_landmarks,
+    pose_corrections,
+    without_drift,
+)
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .data_set_facts import DataSetFacts, data_set_facts
@@ -14,14 +22,6 @@ from .formats import (
     capture_formats,
     held_out_views,
     is_calibrated,
-)
-from .frame import (
-    focus_point,
-    looks_normalised,
-    portrait_frame_from_cameras,
-    portrait_frame_from_landmarks,
-    pose_corrections,
-    without_drift,
 )
 from .late_pictures import LatePictures
 from .mattes import (

@@ -46,11 +46,10 @@ from .calibration.features import (
 )
 from .calibration.lens_terms import adjust, starting_model
 from .calibration.mapping import place_photos
-from .camera import Camera
+from .camera import Camera, portrait_frame_from_cameras
 from .capture import Capture
 from .distortion import Lens
 from .formats import assemble, lens_of, turned_upright
-from .frame import portrait_frame_from_cameras
 from .photos import Photo
 from .sharpness import blurred
 from .sources import read_source
