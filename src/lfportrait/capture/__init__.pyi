@@ -12,8 +12,6 @@ from .camera import (
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .data_set_facts import DataSetFacts, data_set_facts
-from .depths import some_depth
-from .distortion import Lens, undistort
 from .formats import (
     CaptureFormat,
     DataSet,
@@ -24,6 +22,7 @@ from .formats import (
     is_calibrated,
 )
 from .late_pictures import LatePictures
+from .lenses import Lens, some_depth, undistort
 from .mattes import (
     color_likelihood,
     consistent_mattes,

@@ -48,8 +48,8 @@ from .calibration.lens_terms import adjust, starting_model
 from .calibration.mapping import place_photos
 from .camera import Camera, portrait_frame_from_cameras
 from .capture import Capture
-from .distortion import Lens
 from .formats import assemble, lens_of, turned_upright
+from .lenses import Lens
 from .photos import Photo
 from .sharpness import blurred
 from .sources import read_source

@@ -20,7 +20,7 @@ import numpy as np
 from ...arrays import Float64
 from ...errors import UserError
 from ...media.folders import Finder
-from ..distortion import Lens
+from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
 
 # Name and number of parameters, at COLMAP's own model ids.

@@ -24,7 +24,7 @@ from ...errors import UserError
 from ...files import UNREADABLE_ARRAYS, read_json
 from ...media.folders import list_pictures, stem_key, visible
 from ...media.pictures import open_picture
-from ..distortion import Lens
+from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
 from .placed import resizable, warn_unmatched
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...arrays import Float64
 from ...files import read_json
-from ..distortion import Lens
+from ..lenses import Lens
 
 
 @dataclass(frozen=True)

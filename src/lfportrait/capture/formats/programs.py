@@ -39,7 +39,7 @@ from ...arrays import Float64
 from ...errors import UserError
 from ...media.folders import folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
-from ..distortion import Lens
+from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
 from .placed import Placed, brown, centred, fisheye, is_graph, read_graph, warn_left_out
 
