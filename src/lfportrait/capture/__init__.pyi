@@ -33,9 +33,16 @@ from .mattes import (
     views_share,
 )
 from .photo_cameras import CalibrateConfig, PhotosError, calibrate
-from .photos import Photo, is_video, photo_listing, picture_files, read_photos
+from .photos import (
+    Photo,
+    fineness,
+    is_video,
+    photo_listing,
+    picture_files,
+    read_photos,
+    relative_sharpness,
+)
 from .picture_facts import DepthFacts, PictureFacts, picture_facts
-from .sharpness import fineness, relative_sharpness
 from .sources import load_photos, read_source
 from .video import read_video, video_frames
 from .video_facts import VideoFacts, video_facts

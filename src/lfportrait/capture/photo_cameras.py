@@ -50,8 +50,7 @@ from .camera import Camera, portrait_frame_from_cameras
 from .capture import Capture
 from .formats import assemble, lens_of, turned_upright
 from .lenses import Lens
-from .photos import Photo
-from .sharpness import blurred
+from .photos import Photo, blurred
 from .sources import read_source
 
 __all__ = ["CalibrateConfig", "PhotosError", "calibrate"]

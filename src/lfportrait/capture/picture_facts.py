@@ -10,7 +10,7 @@ import numpy as np
 from ..media.colors import named_colors
 from ..media.depth import DepthMap, read_depth
 from ..media.pictures import fault_of, file_of, open_header, orientation_of, sizes_of
-from .exif import Noted, noted
+from .photos import Noted, noted
 
 __all__ = ["DepthFacts", "PictureFacts", "picture_facts"]
 

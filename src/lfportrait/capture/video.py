@@ -20,8 +20,7 @@ import numpy as np
 from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from .film import decoded, film_of, upright_frame
-from .photos import Photo
-from .sharpness import fineness, relative_sharpness
+from .photos import Photo, fineness, relative_sharpness
 
 __all__ = ["read_video", "video_frames"]
 

@@ -32,8 +32,8 @@ from ...media.folders import Finder
 from ...media.masks import mask_places, read_mask
 from ...media.pictures import open_picture, read_images
 from ..camera import Camera, looks_normalised, portrait_frame_from_cameras
-from ..exif import noted
 from ..lenses import Lens, some_depth, straightened, undistort
+from ..photos import noted
 
 # The camera's axes after its picture was turned clockwise by a quarter turn.
 _QUARTER = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0],
