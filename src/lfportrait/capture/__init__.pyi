@@ -43,8 +43,7 @@ from .photos import (
     relative_sharpness,
 )
 from .picture_facts import DepthFacts, PictureFacts, picture_facts
-from .sources import load_photos, read_source
-from .video import read_video, video_frames
+from .video import load_photos, read_source, read_video, video_frames
 from .video_facts import VideoFacts, video_facts
 
 __all__ = [

@@ -51,7 +51,7 @@ from .capture import Capture
 from .formats import assemble, lens_of, turned_upright
 from .lenses import Lens
 from .photos import Photo, blurred
-from .sources import read_source
+from .video import read_source
 
 __all__ = ["CalibrateConfig", "PhotosError", "calibrate"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from .film import decoded, film_of, space_of, turns_of, upright_frame
+from .video import decoded, film_of, space_of, turns_of, upright_frame
 
 __all__ = ["VideoFacts", "video_facts"]
 
