@@ -11,7 +11,15 @@ from .camera import (
 )
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
-from .data_set_facts import DataSetFacts, data_set_facts
+from .facts import (
+    DataSetFacts,
+    DepthFacts,
+    PictureFacts,
+    VideoFacts,
+    data_set_facts,
+    picture_facts,
+    video_facts,
+)
 from .formats import (
     CaptureFormat,
     DataSet,
@@ -42,9 +50,7 @@ from .photos import (
     read_photos,
     relative_sharpness,
 )
-from .picture_facts import DepthFacts, PictureFacts, picture_facts
 from .video import load_photos, read_source, read_video, video_frames
-from .video_facts import VideoFacts, video_facts
 
 __all__ = [
     "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",

@@ -17,12 +17,10 @@ from ..capture import (
     DataSetFacts,
     PictureFacts,
     VideoFacts,
-    data_set_facts,
+    facts,
     is_calibrated,
     is_video,
     photo_listing,
-    picture_facts,
-    video_facts,
 )
 from ..errors import UserError
 from ..files import own_output
@@ -141,12 +139,12 @@ def inspect(path: Path) -> Inspection:
 
 def _facts(path: Path) -> PictureFacts | VideoFacts | DataSetFacts | FolderFacts | OtherFacts:
     if is_calibrated(path):
-        return data_set_facts(path)
+        return facts(path)
     if path.is_dir():
         return _folder(path)
     if is_video(path):
-        return video_facts(path)
-    return picture_facts(path) if kind_of(path) == "picture" else _other(path)
+        return facts(path)
+    return facts(path) if kind_of(path) == "picture" else _other(path)
 
 
 def _other(path: Path) -> OtherFacts:
@@ -162,7 +160,7 @@ def _folder(path: Path) -> FolderFacts:
     except UserError as error:
         return FolderFacts(path, str(error))
     with ThreadPoolExecutor(usable_cores()) as threads:
-        pictures = list(threads.map(picture_facts, listing.files))
+        pictures = list(threads.map(facts, listing.files))
     fault = "" if listing.files else "it has no photos"
     return FolderFacts(path, fault, pictures, _left_out(path, listing))
 
