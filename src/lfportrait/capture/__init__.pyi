@@ -9,7 +9,7 @@ from .camera import (
     pose_corrections,
     without_drift,
 )
-from .capture import Capture
+from .capture import Capture, LatePictures
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .facts import (
     DataSetFacts,
@@ -29,7 +29,6 @@ from .formats import (
     held_out_views,
     is_calibrated,
 )
-from .late_pictures import LatePictures
 from .lenses import Lens, some_depth, undistort
 from .mattes import (
     color_likelihood,

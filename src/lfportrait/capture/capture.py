@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
 
@@ -13,9 +14,6 @@ from ..arrays import Bool, Float32, Float64, Int64, UInt8
 from ..media.depth import DepthMap
 from .camera import Camera
 from .formats import Views, load_views, save_views
-from .late_pictures import LatePictures
-
-__all__ = ["Capture"]
 
 
 @dataclass(frozen=True)
@@ -147,3 +145,43 @@ class Capture:
         """
         views = load_views(Path(path), holdout)
         return Capture(**{**views._asdict(), "figures": views.figures or {}})
+
+
+Picture = TypeVar("Picture")
+
+
+class LatePictures(Sequence[Picture]):
+    """Pictures, uint8 [H, W, 3] or [H, W] each, made when one of them is first asked for.
+
+    Or what belongs to pictures, as their depth does.
+
+    Parameters
+    ----------
+    count
+        How many there will be.
+    decode
+        Makes them, once.
+    """
+
+    def __init__(self, count: int, decode: Callable[[], Sequence[Picture]]) -> None:
+        self._count, self._decode = count, decode
+        self._made: Sequence[Picture] | None = None
+        self._lock = threading.Lock()
+
+    def _pictures(self) -> Sequence[Picture]:
+        with self._lock:
+            if self._made is None:
+                self._made = self._decode()
+            return self._made
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Picture: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Picture]: ...
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._pictures()[index]
