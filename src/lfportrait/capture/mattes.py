@@ -26,7 +26,7 @@ from ..arrays import Bool, Float32, Float64, UInt8
 from ..simd.threads import side_by_side
 from .camera import Camera
 from .capture import Capture
-from .kernels.voting import cover_views, vote_lattice
+from .kernels import cover_views, vote_lattice
 
 __all__ = ["color_likelihood", "consistent_mattes", "matte_agreement", "refine_changes",
            "refine_matte", "views_share"]

@@ -9,10 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...simd.decorators import kernel, lean_kernel
-from ...simd.threads import shared
-
-__all__ = ["cover_views", "vote_lattice"]
+from ..simd.decorators import kernel, lean_kernel
+from ..simd.threads import shared
 
 
 @njit(cache=True, inline="always")
