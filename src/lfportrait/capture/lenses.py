@@ -12,7 +12,8 @@ With normalised image coordinates (x, y) = (X/Z, Y/Z), r^2 = x^2 + y^2:
 - ``fov``: r' = atan(2 r tan(w/2)) / w with w = k1, (x', y') = r'/r (x, y).
 
 A straightened picture shows nothing that the photo does not: where a lens pulls the corners inwards
-its focal length is a little longer, so that the photo covers it all.
+its focal length is a little longer, so that the photo covers it all. Depth maps are straightened
+with their pictures, saved beside them and read again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Videos: their frames as upright sRGB pictures, and a choice of sharp ones at even camera positions.
+"""Videos: their frames as upright sRGB pictures; sharp ones at even camera positions are chosen.
 
 Who films a head walks now faster, now slower, and stands still at times. Frames at even time would
 give many photos from one place and gaps between others. So a first pass follows features from frame

@@ -17,10 +17,12 @@ from ..capture import (
     DataSetFacts,
     PictureFacts,
     VideoFacts,
-    facts,
+    data_set_facts,
     is_calibrated,
     is_video,
     photo_listing,
+    picture_facts,
+    video_facts,
 )
 from ..errors import UserError
 from ..files import own_output
@@ -139,12 +141,12 @@ def inspect(path: Path) -> Inspection:
 
 def _facts(path: Path) -> PictureFacts | VideoFacts | DataSetFacts | FolderFacts | OtherFacts:
     if is_calibrated(path):
-        return facts(path)
+        return data_set_facts(path)
     if path.is_dir():
         return _folder(path)
     if is_video(path):
-        return facts(path)
-    return facts(path) if kind_of(path) == "picture" else _other(path)
+        return video_facts(path)
+    return picture_facts(path) if kind_of(path) == "picture" else _other(path)
 
 
 def _other(path: Path) -> OtherFacts:
@@ -160,7 +162,7 @@ def _folder(path: Path) -> FolderFacts:
     except UserError as error:
         return FolderFacts(path, str(error))
     with ThreadPoolExecutor(usable_cores()) as threads:
-        pictures = list(threads.map(facts, listing.files))
+        pictures = list(threads.map(picture_facts, listing.files))
     fault = "" if listing.files else "it has no photos"
     return FolderFacts(path, fault, pictures, _left_out(path, listing))
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..capture import Capture, facts, is_calibrated, is_video, picture_files
+from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
 from ..face import is_portrait
 from .few_photos import head_way
 from .steps import MakeConfig
@@ -82,12 +82,12 @@ class Source(NamedTuple):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if placed:
-                facts = facts(photos)
+                facts = data_set_facts(photos)
                 pictures, masks, side = facts.pictures, facts.masks, np.inf
                 count = len(pictures)
             else:
                 files = picture_files(photos, say=False)
-                pictures, count = [facts(files[0])], len(files)
+                pictures, count = [picture_facts(files[0])], len(files)
         first = pictures[0] if pictures and not pictures[0].fault else None
         width, height = first.stored if first is not None else (1000, 1000)
         size = width * height * min(1.0, side / max(width, height, 1)) ** 2 / 1e6

@@ -1,6 +1,6 @@
 """Readers of calibrated data sets, one for each format, and the detection of the format.
 
-A format is a class above `CaptureFormat`; `registry` lists them and finds the one of a folder.
+A format is a class above `CaptureFormat`, of ours or of another package (entry points).
 `transforms` reads NeRF's, instant-ngp's and nerfstudio's, and keeps captures of our own; `colmap`
 reads COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin (by
 `placed`), `datasets` LLFF, NSVF, and what Polycam and Record3D export. All end in `assembly`, which
@@ -31,7 +31,9 @@ from .datasets import Llff, Nsvf, Polycam, Record3d
 from .programs import Bundler, CameraTable, Meshroom, Metashape, OpenMvg, VisualSfm
 from .transforms import Own, Transforms
 
-__all__ = ['CaptureFormat', 'ColmapImage', 'DataSet', 'Shot', 'Views', 'assemble', 'capture_formats', 'find_views', 'held_out_views', 'is_calibrated', 'lens_of', 'load_views', 'mask_of', 'read_model', 'read_shots', 'save_views', 'turned_upright']
+__all__ = ["CaptureFormat", "ColmapImage", "DataSet", "Shot", "Views", "assemble",
+           "capture_formats", "find_views", "held_out_views", "is_calibrated", "lens_of",
+           "load_views", "mask_of", "read_model", "read_shots", "save_views", "turned_upright"]
 
 FORMATS = "lfportrait.formats"
 """Group of entry points with classes above `CaptureFormat`."""
