@@ -134,8 +134,8 @@ def kept(monkeypatch, tmp_path_factory, request):
 @pytest.fixture(scope="session")
 def adapter():
     """A WebGPU adapter of this machine, the software one if it has that."""
-    from lfportrait.device import lacking
     from lfportrait.gpu import adapters
+    from lfportrait.graphics import lacking
 
     found = sorted(adapters(), key=lambda one: one.real)
     if found:

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from lfportrait import device
-from lfportrait.device import gpu_in_sight, lacking
+from lfportrait import graphics
+from lfportrait.graphics import gpu_in_sight, lacking
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def machine(tmp_path, monkeypatch):
     """Makes this machine a Linux one with these files under /dev and these drivers of Vulkan."""
     def make(*devices, drivers=(), wgpu=True, loader=True, torch="2.13.0+cu130"):
         monkeypatch.setattr(sys, "platform", "linux")
-        monkeypatch.setattr(device, "DEVICES", tmp_path / "dev")
+        monkeypatch.setattr(graphics, "DEVICES", tmp_path / "dev")
         for name in devices:
             path = tmp_path / "dev" / name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -26,9 +26,9 @@ def machine(tmp_path, monkeypatch):
             (folder / f"{name}.json").write_text(
                 json.dumps({"ICD": {"library_path": f"./{name}.so"}}))
         monkeypatch.setenv("VK_DRIVER_FILES", str(folder))
-        monkeypatch.setattr(device, "find_spec", lambda name: True if wgpu else None)
-        monkeypatch.setattr(device, "loads", lambda library: loader)
-        monkeypatch.setattr(device.metadata, "version", lambda name: torch)
+        monkeypatch.setattr(graphics, "find_spec", lambda name: True if wgpu else None)
+        monkeypatch.setattr(graphics, "loads", lambda library: loader)
+        monkeypatch.setattr(graphics.metadata, "version", lambda name: torch)
         return folder
     return make
 
@@ -86,7 +86,7 @@ def test_a_driver_whose_library_is_gone_is_none(machine):
 
 def test_a_card_that_the_user_may_not_open(machine, monkeypatch):
     machine("dri/renderD128", drivers=("radeon_icd",))
-    monkeypatch.setattr(device.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(graphics.os, "access", lambda path, mode: False)
     lack, = lacking()
     assert "renderD128" in lack.what and "render" in lack.remedy
 

@@ -5,8 +5,8 @@ import sys
 import pytest
 
 from lfportrait import health, models
-from lfportrait.device import Lack
 from lfportrait.gpu import Adapter
+from lfportrait.graphics import Lack
 from lfportrait.health import Fact, examine
 from lfportrait.simd import host
 

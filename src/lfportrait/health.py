@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from . import models
-from .device import device_name, gpu_adapter, gpu_in_sight, lacking, loads
+from .device import device_name, gpu_adapter
 from .download import megabytes
+from .graphics import gpu_in_sight, lacking, loads
 from .measure import free_disk_bytes, free_memory_bytes, machine
 from .version import __version__
 

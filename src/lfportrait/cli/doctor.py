@@ -14,16 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from ..device import (
-    device_name,
-    gpu_adapter,
-    gpu_adapters,
-    lacking,
-    too_small,
-    torch_device,
-    torch_devices,
-)
+from ..device import device_name, gpu_adapter, gpu_adapters, too_small, torch_device, torch_devices
 from ..errors import UserError
+from ..graphics import lacking
 from ..health import Fact, examine
 from .common import Common
 

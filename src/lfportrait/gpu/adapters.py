@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..device import lacking
 from ..errors import UserError
+from ..graphics import lacking
 
 __all__ = ["Adapter", "adapters", "chosen", "handle_of", "missing"]
 
