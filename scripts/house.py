@@ -24,7 +24,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("arrays", "browsing", "cache", "color", "device", "download", "errors",
-          "files", "gpu", "health", "labels", "measure",
+          "files", "gpu", "graphics", "health", "labels", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "runner", "simd", "stages", "temporary", "version")
 """Carries all stages and knows none."""
