@@ -24,7 +24,7 @@ from lfportrait.face import (
     triangulate,
     write_landmarks,
 )
-from lfportrait.face.points import FROM_MEDIAPIPE
+from lfportrait.face.landmarks import FROM_MEDIAPIPE
 from lfportrait.media.pictures import read_image
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 

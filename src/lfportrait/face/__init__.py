@@ -12,12 +12,19 @@ from .. import models
 from ..arrays import Float32, Float64, UInt8
 from ..cache import key_of
 from .detect import detect_faces, detect_landmarks, face_mesh, face_yaw
-from .generic_head import GENERIC_LANDMARKS, generic_depth
-from .limits import FIT, MOST_TURNED, PORTRAIT_CONE
+from .landmarks import (
+    FIT,
+    GENERIC_LANDMARKS,
+    MOST_TURNED,
+    PORTRAIT_CONE,
+    FacePose,
+    face_pose,
+    generic_depth,
+    read_landmarks,
+    symmetric_landmarks,
+    write_landmarks,
+)
 from .mask import face_mask
-from .points import read_landmarks, write_landmarks
-from .pose import FacePose, face_pose
-from .symmetry import symmetric_landmarks
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = [

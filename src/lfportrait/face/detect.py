@@ -15,8 +15,8 @@ import numpy as np
 
 from .. import models
 from ..arrays import Float64, UInt8
+from .landmarks import FROM_MEDIAPIPE, centred
 from .mediapipe_tasks import made, picture
-from .points import FROM_MEDIAPIPE, centred
 
 __all__ = ["detect_faces", "detect_landmarks", "face_mesh", "face_yaw"]
 

@@ -35,7 +35,7 @@ from ..capture import (
 )
 from ..progress import Progress
 from .detect import detect_landmarks
-from .generic_head import EGG, GENERIC_LANDMARKS
+from .landmarks import EGG, GENERIC_LANDMARKS
 from .segmentation import person_matte
 
 __all__ = ["FaceCameras", "cameras_from_faces", "capture_from_faces"]

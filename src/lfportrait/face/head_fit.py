@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from ..arrays import Float32, Float64, Int32, Int64
 from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
-from .limits import MOST_TURNED
+from .landmarks import MOST_TURNED
 
 __all__ = ["Found", "HeadFit", "Picture", "View", "across_jaw", "check_faces", "deviations_of",
            "fit_head", "jaw_vertices", "outline_errors", "outline_vertices", "refit", "unfit"]

@@ -17,7 +17,7 @@ from .. import models
 from ..arrays import Float32, Float64, Int32, Int64, UInt8
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS
-from .generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
+from .landmarks import GENERIC_LANDMARKS, MIRRORED, generic_depth
 
 __all__ = ["EYES", "FACE", "HEAD", "SOCKETS", "HeadPrior", "generic_prior", "head_prior",
            "read_ict", "with_normals"]
