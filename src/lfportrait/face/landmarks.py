@@ -1,4 +1,4 @@
-"""The 68 landmarks of a face (iBUG order): files, MediaPipe's points, a generic head, pose, symmetry.
+"""The 68 landmarks of a face (iBUG order): files, MediaPipe's points, generic head, pose, symmetry.
 
 0-16 the jaw from the ear on the picture's left to the other, 17-21 and 22-26 the brows, 27-30 the
 bridge of the nose, 31-35 its base, 36-41 and 42-47 the eyes, 48-59 the lips outside, 60-67 inside.
