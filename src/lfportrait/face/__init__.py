@@ -24,7 +24,7 @@ from .landmarks import (
     symmetric_landmarks,
     write_landmarks,
 )
-from .mask import face_mask
+from .segmentation import face_mask
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = [

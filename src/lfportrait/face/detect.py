@@ -23,7 +23,7 @@ from safetensors.numpy import load_file
 from .. import models
 from ..arrays import Float32, Float64, UInt8
 from .landmarks import FROM_MEDIAPIPE, centred
-from .mediapipe_tasks import made, picture
+from .segmentation import made, picture
 
 _AROUND = 1.5
 _MANY = 8
