@@ -1,7 +1,7 @@
 """Finding a face and its 68 landmarks in one picture.
 
 MediaPipe's face landmarker does most of the work, on the whole picture and, where it finds nothing,
-on enlarged crops and turned by quarter turns. 
+on enlarged crops and turned by quarter turns.
 
 Paintings and sculptures that it does not take for a face are tried with face-api's networks, which
 were published for face-api.js (MIT): the detector is a separable tiny YOLOv2 on a 416x416 picture,
