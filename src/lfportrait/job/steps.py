@@ -7,43 +7,26 @@ stages there are, and their keys, is in `graph`; how a task of the graph is done
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..cache import hash_of
 from ..capture import CalibrateConfig, Capture
-from ..example import Exemplar, Skin
-from ..face import fit_to_surface, is_portrait, portrait_field
-from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
+from ..example import Exemplar
+from ..field import ReconstructConfig, lattice_points
 from ..lightfield import (
     Display,
     EncodeConfig,
     Placement,
-    QuiltLayout,
-    ViewMask,
-    composed,
-    encode_with_figures,
-    quilt_of,
-    write_coded,
 )
 from ..media.folders import files_below
-from ..progress import Progress
-from ..share import PageConfig, write_quilt
+from ..share import PageConfig
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
 from .few_photos import MadeFrom
-
-__all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "source_files",
-           "source_key", "write_code", "write_field", "write_styled"]
-
-Look = Callable[[Capture, Callable[[], VoxelField]], None]
-"""Is offered a field that is trained in part: its capture, and what gives it."""
 
 
 @dataclass(frozen=True)
@@ -110,74 +93,3 @@ def look_at(photos: Path) -> None:
 
     if not (is_calibrated(photos) or is_video(photos)):
         picture_files(photos, say=False)
-
-
-def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
-                progress: Progress | None, checkpoint: Path | None = None, *,
-                device: str = "auto", look: Look | None = None,
-                ) -> tuple[dict[str, Any], VoxelField]:
-    """Reconstruct the field of a capture; its figures, and the field as written.
-
-    ``look`` is offered fields that are trained in part, with the capture.
-    """
-    settings = replace(config.reconstruct, seed=seed)
-    if is_portrait(capture):
-        result, figures = portrait_field(capture, settings, progress)
-        result.save(target)
-        return figures, result.as_read()
-    result, figures = reconstruct_with_figures(
-        capture, settings, progress, checkpoint=checkpoint, device=device,
-        look=None if look is None else partial(look, capture), fit_head=fit_to_surface)
-    result.save(target)
-    return figures, result.as_read()
-
-
-def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,
-                 config: MakeConfig, seed: int, progress: Progress | None, *,
-                 device: str = "auto", skin: Skin | None = None,
-                 ) -> tuple[dict[str, Any], VoxelField]:
-    """Stylise a field by exemplars; the figures, and the field as written."""
-    from ..stylize import stylize_with_figures
-
-    styled, figures = stylize_with_figures(field, capture, exemplars,
-                                           replace(config.stylize, seed=seed), progress,
-                                           device=device, skin=skin)
-    styled.save(target)
-    return figures, styled.as_read()
-
-
-def write_code(styled: VoxelField, display: Display, folder: Path, name: str, config: MakeConfig,
-               *, prefix: str = "", device: str = "auto") -> dict[str, Any]:
-    """Code a styled field for a display, and as a quilt.
-
-    Parameters
-    ----------
-    styled, display
-        What is coded, for what.
-    folder, name
-        Where the coded picture goes.
-    config
-        Parameters.
-    prefix
-        Begins the quilt's name; quilts of that prefix from before are removed.
-    device
-        Where to compute.
-
-    Returns
-    -------
-    figures
-        Of the coding; ``quilt`` is the quilt's file name.
-    """
-    encode = composed(styled, display, config.encode)
-    image, figures = encode_with_figures(styled, display, encode,
-                                         mask=ViewMask.build(display), device=device)
-    with ThreadPoolExecutor(1) as beside:  # compressing lets go of Python's lock
-        written = beside.submit(write_coded, folder / name, image, display)
-        picture, quilt = quilt_of(styled, display, encode)
-        written.result()
-    for old in folder.glob(f"{prefix}quilt_*.png"):
-        old.unlink()
-    layout = QuiltLayout.of_name(quilt)
-    assert layout is not None
-    write_quilt(folder / f"{prefix}{quilt}", picture, layout, beside=False)
-    return {**figures, "quilt": f"{prefix}{quilt}"}
