@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from lfportrait.job.steps import MakeConfig
+from lfportrait.job.graph import MakeConfig
 from lfportrait.job.time_left import TimeLeft
 from lfportrait.job.usual_steps import Source, usual_steps
 from lfportrait.progress import Progress

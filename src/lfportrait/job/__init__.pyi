@@ -2,13 +2,20 @@ from .check_drawing import check_picture
 from .few_photos import MadeFrom, head_way, is_few
 from .first_look import FirstLook
 from .graph import (
+    FULL,
+    QUICK,
     STAGES,
+    Scale,
     Task,
     capture_key,
     code_key,
     field_key,
+    fitted,
+    look_at,
+    painting_key,
     portrait_tasks,
     share_key,
+    source_key,
     stage_key,
     style_key,
 )
@@ -20,9 +27,7 @@ from .person import cut_person
 from .photo_check import PhotoCheck, PhotoFacts, check_photos
 from .pipeline import MakeConfig, make, run_figures
 from .prepare import find_face, prepare_capture
-from .scales import FULL, QUICK, Scale
 from .session import Session
-from .steps import fitted, look_at, painting_key, source_key
 from .style_check import StyleCheck, check_style, chosen_face
 from .style_drawing import style_picture
 from .style_landmarks import add_style

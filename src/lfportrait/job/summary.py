@@ -41,8 +41,7 @@ from ..share import (
 )
 from ..stylize import kept_skin, load_styled
 from ..version import __version__
-from .graph import Task
-from .steps import MakeConfig
+from .graph import MakeConfig, Task
 
 __all__ = ["share_job"]
 

@@ -14,7 +14,7 @@ import time
 import numpy as np
 
 from ..measure import usable_cores
-from .steps import MakeConfig
+from .graph import MakeConfig
 from .usual_steps import COMPILE, Source, Step, usual_steps
 from .warmup import Warmup
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
 from ..face import is_portrait
 from .few_photos import head_way
-from .steps import MakeConfig
+from .graph import MakeConfig
 
 __all__ = ["COMPILE", "Source", "Step", "usual_steps"]
 

@@ -46,9 +46,8 @@ from ..share import (
 from ..simd.host import compiling_progress
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
-from .graph import STAGES, Task
+from .graph import STAGES, MakeConfig, Task
 from .prepare import prepare_capture
-from .steps import MakeConfig
 from .warmup import Warmup
 
 if TYPE_CHECKING:

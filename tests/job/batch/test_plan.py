@@ -14,8 +14,7 @@ from lfportrait.files import tells_changes
 from lfportrait.job.batch import load_jobs, prepare_batch
 from lfportrait.job.batch.fingerprints import Fingerprints
 from lfportrait.job.batch.plan import cores_of_a_task, draw_plan
-from lfportrait.job.graph import STAGES
-from lfportrait.job.steps import source_key
+from lfportrait.job.graph import STAGES, source_key
 
 
 def planned(folder, text, name="changed.toml"):

@@ -22,9 +22,8 @@ from ...runner import Outcome, Plan, Runner, finished, run_tasks
 from ...simd.host import compiling_progress
 from ...stages import check_writable
 from ..few_photos import MadeFrom
-from ..graph import Task
+from ..graph import Task, painting_key, source_key
 from ..networks import get_networks, networks_of
-from ..steps import painting_key, source_key
 from ..warmup import Warmup
 from .fingerprints import Fingerprints
 from .index import write_index

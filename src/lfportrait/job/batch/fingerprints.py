@@ -14,7 +14,7 @@ from pathlib import Path
 from ...cache import hash_of
 from ...errors import UserError
 from ...files import file_state, tells_changes, write_json
-from ..steps import source_files
+from ..graph import source_files
 
 __all__ = ["Fingerprints"]
 

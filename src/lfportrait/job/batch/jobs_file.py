@@ -44,7 +44,7 @@ from ...errors import UserError
 from ...lightfield import Display
 from ...media.folders import is_junk, natural_key
 from ...media.kinds import kind_of
-from ..steps import MakeConfig
+from ..graph import MakeConfig
 from .settings import checked, overlaid, unknown_key
 
 __all__ = ["Jobs", "Panel", "Sitter", "Style", "load_jobs"]

@@ -24,16 +24,19 @@ from ...lightfield import Display, EncodeConfig
 from ...measure import usable_cores
 from ...runner import Plan
 from ..graph import (
+    MakeConfig,
     Task,
     capture_key,
     code_key,
     field_key,
+    fitted,
+    look_at,
     page_key,
     skin_key,
+    source_key,
     style_key,
     sweep_key,
 )
-from ..steps import MakeConfig, fitted, look_at, source_key
 from .jobs_file import Jobs, Panel, Sitter
 
 __all__ = ["cores_of_a_task", "draw_plan"]
