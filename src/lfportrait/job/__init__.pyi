@@ -19,8 +19,7 @@ from .graph import (
     stage_key,
     style_key,
 )
-from .inspection import Inspection, inspect
-from .inspection_text import inspection_lines
+from .inspection import Inspection, inspect, inspection_lines
 from .known_captures import capture_of_face
 from .networks import get_networks
 from .person import cut_person

@@ -33,8 +33,7 @@ from ..face import MOST_TURNED, PORTRAIT_CONE, detect_faces, detect_landmarks, f
 from ..files import write_image
 from ..progress import Progress
 from .few_photos import head_way
-from .inspection import FolderFacts, inspect
-from .inspection_text import left_out_lines, mixed_lines
+from .inspection import FolderFacts, inspect, left_out_lines, mixed_lines
 
 __all__ = ["PhotoCheck", "PhotoFacts", "check_photos", "problem_sheet"]
 
