@@ -1,4 +1,3 @@
-from .check_drawing import check_picture
 from .few_photos import MadeFrom, head_way, is_few
 from .first_look import FirstLook
 from .graph import (
@@ -23,7 +22,7 @@ from .inspection import Inspection, inspect, inspection_lines
 from .known_captures import capture_of_face
 from .networks import get_networks
 from .person import cut_person
-from .photo_check import PhotoCheck, PhotoFacts, check_photos
+from .photo_check import PhotoCheck, PhotoFacts, check_photos, check_picture
 from .pipeline import MakeConfig, make, run_figures
 from .prepare import find_face, prepare_capture
 from .session import Session

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 from ..arrays import UInt8
 from ..capture import FAIR, GOOD, INK, PAPER, font
 from ..example import head_mesh
-from .check_drawing import wrapped
+from .photo_check import wrapped
 from .style_check import StyleCheck
 
 __all__ = ["draw_faces", "draw_mesh", "style_picture"]
