@@ -27,8 +27,7 @@ from .pipeline import MakeConfig, make, run_figures
 from .prepare import find_face, prepare_capture
 from .session import Session
 from .style_check import StyleCheck, check_style, chosen_face
-from .style_drawing import style_picture
-from .style_landmarks import add_style
+from .style_drawing import add_style, style_picture
 from .time_left import TimeLeft
 from .usual_steps import Source
 from .warmup import Warmup, head_kernels
