@@ -19,12 +19,10 @@ from .graph import (
     style_key,
 )
 from .inspection import Inspection, inspect, inspection_lines
-from .known_captures import capture_of_face
 from .networks import get_networks
-from .person import cut_person
 from .photo_check import PhotoCheck, PhotoFacts, check_photos, check_picture
 from .pipeline import MakeConfig, make, run_figures
-from .prepare import find_face, prepare_capture
+from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session
 from .style_check import StyleCheck, check_style, chosen_face
 from .style_drawing import add_style, style_picture
