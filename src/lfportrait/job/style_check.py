@@ -26,7 +26,7 @@ from ..face import FacePose, detect_faces
 from ..lightfield import Display, EncodeConfig
 from ..media.pictures import read_image
 from ..stylize import PARTED, StylizeConfig, mouth_opening, stylize_with_figures
-from .preview_head import preview_head
+from .session import preview_head
 
 SMALL = 300
 """A face of so many pixels from chin to brows, or less, has coarse strokes on any panel."""
