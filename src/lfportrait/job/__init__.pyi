@@ -26,8 +26,7 @@ from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session
 from .style_check import StyleCheck, check_style, chosen_face
 from .style_drawing import add_style, style_picture
-from .time_left import TimeLeft
-from .usual_steps import Source
+from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 

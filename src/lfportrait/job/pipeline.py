@@ -58,8 +58,7 @@ from .graph import (
     style_key,
 )
 from .networks import get_networks
-from .time_left import TimeLeft
-from .usual_steps import Source
+from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
