@@ -6,9 +6,8 @@ does one; `journal`, `table` and `index` report it.
 """
 
 from .driver import BatchConfig, batch, prepare_batch
-from .jobs_file import load_jobs
+from .jobs_file import load_jobs, overlaid
 from .journal import Watcher
-from .settings import overlaid
 from .state import dry_figures
 from .table import BatchTable, JsonLines, batch_status, dry_table
 
