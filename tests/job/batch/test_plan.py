@@ -12,8 +12,7 @@ from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.files import tells_changes
 from lfportrait.job.batch import load_jobs, prepare_batch
-from lfportrait.job.batch.fingerprints import Fingerprints
-from lfportrait.job.batch.plan import cores_of_a_task, draw_plan
+from lfportrait.job.batch.plan import Fingerprints, cores_of_a_task, draw_plan
 from lfportrait.job.graph import STAGES, source_key
 
 

@@ -25,13 +25,11 @@ from ..few_photos import MadeFrom
 from ..graph import Task, painting_key, source_key
 from ..networks import get_networks, networks_of
 from ..warmup import Warmup
-from .fingerprints import Fingerprints
 from .index import write_index
 from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked
-from .plan import cores_of_a_task, draw_plan
+from .plan import Batch, Fingerprints, cores_of_a_task, draw_plan
 from .runners import KERNELS, LocalRunner
-from .state import Batch
 
 __all__ = ["BatchConfig", "batch", "prepare_batch"]
 

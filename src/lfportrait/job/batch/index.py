@@ -15,7 +15,7 @@ from urllib.parse import quote
 from ...runner import finished
 from ...version import __version__
 from ..graph import Task
-from .state import Batch
+from .plan import Batch
 
 __all__ = ["write_index"]
 
