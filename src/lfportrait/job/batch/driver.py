@@ -187,7 +187,7 @@ class _Run:
     def _runner(self) -> Runner[Task]:
         config, results = self.config, self.batch.results
         if config.on != "local":
-            from .ray_runner import RayRunner
+            from .runners import RayRunner
 
             return RayRunner(config.on, results, config.cores, config.workers)
         self._compile()
