@@ -29,7 +29,7 @@ from ..lightfield import (
     Placement,
 )
 from ..media.folders import files_below
-from ..runner import Need, graph
+from ..runner import Need, scheduler
 from ..share import PageConfig
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
@@ -196,7 +196,7 @@ def share_key(code: str, config: MakeConfig) -> str:
 
 
 @dataclass(frozen=True)
-class Task(graph.Task):
+class Task(scheduler.Task):
     """One stage of one portrait; named ``STAGE``, ``SITTER/STAGE`` or ``SITTER/STYLE/STAGE``.
 
     Attributes

@@ -5,11 +5,21 @@
 `failures`: errors, read for the user.
 """
 
-from .costs import Costs, Need
-from .failures import Failure, failure_of
-from .graph import Plan, Task, finished
 from .processes import CAN_PAUSE, Child, Pipe
-from .scheduler import Here, Outcome, Runner, outcome_of, run_tasks
+from .scheduler import (
+           Costs,
+           Failure,
+           Here,
+           Need,
+           Outcome,
+           Plan,
+           Runner,
+           Task,
+           failure_of,
+           finished,
+           outcome_of,
+           run_tasks,
+)
 
 __all__ = ["CAN_PAUSE", "Child", "Costs", "Failure", "Here", "Need", "Outcome", "Pipe",
            "Plan", "Runner", "Task", "failure_of", "finished", "outcome_of", "run_tasks"]
