@@ -19,7 +19,7 @@ from ..errors import UserError
 from ..field import VoxelField
 from ..files import atomic_path
 from ..lightfield import eight_bit, render_views
-from .exporter import ExportContext, LoopConfig
+from .kinds import ExportContext, LoopConfig
 from .paths import good_cone, sweep_cameras, sweep_ground
 from .video import write_video
 

@@ -36,7 +36,7 @@ from ...lightfield import (
     view_camera,
 )
 from ...temporary import temporary_folder
-from ..exporter import ExportContext
+from ..kinds import ExportContext
 from ..video import ENCODERS, Codec, has_encoder, write_video
 from .files import (
     VIDEOS,

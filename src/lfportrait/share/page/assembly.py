@@ -47,8 +47,8 @@ from ...lightfield import (
     world_ground,
 )
 from ...version import __version__
+from ..kinds import PageConfig
 from ..paths import DISTANCE, head_extent
-from .config import PageConfig
 from .packing import ColorSet, Lattice, PageTexture, code_values, color_sets, fit
 
 _HEIGHT = 1000

@@ -18,7 +18,7 @@ from ...arrays import Float32, Float64, Int32, Int64
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, camera_row
-from ..exporter import METRES, Up
+from ..kinds import METRES, Up
 from .kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
 
 

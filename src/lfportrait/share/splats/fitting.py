@@ -25,7 +25,7 @@ from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, Rendering, VoxelField
-from ..exporter import SplatConfig
+from ..kinds import SplatConfig
 from ..paths import orbit_cameras
 from .cloud import Splats, quaternions_of, render_splats, splat_view
 
