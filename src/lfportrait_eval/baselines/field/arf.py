@@ -46,7 +46,7 @@ from lfportrait.stylize.losses import (
     total_variation,
 )
 
-from .config import ArfConfig
+from ..config import ArfConfig
 from .photo_views import (
     COLOR_SMOOTHNESS,
     IMAGE_SMOOTHNESS,

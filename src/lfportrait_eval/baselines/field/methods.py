@@ -10,7 +10,7 @@ from typing import Any
 from lfportrait.arrays import Float32
 from lfportrait.stylize import FieldMethod, FieldTask
 
-from .config import ArfConfig, RefNprConfig, StylizedNerfConfig
+from ..config import ArfConfig, RefNprConfig, StylizedNerfConfig
 
 Painted = tuple[Float32, dict[str, Any]]
 

@@ -51,7 +51,7 @@ from lfportrait.stylize.losses import (
     total_variation,
 )
 
-from .config import RefNprConfig
+from ..config import RefNprConfig
 from .photo_views import (
     COLOR_SMOOTHNESS,
     IMAGE_SMOOTHNESS,

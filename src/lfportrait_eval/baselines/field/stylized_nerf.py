@@ -41,7 +41,7 @@ from lfportrait.device import device_name, torch_device
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
 
-from .config import StylizedNerfConfig
+from ..config import StylizedNerfConfig
 from .photo_views import Correspondence, PhotoView, dump_views, photo_views, seen_from, tensor
 
 Weights = dict[str, torch.Tensor]

@@ -1,4 +1,4 @@
-from .config import FaceBlitConfig, FaceStyleConfig, NetworkConfig, Painted
+from ..config import FaceBlitConfig, FaceStyleConfig, NetworkConfig, Painted
 from .faceblit import STEPS, FaceBlit, published_table
 from .facestyle import FaceStyle
 from .network import StyleNetwork

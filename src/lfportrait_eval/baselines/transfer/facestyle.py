@@ -38,7 +38,7 @@ from lfportrait.example.patches import (
 )
 from lfportrait.labels import PICTURE_LABELS
 
-from .config import FaceStyleConfig, Painted
+from ..config import FaceStyleConfig, Painted
 
 APPEARANCE, SEGMENT, POSITION = 0.3, 1.5, 12.0
 """Weights of the guides: more appearance keeps the sitter's features, above 1 the photo shows

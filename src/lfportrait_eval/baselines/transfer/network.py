@@ -28,7 +28,7 @@ from lfportrait.files import atomic_write
 from lfportrait.media.pictures import read_image
 from lfportrait.plugins import Sitting, provided_sittings
 
-from .config import NetworkConfig, Painted
+from ..config import NetworkConfig, Painted
 from .facestyle import FaceStyle
 
 FORMAT = "lfportrait style network 1"
