@@ -28,7 +28,7 @@ from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel, StyleView, facing
 from lfportrait.stylize.losses import FeatureNetwork, load_network, stacked
 
-from .kernels import rmsprop_step
+from ..kernels import rmsprop_step
 
 
 @dataclass

@@ -23,7 +23,7 @@ from lfportrait.example.guides.position import pixel_centres, position_guide
 from lfportrait.example.styleblit import elect, pack_colors, shift_planes, vote
 
 from ..config import FaceBlitConfig, Painted
-from .kernels import NOWHERE, flood, search_windows, sweep_windows
+from ..kernels import NOWHERE, flood, search_windows, sweep_windows
 
 THRESHOLD, GROUND_THRESHOLD = 50, 10
 """Largest guide error inside a chunk of the face, and of the rest; all as published."""

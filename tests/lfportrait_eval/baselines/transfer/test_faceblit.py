@@ -6,6 +6,7 @@ from PIL import Image
 from scipy import ndimage
 
 from lfportrait.example import Exemplar, paint, photo_method
+from lfportrait_eval.baselines.kernels import NOWHERE, flood, search_windows, sweep_windows
 from lfportrait_eval.baselines.transfer import FaceBlit, FaceBlitConfig, faceblit
 from lfportrait_eval.baselines.transfer.faceblit import (
     appearance_levels,
@@ -14,7 +15,6 @@ from lfportrait_eval.baselines.transfer.faceblit import (
     stretched,
     warped_gradient,
 )
-from lfportrait_eval.baselines.transfer.kernels import NOWHERE, flood, search_windows, sweep_windows
 from tests.portraits import drawn_face
 
 
