@@ -14,8 +14,7 @@ from ..errors import UserError
 from ..files import read_json, write_json
 from ..share import Export, Option, exports
 from ..temporary import MARK
-from .answers import Refusal, choice, number, text, truth, whole
-from .names import folder_name, id_of
+from .answers import Refusal, choice, folder_name, id_of, number, text, truth, whole
 from .projects import Project
 
 __all__ = ["checked_options", "checked_placement", "entries", "find", "forget_unfinished", "keep",

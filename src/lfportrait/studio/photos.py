@@ -20,8 +20,7 @@ from ..errors import UserError
 from ..files import read_json, write_image
 from ..media.kinds import VIDEOS
 from ..media.pictures import file_of, open_picture
-from .answers import Refusal
-from .names import free_name, id_of
+from .answers import Refusal, free_name, id_of
 from .projects import Project
 
 __all__ = ["VIDEO_FRAME", "check_key", "find_photo", "leave_out", "one_kind", "photo_entry",

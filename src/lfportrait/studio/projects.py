@@ -37,8 +37,7 @@ from ..files import lock, read_json, write_json
 from ..media.folders import visible
 from ..media.kinds import PHOTOS, VIDEOS
 from ..temporary import sweep_below
-from .answers import Refusal
-from .names import folder_name, free_name, id_of, is_id
+from .answers import Refusal, folder_name, free_name, id_of, is_id
 
 __all__ = ["OWN", "Project", "Projects"]
 

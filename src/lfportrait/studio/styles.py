@@ -24,8 +24,7 @@ from ..labels import BY_HAND
 from ..media.folders import visible
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
-from .answers import Refusal
-from .names import file_name, folder_name, free_name, id_of
+from .answers import Refusal, file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects
 
 __all__ = ["GROUPS", "LINES", "MIRROR", "Style", "Styles"]

@@ -23,8 +23,7 @@ from starlette.concurrency import run_in_threadpool
 from ..files import file_state
 from ..measure import free_disk_bytes
 from ..media.kinds import PHOTOS, RAW, VIDEOS
-from .answers import Refusal, failed
-from .names import file_name, free_name, id_of
+from .answers import Refusal, failed, file_name, free_name, id_of
 from .photos import one_kind
 from .projects import Project
 

@@ -15,8 +15,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
-from .answers import Refusal
-from .names import folder_name, free_name, id_of
+from .answers import Refusal, folder_name, free_name, id_of
 from .projects import Project
 
 __all__ = ["PORTRAIT", "Version", "Versions", "make_command"]
