@@ -17,8 +17,7 @@ from typing import Any
 from ..errors import UserError
 from ..runner import Costs, Need
 from .answers import Refusal
-from .child import Child
-from .events import Events
+from .events import Child, Events
 from .job_state import JobState, StageState, load_jobs
 
 __all__ = ["Jobs"]

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from .answers import Refusal
-from .child import Child
-from .events import Events
+from .events import Child, Events
 
 __all__ = ["Previews", "Turn"]
 
