@@ -22,8 +22,7 @@ from .exports import (
     kind_of,
     quality_of,
 )
-from .job_state import JobState
-from .jobs import Jobs
+from .jobs import Jobs, JobState
 from .mixes import mix_arguments
 from .orders import Order
 from .photos import VIDEO_FRAME, check_key, sheet
