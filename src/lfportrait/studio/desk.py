@@ -23,14 +23,13 @@ from .exports import (
     quality_of,
 )
 from .jobs import Jobs, JobState
-from .mixes import mix_arguments
 from .orders import Order
 from .photos import VIDEO_FRAME, check_key, sheet
 from .previews import Previews, Turn
 from .projects import Project, Projects
 from .styles import Styles
 from .uploads import Uploads
-from .versions import Version, Versions
+from .versions import Version, Versions, mix_arguments
 
 __all__ = ["Desk", "export_order"]
 
