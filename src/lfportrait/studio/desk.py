@@ -24,11 +24,10 @@ from .exports import (
 )
 from .jobs import Jobs, JobState
 from .orders import Order
-from .photos import VIDEO_FRAME, check_key, sheet
+from .photos import VIDEO_FRAME, Uploads, check_key, sheet
 from .previews import Previews, Turn
 from .projects import Project, Projects
 from .styles import Styles
-from .uploads import Uploads
 from .versions import Version, Versions, mix_arguments
 
 __all__ = ["Desk", "export_order"]
