@@ -1,4 +1,4 @@
-"""Commands of the style: ``transfer`` on a photo, a folder and a video, ``stylize`` on a field."""
+"""Commands of the style: ``transfer`` on a photo, a folder and a video, ``stylize``, ``restyle``."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from ..labels import LABELS, RegionStyle, members, read_regions, read_value
 from ..media.folders import list_pictures, say_left_out
 from ..media.pictures import read_image
 from ..progress import Progress
-from ..stylize import StylizeConfig
+from ..stylize import MixConfig, StyledField, StylizeConfig
 from .common import Common
 
 DOUBTFUL = 77.0
@@ -312,3 +312,30 @@ class Stylize(Common):
         for notice in figures["notices"]:
             print(f"note: {notice}", file=sys.stderr)
         return figures
+
+
+@dataclass
+class Restyle(Common):
+    """Change the strength, likeness, regions or style of a stylised field."""
+
+    field: tyro.conf.Positional[Path]
+    """Stylised field (.npz), from `lfportrait stylize` or from this command."""
+    out: Path = Path("mixed.npz")
+    """File for the field in its new colors; all styles stay in it."""
+    config: Annotated[MixConfig, tyro.conf.arg(name="")] = option(default_factory=MixConfig)
+    """Mix."""
+
+    def run(self) -> dict[str, Any]:
+        """Mix and save."""
+        asked = self.config.arguments()
+        begin = time.perf_counter()
+        styled = StyledField.load(self.field)
+        loaded = time.perf_counter()
+        mixed = styled.mix(**asked)
+        ready = time.perf_counter()
+        mixed.save(self.out)
+        end = time.perf_counter()
+        return {"seconds": {"load": round(loaded - begin, 3), "mix": round(ready - loaded, 3),
+                            "save": round(end - ready, 3)},
+                "styles": list(mixed.styles), "regions": list(mixed.regions),
+                "mix": mixed.mixture, "voxels": len(mixed.density)}
