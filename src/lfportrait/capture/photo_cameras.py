@@ -5,7 +5,7 @@ by COLMAP's incremental mapping, and by other ways where that leaves photos out
 (`calibration.mapping`). A last bundle adjustment with a robust loss forgives the few wrong matches
 that survive; it also decides how many lens terms the photos determine (`calibration.lens_terms`).
 Photos of one lens share one camera (`calibration.database`); its focal length starts from what the
-camera noted in the file (`exif`).
+camera noted in the file (`photos`).
 
 COLMAP works in a temporary folder, so that an interrupted run leaves nothing behind where results
 go. Images are numbered in the order of their names, the random seeds are fixed and the mapper runs

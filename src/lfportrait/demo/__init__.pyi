@@ -1,12 +1,12 @@
 from .captures import (
-           DATA,
-           HEAD,
-           demo_capture,
-           demo_exemplar,
-           demo_head,
-           demo_landmarks,
-           demo_photo,
-           embedded_sittings,
+    DATA,
+    HEAD,
+    demo_capture,
+    demo_exemplar,
+    demo_head,
+    demo_landmarks,
+    demo_photo,
+    embedded_sittings,
 )
 from .styles import demo_styles, style_makers
 

@@ -98,7 +98,6 @@ def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"
 
 def _faults(capture: Capture) -> list[str]:
     """What lies before the face in the photo that decides how a head looks."""
-
     if capture.landmarks is None:
         return []
     points = capture.cameras[0].project(np.asarray(capture.landmarks, np.float64))[0][0]

@@ -2,8 +2,8 @@
 
 Numba compiles a kernel when it is first called: for seconds, one at a time in a process, without a
 word. So each stage is run once on next to nothing in another process, which leaves the compiled
-code in Numba's cache on the disk: a grey ball with a face's landmarks is photographed by hand from a
-few sides, in a few pixels; a few colored squares with the same landmarks are its painting. Nobody
+code in Numba's cache on the disk: a grey ball with a face's landmarks is photographed by hand from
+a few sides, in a few pixels; a few colored squares with the same landmarks are its painting. Nobody
 looks at what comes out.
 
 There are as many of these processes as cores; each takes the next stage that nobody has taken, so

@@ -1,8 +1,7 @@
 """How work is run, whatever it is.
 
-`graph`: tasks and what needs what; `scheduler` has them run and takes in how each ended;
-`processes` of our own and the one way to talk to them; `costs`, learnt from what work took;
-`failures`: errors, read for the user.
+`scheduler`: tasks and what needs what, what work costs, what errors mean, and how each task ends;
+`processes` of our own and the one way to talk to them.
 """
 
 from .processes import CAN_PAUSE, Child, Pipe

@@ -152,7 +152,7 @@ class Desk:
 
     def look(self, project: Project, style: str | None, mix: dict[str, Any],
              **more: Any) -> dict[str, Any]:
-        """What a preview shows (`lfportrait.studio.work.sitting.Look`)."""
+        """What a preview shows (`lfportrait.studio.work.resident.Look`)."""
         project.need("field")
         found: dict[str, Any] = {"job": str(project.job), "style": None, "mix": {}, **more}
         pixels = (project.settings().get("options") or {}).get("pixels")

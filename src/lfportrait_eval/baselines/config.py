@@ -1,4 +1,4 @@
-"""Parameters of the published methods, each above one base, and what those of transfer hand back."""
+"""Parameters of the published methods, each above one base; what those of transfer hand back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hot loops of the baselines: RMSProp on colors (ARF), and FaceBlit's searched table and flood fill."""
+"""Hot loops of the baselines: RMSProp on colors (ARF), FaceBlit's table and flood fill."""
 
 from __future__ import annotations
 

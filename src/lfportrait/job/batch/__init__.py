@@ -1,8 +1,7 @@
 """Many portraits: sitters x styles x displays from one file, on this machine or a Ray cluster.
 
-`jobs_file` reads what is wanted, `plan` draws the graph of stages that share work, `state` knows
-how far it is, `driver` gives the tasks out, `runners` and `ray_runner` are where they run, `work`
-does one; `journal`, `table` and `index` report it.
+`jobs_file` reads what is wanted, `plan` draws the graph of stages that share work and knows how far
+it is, `driver` gives the tasks out and writes the index, `runners` do them; `journal` reports it.
 """
 
 from .driver import BatchConfig, batch, prepare_batch

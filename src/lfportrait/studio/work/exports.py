@@ -11,7 +11,7 @@ from ...stylize import load_styled
 from ..answers import id_of
 from ..exports import forget_unfinished, kind_of
 from ..orders import Order
-from .sitting import Look, Sitting
+from .resident import Look, Sitting
 from .telling import Teller
 
 __all__ = ["export"]
