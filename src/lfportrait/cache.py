@@ -27,8 +27,6 @@ from numpy.typing import NDArray
 from .errors import UserError
 from .files import UNREADABLE_ARRAYS, atomic_write, file_state, temporary_home
 
-__all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "tried", "user_cache"]
-
 MOST = 100
 """Files that are kept of a kind: those that were used last."""
 _DIGITS = 32

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from .arrays import Float64, UInt8
 
-__all__ = ["BT2020", "SRGB", "linear_light", "primaries_to_srgb", "srgb_values", "tone_mapped"]
-
 SRGB = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 """Chromaticities x, y of red, green, blue and white of sRGB and BT.709."""
 BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)

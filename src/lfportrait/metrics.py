@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from .arrays import Bool, Float64
 
-__all__ = ["psnr", "ssim"]
-
 _WINDOW = 11
 """Width of SSIM's window in pixels."""
 

@@ -26,9 +26,6 @@ from .download import megabytes
 from .errors import UserError
 from .files import atomic_path, file_state
 
-__all__ = ["GROUPS", "OFFLINE", "PURPOSES", "ModelFile", "add", "available", "cache_folder",
-           "expand", "fetch", "fetchable", "in_use", "listing", "missing", "registry", "require"]
-
 OFFLINE = "LFPORTRAIT_OFFLINE"
 """Environment variable of processes that download nothing."""
 

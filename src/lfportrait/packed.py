@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from .arrays import UInt8
 
-__all__ = ["check", "pack", "unpack"]
-
 MOST = 0.75
 """A plane of bytes that is not deflated to less than this share is stored as it is."""
 _WORD = 4

@@ -36,9 +36,6 @@ from tyro.constructors import PrimitiveConstructorSpec
 from .arrays import Float64, UInt8
 from .errors import UserError
 
-__all__ = ["Choice", "Sitting", "blamed", "chosen", "gathered", "offered", "provided_sittings",
-           "provided_styles"]
-
 Sitting = tuple[UInt8, Float64]
 """A photo, uint8 [H, W, 3], and its landmarks [68, 2]."""
 

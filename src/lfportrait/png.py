@@ -24,9 +24,6 @@ from numpy.typing import NDArray
 from .arrays import UInt8
 from .measure import usable_cores
 
-__all__ = ["PngWriter", "write_png"]
-
-
 _PIECE = 1 << 20
 """Bytes of a picture that are coded together, about: as many on any machine, for the same file."""
 _BLOCK = 1 << 17

@@ -24,8 +24,6 @@ from .errors import UserError
 from .files import read_json, write_json
 from .temporary import sweep_once
 
-__all__ = ["StageFolder", "check_writable", "fingerprint_files", "finished_record"]
-
 _RECORDS = ".stages"
 
 

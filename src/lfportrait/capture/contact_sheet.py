@@ -9,8 +9,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..arrays import UInt8
 
-__all__ = ["BAD", "FAIR", "GOOD", "INK", "PAPER", "contact_sheet", "font"]
-
 PAPER, INK = (250, 249, 246), (40, 40, 44)
 GOOD, FAIR, BAD = (66, 140, 82), (214, 148, 32), (196, 52, 44)
 """Colors of photos that are well, that could be better, that are of no use."""

@@ -28,10 +28,6 @@ from .camera import Camera
 from .capture import Capture
 from .kernels import cover_views, vote_lattice
 
-__all__ = ["color_likelihood", "consistent_mattes", "matte_agreement", "refine_changes",
-           "refine_matte", "views_share"]
-
-
 # Pairs of color channels of a symmetric 3x3 matrix, in the order in which they are stored.
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 

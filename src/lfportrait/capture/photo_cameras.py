@@ -53,8 +53,6 @@ from .lenses import Lens
 from .photos import Photo, blurred
 from .video import read_source
 
-__all__ = ["CalibrateConfig", "PhotosError", "calibrate"]
-
 _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps between them "
            "(each part of the scene in at least three photos), in focus")
 

@@ -1,4 +1,4 @@
-"""Commands of the style: ``transfer`` on a photo, a folder and a video, ``stylize``, ``restyle``."""
+"""Commands of the style: ``transfer`` on photos and videos, ``stylize``, ``restyle``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-from .captures import (
+from .embedded import (
     DATA,
     HEAD,
     demo_capture,

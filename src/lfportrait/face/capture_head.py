@@ -18,9 +18,6 @@ from ..field.closing import FittedHead
 from .head_fit import EXPRESSION, MOST_DEVIATIONS
 from .head_prior import EYES, SOCKETS, HeadPrior, head_prior, with_normals
 
-__all__ = ["fit_in_space", "fit_to_surface"]
-
-
 METRES = 0.207
 """Of a unit of the portrait frame."""
 _LANDMARK, _SURFACE = 0.003 / METRES, 0.0025 / METRES

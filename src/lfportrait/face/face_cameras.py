@@ -38,9 +38,6 @@ from .detect import detect_landmarks
 from .landmarks import EGG, GENERIC_LANDMARKS
 from .segmentation import person_matte
 
-__all__ = ["FaceCameras", "cameras_from_faces", "capture_from_faces"]
-
-
 _OWN = 0.06
 """How far a person's landmarks lie from the generic head's, portrait units."""
 _JAW = 0.25

@@ -21,10 +21,6 @@ from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
 from .landmarks import MOST_TURNED
 
-__all__ = ["Found", "HeadFit", "Picture", "View", "across_jaw", "check_faces", "deviations_of",
-           "fit_head", "jaw_vertices", "outline_errors", "outline_vertices", "refit", "unfit"]
-
-
 SMALLEST = 150.0
 """Pixels of a face's width, ear to ear, that it must have."""
 DISTANCES = (0.45, 0.6, 0.8, 1.05, 1.4)

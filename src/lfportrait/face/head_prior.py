@@ -19,10 +19,6 @@ from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS
 from .landmarks import GENERIC_LANDMARKS, MIRRORED, generic_depth
 
-__all__ = ["EYES", "FACE", "HEAD", "SOCKETS", "HeadPrior", "generic_prior", "head_prior",
-           "read_ict", "with_normals"]
-
-
 FACE, HEAD, SOCKETS, EYES = range(4)
 """Parts of a head's vertices: face; skull, ears and neck; eye sockets; eyeballs."""
 IDENTITIES = 48

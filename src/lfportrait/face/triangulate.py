@@ -16,9 +16,6 @@ from ..capture import Camera, Capture, focus_point
 from ..progress import Progress
 from .detect import detect_landmarks, face_yaw
 
-__all__ = ["frontal_order", "landmarks_of_capture", "triangulate"]
-
-
 _SPREAD = 24
 """Views tried first, spread over the capture."""
 

@@ -37,8 +37,6 @@ from ..stages import StageFolder
 from ..stylize import StylizeConfig, stylize_with_figures
 from .warmup import Warmup
 
-__all__ = ["FirstLook", "LookTaken", "PageLook", "painted_roughly"]
-
 PAGE = "portrait.html"
 KERNELS = "transfer", "stylize", "encode"
 """What of `Warmup` a look needs beside the training's own."""

@@ -62,8 +62,6 @@ from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
-__all__ = ["MakeConfig", "make", "run_figures"]
-
 
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,

@@ -43,8 +43,6 @@ from ..stylize import kept_skin, load_styled
 from ..version import __version__
 from .graph import MakeConfig, Task
 
-__all__ = ["share_job"]
-
 _ANGLES = (-45, 0, 45)
 _COLUMN = 448
 """The same in one of three columns."""

@@ -53,8 +53,6 @@ from .warmup import Warmup
 if TYPE_CHECKING:
     from .first_look import FirstLook
 
-__all__ = ["Tools", "do_stage"]
-
 Look = Callable[[Capture, Callable[[], VoxelField]], None]
 """Is offered a field that is trained in part: its capture, and what gives it."""
 

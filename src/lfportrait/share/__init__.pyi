@@ -13,13 +13,14 @@ from .kinds import (
     ExportContext,
     NoParameters,
     Option,
+    PageConfig,
     SplatConfig,
     export_field,
     export_of,
     exports,
     own_exports,
 )
-from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
+from .page import OpenPage, page_script, recolored, serve_page, write_page
 from .paths import (
     good_cone,
     orbit_cameras,

@@ -19,8 +19,8 @@ from ..lightfield import Display, ViewMask, composed, encode_with_figures, write
 from ..lightfield.prints import PrintConfig, PrintSheet, check_file, fitted, write_print
 from ..temporary import part_folder
 from . import mesh as meshes
-from .kinds import METRES, ExportConfig, ExportContext, NoParameters, SweepConfig
-from .page import PageConfig, write_page
+from .kinds import METRES, ExportConfig, ExportContext, NoParameters, PageConfig, SweepConfig
+from .page import write_page
 from .paths import good_cone, sweep_frames
 from .splats import SPLAT_WRITERS, field_splats, framed, is_down
 from .video import write_video

@@ -1,4 +1,4 @@
-"""What the page sends and gets: checked fields of a request, names and ids, JSON, errors with a code.
+"""What the page sends and gets: checked fields, names and ids; JSON, and errors with a code.
 
 An error is ``{"error": {"code", "message", "about"}}``: the page translates the code, and shows the
 message, one English sentence, where it knows no other.

@@ -18,8 +18,6 @@ from .versions import Version, Versions
 if TYPE_CHECKING:
     from .desk import Desk
 
-__all__ = ["TAKEN", "batch_file", "study_command"]
-
 TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
          "index.html", "results.json")
 """What no entry of a jobs file may be called."""

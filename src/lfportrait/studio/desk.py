@@ -30,8 +30,6 @@ from .projects import Project, Projects
 from .styles import Styles
 from .versions import Version, Versions, mix_arguments
 
-__all__ = ["Desk", "export_order"]
-
 _QUIET = 2.0
 """Seconds without another upload after which photos are checked."""
 _LOW, _AGAIN = 2 << 30, 120.0

@@ -18,8 +18,6 @@ from ..lightfield import Display
 from .answers import Refusal, choice, folder_name, free_name, id_of, number, text, truth, whole
 from .projects import Project, Projects
 
-__all__ = ["KINDS", "Displays", "Panel", "corrected", "wizard_steps"]
-
 KINDS = ("views", "slant", "fringe", "depth")
 """Test patterns."""
 _LARGEST = 256 << 10

@@ -17,10 +17,6 @@ from ..temporary import MARK
 from .answers import Refusal, choice, folder_name, id_of, number, text, truth, whole
 from .projects import Project
 
-__all__ = ["checked_options", "checked_placement", "entries", "find", "forget_unfinished", "keep",
-           "kind_of", "kinds", "quality_of", "remove", "target"]
-
-
 _BOUND = 1e9
 """Of numbers that have none."""
 _PLACEMENT = {"size": (0.05, 4.0), "shift_x": (-4.0, 4.0), "shift_y": (-4.0, 4.0),

@@ -1,8 +1,8 @@
 """Photos of a sitter: uploaded, judged on the contact sheet, and the arc that they cover.
 
 The check of the photos (`lfportrait.job.check_photos`) runs in a process of its own, which writes
-``.studio/check.json``; on the sheet each photo has its grade and reasons. The cameras, once they are
-placed, are read from the capture.
+``.studio/check.json``; on the sheet each photo has its grade and reasons. The cameras, once they
+are placed, are read from the capture.
 
 An upload is one streamed request a photo, resumed by its hash. What comes goes into
 ``.studio/uploads/HASH.part`` of the project and gets its name when it is complete and its SHA-256

@@ -20,8 +20,6 @@ from typing import Any
 from .answers import Refusal
 from .events import Child, Events
 
-__all__ = ["Previews", "Turn"]
-
 _MOST = 64
 """Questions of one turn that wait."""
 

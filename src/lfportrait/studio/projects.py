@@ -39,8 +39,6 @@ from ..media.kinds import PHOTOS, VIDEOS
 from ..temporary import sweep_below
 from .answers import Refusal, folder_name, free_name, id_of, is_id
 
-__all__ = ["OWN", "Project", "Projects"]
-
 OWN = ".studio"
 """Folder of the studio's own files, in the projects' folder and in each project."""
 _TAKEN = ("paintings", "displays", "exports")

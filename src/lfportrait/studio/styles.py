@@ -27,8 +27,6 @@ from ..media.pictures import open_picture, read_image
 from .answers import Refusal, file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects
 
-__all__ = ["GROUPS", "LINES", "MIRROR", "Style", "Styles"]
-
 LARGEST = 128 << 20
 """Bytes of a painting's file."""
 _SHOWN = 4096

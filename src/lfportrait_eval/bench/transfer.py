@@ -15,7 +15,7 @@ from lfportrait.arrays import Float64, Int32, UInt8
 from lfportrait.example import Exemplar, MethodConfig, TransferConfig, prepare
 from lfportrait.progress import Progress
 
-from ..baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from ..baselines.config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 
 METHODS = ("styleblit", "faceblit", "facestyle", "network")
 """The methods of transfer that are compared: ours and the published ones."""

@@ -48,7 +48,7 @@ from lfportrait.progress import Progress
 from lfportrait.stages import fingerprint_files
 from lfportrait.stylize import StylizeConfig, kept_skin, stylize_with_figures
 
-from ..baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from ..baselines.config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 from ..metrics.views import Arc, head_cameras
 
 

@@ -21,8 +21,6 @@ from ..desk import Desk
 from ..previews import Turn
 from ..projects import Project
 
-__all__ = ["Call", "Table", "attachment", "picture", "query_number"]
-
 Handler = Callable[["Call"], Any]
 
 

@@ -27,7 +27,6 @@ from ..versions import checked_mix
 from .call import Call, Table, picture, query_number
 
 TABLE = Table()
-__all__ = ["TABLE", "cameras_of"]
 
 _SIZES = (320, 0)
 _FRONT = [(0.0, 0.0, 1.0)]

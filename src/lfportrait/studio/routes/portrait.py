@@ -20,7 +20,6 @@ from .call import Call, Table, picture
 from .painting import cameras_of
 
 TABLE = Table()
-__all__ = ["TABLE"]
 
 _PAGES = 24
 """Pages of the viewer that are kept for a project."""

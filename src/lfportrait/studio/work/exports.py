@@ -14,8 +14,6 @@ from ..orders import Order
 from .resident import Look, Sitting
 from .telling import Teller
 
-__all__ = ["export"]
-
 
 def export(order: Order, teller: Teller) -> dict[str, Any]:
     """Write the file; its figures."""

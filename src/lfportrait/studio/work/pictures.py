@@ -14,9 +14,6 @@ from ...capture import Camera, Capture, font
 from ...field import VoxelField
 from ...lightfield import eight_bit, render_views
 
-__all__ = ["cameras_picture", "coded_picture", "head_picture",
-           "photo_picture", "views_of"]
-
 _PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
 _MARGIN = 1.12
 """Of a head in its picture."""

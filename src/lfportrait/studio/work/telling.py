@@ -22,8 +22,6 @@ from ...job import STAGES, Tools
 from ...progress import Progress
 from ...simd.host import watched_compilations
 
-__all__ = ["Teller", "Told"]
-
 _EVERY = 0.25
 """Seconds between two messages of progress at least."""
 _SHOWN = 3.0

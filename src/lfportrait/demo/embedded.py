@@ -1,4 +1,4 @@
-"""The embedded data, read from the package: a modelled head photographed, as a field, and painted."""
+"""The embedded data: a modelled head as photos, as a field and painted; other portraits."""
 
 from __future__ import annotations
 
