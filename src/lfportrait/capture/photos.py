@@ -45,6 +45,7 @@ from ..media.depth import DepthMap, read_depth
 from ..media.folders import RAW_PHOTOS, Listing, folders_below, list_pictures, say_left_out
 from ..media.kinds import damage_of, kind_of
 from ..media.pictures import file_of, open_picture
+from ..simd.threads import side_by_side
 from ..temporary import temporary_folder
 
 _TURNED = 0x0112
@@ -440,7 +441,7 @@ def blurred(images: Sequence[UInt8], threshold: float) -> list[int]:
     """
     if threshold <= 0 or len(images) < 6:
         return []
-    sharp = relative_sharpness(np.array([fineness(image) for image in images]),
+    sharp = relative_sharpness(np.array(side_by_side(fineness, images)),
                                [image.shape[:2] for image in images])
     worst = np.argsort(sharp, kind="stable")[:len(images) // 4]
     return sorted(int(index) for index in worst if sharp[index] < threshold)

@@ -15,12 +15,15 @@ code is there: the next run starts no process.
 from __future__ import annotations
 
 import functools
+import importlib
 import math
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +38,19 @@ from ..progress import Progress
 from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
-FUNCTIONS = {"transfer": 44, "reconstruct": 66, "stylize": 43, "encode": 38}
+FUNCTIONS = {"mattes": 9, "transfer": 44, "reconstruct": 66, "stylize": 43, "encode": 38}
 """Functions that each stage compiles after those before it: a few more or less on other
 processors."""
+
+
+def _mattes() -> None:
+    from .prepare import cut_person
+
+    for arc in (14.0, 115.0):  # with what is behind the person, and by votes
+        capture = ball_capture(size=96, arc=arc)
+        assert capture.alphas is not None
+        cut_person(replace(capture, alphas=None),
+                   soft=[np.asarray(matte / 255.0, np.float32) for matte in capture.alphas])
 
 
 def _reconstruct() -> None:
@@ -90,7 +103,8 @@ def _encode() -> None:
 
 
 _STAGES: dict[str, Callable[[], None]] = {
-    "reconstruct": _reconstruct, "transfer": _transfer, "stylize": _stylize, "encode": _encode}
+    "mattes": _mattes, "reconstruct": _reconstruct, "transfer": _transfer, "stylize": _stylize,
+    "encode": _encode}
 
 
 def run_stage(name: str, told: Callable[[str], None] = print) -> None:
@@ -124,9 +138,23 @@ def _mark(name: str) -> Path:
     return cache_folder() / f"warm-{name}-{key[:16]}"
 
 
-def head_kernels(fitted: bool) -> tuple[str, ...]:
-    """The stages of a job, as `FUNCTIONS` has them; a head that is ``fitted`` is not trained."""
-    return ("reconstruct", "transfer", "stylize", "encode")[fitted:]
+def head_kernels(fitted: bool, matted: bool = True) -> tuple[str, ...]:
+    """The stages of a job, as `FUNCTIONS` has them; a head that is ``fitted`` is not trained.
+
+    Photos that are not ``matted`` are yet to be cut out: that comes first, and nobody waits for it.
+    """
+    stages = ("reconstruct", "transfer", "stylize", "encode")[fitted:]
+    return stages if matted or fitted else ("mattes", *stages)
+
+
+def import_ahead(*names: str) -> None:
+    """Import modules in the background: while photos are read and placed, a core is idle."""
+    def work() -> None:
+        for name in names:
+            with suppress(ImportError):  # whoever needs it says so
+                importlib.import_module(name)
+
+    threading.Thread(target=work, daemon=True).start()
 
 
 class Warmup:
@@ -262,7 +290,8 @@ def ball_points(cameras: Camera, view: int) -> Float64:
     return points.reshape(int(cameras.height[view]), int(cameras.width[view]), 3)
 
 
-def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Capture:
+def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
+                 arc: float = 115.0) -> Capture:
     """Photos of a speckled ball with landmarks on its front.
 
     Parameters
@@ -273,8 +302,10 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Captu
         Number of photos on an arc.
     cut_out
         Whether the photos have mattes.
+    arc
+        Half of the arc in degrees.
     """
-    cameras = Camera.arc(np.linspace(-115, 115, views), distance=4.0, width=size, height=size,
+    cameras = Camera.arc(np.linspace(-arc, arc, views), distance=4.0, width=size, height=size,
                          focal=1.7 * size)
     images, alphas = [], []
     for view in range(views):
