@@ -26,13 +26,14 @@ from ..arrays import Bool, Float32, Float64, UInt8
 from ..simd.threads import side_by_side
 from .camera import Camera
 from .capture import Capture
-from .kernels import cover_views, vote_lattice
-from .likelihood import (
+from .kernels import (
     MOMENTS,
     TERMS,
     block_moments,
+    cover_views,
     gaussians,
     pixel_likelihood,
+    vote_lattice,
     window_functions,
 )
 
