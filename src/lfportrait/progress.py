@@ -136,8 +136,11 @@ class Progress:
         self._last, self._step = now, step
         return True
 
-    def show(self, make: Callable[[], object]) -> None:
-        """Offer an intermediate result, made by a call where it is wanted: a line wants none."""
+    def show(self, make: Callable[[], object], *, at_once: bool = False) -> None:
+        """Offer an intermediate result, made by a call where it is wanted: a line wants none.
+
+        ``at_once``: however short a time ago the last one was.
+        """
 
     def say(self, line: str) -> None:
         """Write a line that stays, above the one that is redrawn."""

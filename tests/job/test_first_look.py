@@ -5,15 +5,21 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from lfportrait import models
+from lfportrait.capture import Camera
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.errors import UserError
+from lfportrait.face.one_photo import portrait
 from lfportrait.job import first_look, work
 from lfportrait.job.first_look import KERNELS, FirstLook, LookTaken, painted_roughly
 from lfportrait.job.pipeline import make
 from lfportrait.progress import Progress
 from lfportrait.stylize import StyledField, StylizeConfig
+from modelled_head import SITTER, photograph
 from tests.job import test_pipeline
 from tests.job.test_pipeline import FILES, PANEL
 
@@ -125,6 +131,27 @@ def test_the_look_at_another_painting_is_not_taken_for_the_finished_page(job, pl
     assert len(looks) == 2 and max(looks[1].links.shape) >= 40, "the finished field"
     job(out, first_look=False)
     assert digests(out) == digests(plain)
+
+
+@pytest.mark.skipif(models.missing(["face-landmarker"]) != [],
+                    reason="the network for landmarks is not here")
+def test_one_photo_is_looked_at_before_its_field_is_made(painting, looks, tmp_path, monkeypatch,
+                                                         capsys):
+    monkeypatch.setattr(portrait, "ROUGH", 48)
+    camera = Camera.arc(np.zeros(1), distance=4.4, width=440, height=440, focal=860.0)
+    Image.fromarray(photograph(SITTER, camera).image).save(tmp_path / "her.png")
+    fine = replace(CONFIG, reconstruct=replace(CONFIG.reconstruct, resolution=64))
+    out = tmp_path / "out"
+    run = make(tmp_path / "her.png", painting, out, PANEL, fine, offline=True, device="cpu",
+               quick=True, quiet=False)
+    page = out / "portrait.html"
+    assert LOOK in page.read_bytes() and not (out / "field.npz").exists()
+    assert f"a first look after {run['first_look']['seconds']:.0f} s: {page}" in (
+        capsys.readouterr().err)
+    assert len(looks) == 1 and max(looks[0].links.shape) < 80 and looks[0].cone == 40
+    whole = make(tmp_path / "her.png", painting, out, PANEL, fine, offline=True, device="cpu")
+    assert whole["resumed"] == ["capture"] and whole["first_look"] == run["first_look"]
+    assert LOOK not in page.read_bytes() and len(looks) == 1
 
 
 @pytest.mark.parametrize("error", [UserError("the field shows no surface"), IndexError("7")])

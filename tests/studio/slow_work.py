@@ -33,6 +33,8 @@ def serve() -> None:
     order.pictures.mkdir(parents=True, exist_ok=True)
     (order.pictures / "capture.jpg").write_bytes(b"\xff\xd8")
     pipe.tell("picture", "capture")
+    (order.pictures / "capture.html").write_text("<p>a head</p><script>1</script>")
+    pipe.tell("page", "capture")
     pipe.tell("done", "capture", 0.5)
     pipe.tell("skipped", "reconstruct")
     result = {"kind": order.kind}

@@ -87,6 +87,10 @@ def test_a_job_goes_through_its_stages(page):
     assert [one["state"] for one in job["stages"]] == ["done", "skipped"]
     assert job["notes"] == ["a warning"] and job["progress"] == 1.0
     assert page.ask("GET", job["stages"][0]["picture"]).content == b"\xff\xd8"
+    turning = page.ask("GET", job["stages"][0]["page"])
+    assert "a head" in turning.text and "script-src 'sha256-" in (
+        turning.headers["content-security-policy"])
+    assert job["stages"][1]["page"] is None
     assert job["stages"][1]["picture"] is None
     assert gone(*map(int, (folder / "pids.txt").read_text().split()))
     assert page.get("/api/state")["jobs"] == [job]

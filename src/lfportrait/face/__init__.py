@@ -91,11 +91,12 @@ def portrait_capture(photos: Any, progress: Any = None) -> Any:
     return run(photos, progress)
 
 
-def portrait_field(capture: Any, config: Any = None, progress: Any = None) -> Any:
+def portrait_field(capture: Any, config: Any = None, progress: Any = None, *,
+                   look: Any = None) -> Any:
     """The field of a fitted head (`lfportrait.face.one_photo.portrait_field`)."""
     from .one_photo import portrait_field as run
 
-    return run(capture, config, progress)
+    return run(capture, config, progress, look=look)
 
 
 def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:

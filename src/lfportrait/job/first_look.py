@@ -1,4 +1,4 @@
-"""A first look: a portrait to turn, in the painting's style, while its field is still trained.
+"""A first look: a portrait to turn, in the painting's style, while its field is still made.
 
 The training goes from coarse to fine, and its coarse levels are a small part of it: at half the
 resolution the head is there in a quarter of the time. That field is finished as the whole one will
@@ -10,6 +10,9 @@ A look is a courtesy. Where its kernels are not compiled yet it comes later, fro
 and where it can't be made the job says so in a line and goes on. If nothing but the look is wanted,
 it waits for the kernels and ends the job (`LookTaken`), which goes on from the training's
 checkpoint when it is run again.
+
+A head that is fitted to one photo is not trained. It stands long before its fine lattice is filled:
+the look is of a coarse one.
 
 `FirstLook` decides when; `PageLook` writes it as ``portrait.html``, which the finished page
 replaces at the end. The studio draws it as a picture.

@@ -69,7 +69,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          first_look: bool = True, quick: bool = False) -> dict[str, Any]:
     """Run the whole job.
 
-    While the field is trained, a first look is written as ``portrait.html`` (`first_look`).
+    While the field is made, a first look is written as ``portrait.html`` (`first_look`).
 
     Parameters
     ----------

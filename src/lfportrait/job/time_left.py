@@ -141,9 +141,10 @@ def usual_steps(config: MakeConfig, source: Source, look: bool, cores: int) -> l
     amounts, steps = _amounts(config, source), []
     for stage, costs in _COSTS.items():
         if not costs and source.fitted:
-            steps += [Step(stage, name, seconds) for name, seconds in _FITTED.items()]
+            fitted = [Step(stage, name, seconds) for name, seconds in _FITTED.items()]
             alone, shared = _TRAINING["look"]
-            steps += [Step(stage, "first look", alone + shared / cores)] if look else []
+            early = [Step(stage, "first look", alone + shared / cores)] if look else []
+            steps += [*fitted[:-2], *early, *fitted[-2:]]  # before the lattice
         elif not costs:
             steps += _trained(stage, config, source, look, cores)
         steps += [Step(stage, name, amounts[unit] * (alone + shared / cores))

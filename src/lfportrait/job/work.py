@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from .first_look import FirstLook
 
 Look = Callable[[Capture, Callable[[], VoxelField]], None]
-"""Is offered a field that is trained in part: its capture, and what gives it."""
+"""Is offered a field that is made in part: its capture, and what gives it."""
 
 _THUMBNAIL = 192
 """Height of the small pictures of an index in pixels."""
@@ -79,7 +79,7 @@ class Tools:
     sheet
         Picture of the photos that were left out; by default in the task's folder.
     look
-        The first look that is taken while a field is trained.
+        The first look that is taken while a field is made.
     outlook
         Knows the time that is left of the whole job.
     kept
@@ -249,16 +249,16 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
                 ) -> tuple[dict[str, Any], VoxelField]:
     """Reconstruct the field of a capture; its figures, and the field as written.
 
-    ``look`` is offered fields that are trained in part, with the capture.
+    ``look`` is offered fields that are made in part, with the capture.
     """
     settings = replace(config.reconstruct, seed=seed)
+    shown = None if look is None else partial(look, capture)
     if is_portrait(capture):
-        result, figures = portrait_field(capture, settings, progress)
-        result.save(target)
-        return figures, result.as_read()
-    result, figures = reconstruct_with_figures(
-        capture, settings, progress, checkpoint=checkpoint, device=device,
-        look=None if look is None else partial(look, capture), fit_head=fit_to_surface)
+        result, figures = portrait_field(capture, settings, progress, look=shown)
+    else:
+        result, figures = reconstruct_with_figures(
+            capture, settings, progress, checkpoint=checkpoint, device=device, look=shown,
+            fit_head=fit_to_surface)
     result.save(target)
     return figures, result.as_read()
 

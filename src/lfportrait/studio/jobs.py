@@ -44,6 +44,8 @@ class StageState:
         It will take, as far as is known.
     pictures
         How often it was drawn.
+    pages
+        How often a page was written that turns the head as far as it is made.
     begun
         When it began, in seconds since 1970.
     """
@@ -55,6 +57,7 @@ class StageState:
     seconds: float = 0.0
     need: float = 0.0
     pictures: int = 0
+    pages: int = 0
     begun: float = 0.0
 
     def left(self, spent: float, pace: float = 1.0) -> float:
@@ -171,7 +174,9 @@ class JobState:
             "seconds": round(self.spent(one), 1),
             "left": self.left_of(one) if not self.over else 0.0,
             "picture": f"/api/jobs/{self.id}/stages/{one.name}/picture?v={one.pictures}"
-            if one.pictures else None} for one in self.stages]
+            if one.pictures else None,
+            "page": f"/api/jobs/{self.id}/stages/{one.name}/page?v={one.pages}"
+            if one.pages else None} for one in self.stages]
         return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,
                 "version": self.version, "title": self.order.get("title"),
                 "export": self.export, "state": self.state,
@@ -347,7 +352,7 @@ class Jobs:
         del self.jobs[job.id]
         (self._folder / f"{job.id}.json").unlink(missing_ok=True)
         (self._folder / f"{job.id}.log").unlink(missing_ok=True)
-        for path in self.pictures(job).glob("*.jpg"):
+        for path in (*self.pictures(job).glob("*.jpg"), *self.pictures(job).glob("*.html")):
             path.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self.pictures(job).rmdir()
@@ -457,6 +462,8 @@ class Jobs:
             stage.begun = time.time()
         elif kind == "picture":
             stage.pictures += 1
+        elif kind == "page":
+            stage.pages += 1
         elif kind == "done":
             stage.state, stage.progress, stage.note = "done", 1.0, ""
             stage.seconds = facts[1]

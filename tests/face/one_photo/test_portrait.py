@@ -10,7 +10,9 @@ from lfportrait import models
 from lfportrait.capture import Camera, Capture, read_photos
 from lfportrait.errors import UserError
 from lfportrait.face import is_portrait, portrait_capture, portrait_field
+from lfportrait.face.one_photo import portrait
 from lfportrait.field import ReconstructConfig
+from lfportrait.progress import Progress
 from modelled_head import SITTER, photograph
 
 pytestmark = pytest.mark.skipif(models.missing(["face-landmarker"]) != [],
@@ -44,6 +46,30 @@ def test_one_photo_becomes_a_field_that_looks_like_it(photo, tmp_path):
     # It is closed behind.
     behind = Camera.arc(np.array([180.0]), distance=4.4, width=160, height=160, focal=320.0)
     assert field.render(behind, 0).alpha[60:90, 70:90].min() > 0.95
+
+
+class Enough(Exception):
+    """Ends the work."""
+
+
+def test_the_head_is_shown_before_its_fine_lattice_is_filled(photo, monkeypatch):
+    monkeypatch.setattr(portrait, "ROUGH", 40)
+    monkeypatch.setattr(Progress, "show", lambda self, make, *, at_once: shown.append(make()))
+    shown, capture = [], portrait_capture(read_photos(photo))[0]
+
+    def look(make):
+        shown.append(make())
+        raise Enough
+
+    with Progress("", enabled=False) as progress, pytest.raises(Enough):
+        portrait_field(capture, ReconstructConfig(resolution=96), progress, look=look)
+    progress_saw, looked = shown
+    assert progress_saw is looked, "it is made once"
+    assert max(looked.links.shape) < 60 and looked.cone == 40
+    assert looked.render(capture.cameras, 0).alpha[200:240, 200:240].min() > 0.9
+    # One that is no finer has no look of its own.
+    portrait_field(capture, ReconstructConfig(resolution=40), look=look)
+    assert len(shown) == 2
 
 
 def test_a_photo_without_a_face_is_refused(tmp_path):

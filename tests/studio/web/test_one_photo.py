@@ -48,6 +48,47 @@ def test_one_photo_is_enough_to_go_on(opened, photo):
     assert "a head is fitted to it" in opened.page.inner_text(".plan")
 
 
+def shown(opened, job):
+    """Hand a job over as the server does; the pages of the heads that are seen, and its picture."""
+    opened.run("""async (job) => (await import("/static/state.js")).keepJob(job)""", job)
+    return opened.run("""() => [
+      [...document.querySelectorAll(".latest .stage.there iframe:not(.coming)")]
+        .map((one) => one.src),
+      document.querySelector(".latest .still").hidden]""")
+
+
+def test_the_head_turns_as_far_as_it_is_made(opened):
+    """It goes on turning until the finished one takes its place, as it was turned by then."""
+    viewed = opened.ask("POST", "/api/projects/anna/viewer", {"style": None})["page"]
+    stages = [{"name": name, "title": name, "state": "waiting", "progress": None, "note": "",
+               "seconds": 0, "left": 5, "picture": None, "page": None}
+              for name in ("capture", "reconstruct", "surface")]
+    job = {"id": "j-early", "kind": "head", "project": "anna", "name": "anna", "version": None,
+           "export": None, "state": "running", "place": 0, "progress": 0.5, "left": 9,
+           "notes": [], "error": None, "result": None, "stages": stages}
+    opened.go("making/anna")
+    assert shown(opened, job) == [[], False]
+    stages[1] |= {"state": "running", "page": f"{viewed}?v=1"}
+    opened.eventually(lambda: shown(opened, job)[1])
+    opened.run("""() => {
+      const { contentWindow } = document.querySelector(".latest iframe");
+      contentWindow.kept = true;
+      contentWindow.lfportrait.orbit.yaw = 0.25;
+    }""")
+    stages[1] |= {"state": "done"}
+    stages[2] |= {"state": "running"}
+    (page,), _ = shown(opened, job)
+    assert page.endswith("?v=1")
+    assert opened.run("document.querySelector('.latest iframe').contentWindow.kept"), "it stays"
+    assert "about" in opened.page.inner_text(".phase.running .when")
+    shown(opened, {**job, "state": "done"})
+    opened.eventually(lambda: not shown(opened, {**job, "state": "done"})[0][0].endswith("?v=1"))
+    turned = opened.run(
+        "document.querySelector('.latest iframe').contentWindow.lfportrait.orbit.yaw")
+    assert turned == pytest.approx(0.25, abs=0.2)
+    assert not opened.complaints
+
+
 def test_several_files_ask_for_a_name(opened):
     opened.go("sitters")
     opened.run("""async () => {

@@ -48,7 +48,10 @@ def test_the_look_is_the_picture_of_the_stage_to_come(tmp_path, painting):
     assert not early.offer() and not early.look.over, "no painting is chosen yet"
     early.project.change(painting=painting)
     assert early.offer() and not early.offer()
-    assert early.told == [("picture", "surface")] and early.look.figures["seconds"] > 0
+    assert early.told == [("picture", "surface"), ("page", "surface")]
+    assert early.look.figures["seconds"] > 0
+    page = (tmp_path / "pictures/surface.html").read_bytes()
+    assert b"data-stream" in page and len(page) < 2e6
     picture = np.asarray(Image.open(tmp_path / "pictures/surface.jpg"), float)
     head = picture[140:180, 460:500].mean(axis=(0, 1))
     assert head.max() - head.min() > 20, "the ball is grey, the painting is not"

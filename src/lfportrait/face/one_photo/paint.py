@@ -125,6 +125,11 @@ class _Mean:
     def colors(self) -> Float64:
         return np.asarray(self.total[:, :3] / np.maximum(self.weights, 1e-9)[:, None])
 
+    @property
+    def hair(self) -> Bools:
+        """Where most of what is seen is hair, [N]."""
+        return np.asarray(2 * self.total[:, 3] > self.weights)
+
     def pure(self, hair: Bools) -> Float64:
         """How well places are seen that have the material which they should have, [N]."""
         share = self.total[:, 3] / np.maximum(self.weights, 1e-9)
@@ -151,8 +156,8 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
         look = shot.look(points * mirror, normals * mirror, near, shell.voxel)
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = shell.owner == HAIR
-    if hair.any():  # what no photo shows has hair, too, where hair grows
-        hair |= shell.scalp & (own.best < HIDDEN)
+    if hair.any():  # what no photo shows has hair, too, where hair grows; so has what shows through
+        hair |= shell.scalp & ((own.best < HIDDEN) | own.hair)
     photo, mirrored = own.colors, other.colors
     weight, known = own.pure(hair), other.pure(hair)
     fill = np.empty_like(photo)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import time
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -37,7 +39,7 @@ from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .depth import Sensed, sensed_depth
-from .lattice import shell_of
+from .lattice import Shell, shell_of
 from .matches import found_again
 from .paint import Shot, painted
 from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
@@ -52,6 +54,8 @@ Float64 = NDArray[np.float64]
 
 AGREED = 3
 """How often several photos are compared and the head is fitted to what they share."""
+ROUGH = 96
+"""Points to two units of the lattice of a head that is looked at before it is made in full."""
 _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
 
@@ -206,7 +210,9 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
 
 
 def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
-                   progress: Progress | None = None) -> tuple[VoxelField, dict[str, Any]]:
+                   progress: Progress | None = None, *,
+                   look: Callable[[Callable[[], VoxelField]], None] | None = None,
+                   ) -> tuple[VoxelField, dict[str, Any]]:
     """The field of a head that was fitted to photos.
 
     Parameters
@@ -216,7 +222,9 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     config
         Its resolution counts, and nothing else.
     progress
-        Progress line.
+        Progress line. It is shown the head on a coarse lattice before the fine one is filled.
+    look
+        Is called then, too, with what gives that head; what it raises ends this.
 
     Returns
     -------
@@ -253,22 +261,37 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     note("hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
-    note("lattice")
-    shell = shell_of(solid, points)
-    note("colors")
     shots = [Shot.of(capture.cameras[view],
                      clean_colors(capture.images[view], capture.alphas[view] / np.float32(255)),
                      pictures[view].hair) for view in range(len(capture))]
-    field = shell.field(painted(shell, shots))
-    field.frame, field.cone = capture.frame, PORTRAIT_CONE
+    seconds = 0.0
+    if points > ROUGH:
+        looked = time.perf_counter()
+        rough = functools.cache(lambda: _colored(capture, shell_of(solid, ROUGH), shots))
+        if progress is not None:
+            progress.show(rough, at_once=True)
+        if look is not None:
+            look(rough)
+        seconds = time.perf_counter() - looked
+    note("lattice")
+    shell = shell_of(solid, points)
+    note("colors")
+    field = _colored(capture, shell, shots)
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
                "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
                "peak_memory_bytes": peak_memory_bytes(),
-               "seconds": {"train": round(time.perf_counter() - begun, 3), "test": 0.0}}
+               "seconds": {"train": round(time.perf_counter() - begun - seconds, 3), "test": 0.0}}
     if sensed is not None:
         figures["depth"] = {"off_mm": round(1000 * METRES * sensed.off, 1)}
     return field, figures
+
+
+def _colored(capture: Capture, shell: Shell, shots: list[Shot]) -> VoxelField:
+    """A shell in its colors, as a field."""
+    field = shell.field(painted(shell, shots))
+    field.frame, field.cone = capture.frame, PORTRAIT_CONE
+    return field
 
 
 def _sensed(capture: Capture, parts: Parts, samples: MeshSamples, progress: Progress | None,

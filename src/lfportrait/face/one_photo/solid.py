@@ -43,9 +43,13 @@ NECK_OVERLAP = 0.05
 """How far the body goes up into the model's neck, portrait units."""
 SOFT_NECK, SOFT_HAIR = 0.03, 0.008
 """Widths of the joints, portrait units."""
-TAPER, RECEDING = 0.12, 0.15
-"""Height from which on the model's neck, downwards, and the body's, upwards, recede behind, and by
-how much at their ends: else each would stand out from the other's nape as a ledge."""
+TAPER, RECEDING = 0.12, 0.05
+"""Height from which on the model's neck recedes behind, and by how much at its end: else it would
+stand out from the body's as a ledge."""
+BAND = 0.06
+"""How far from the outline the model says how thick the neck is, portrait units."""
+LEANING, SHOULDERS = 1.1, 0.33
+"""How far the body recedes below the neck, over the way down, and at most, portrait units."""
 LOWEST = -1.35
 """Nothing lies lower."""
 HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.105),
@@ -55,6 +59,8 @@ HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.1
 nape behind and over the ears to the temples and the forehead."""
 EDGE = 4
 """Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
+BESIDE = 1.5
+"""Cells beyond its part of the picture up to which a piece goes on."""
 EAR = 0.073
 """Metres from the middle, beyond which ears stand out from a head."""
 
@@ -106,7 +112,14 @@ class Piece:
                 slope[side, k] = Parts.at(part, at[:, side]) / parts.cell
         value = value - away ** 2
         length = np.sqrt((slope ** 2).sum(axis=1) + 4 * away ** 2)
-        out[within] = -value / np.maximum(length, 0.02)
+        found = -value / np.maximum(length, 0.02)
+        # It would else fill what lies beside it, as the space behind an ear.
+        for side, part in ((ahead, self.ahead), (~ahead, self.behind)):
+            if part is not None:
+                beyond = ndimage.distance_transform_edt(~part) - BESIDE
+                found[side] = np.maximum(found[side],
+                                         Parts.at(beyond, at[:, side]) * parts.cell)
+        out[within] = found
         return out
 
 
@@ -151,19 +164,17 @@ class Solid:
         above = points @ self.neck[:3] - self.neck[3]
         receding = np.zeros(len(points))
         if self.body is not None:
-            receding = RECEDING * np.clip((depth - self.body.middle.mean()) / RECEDING, 0, 1)
-        head[asked] = np.maximum(
-            self.head.distance(points[asked], reach)
-            + receding[asked] * np.clip(1 - above[asked] / TAPER, 0, 1) ** 2, -above[asked])
+            receding = RECEDING * (np.clip((depth - self.body.middle.min()) / TAPER, 0, 1)
+                                   * np.clip(1 - above / TAPER, 0, 1) ** 2)
+        head[asked] = np.maximum(self.head.distance(points[asked], reach) + receding[asked],
+                                 -above[asked])
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
         owner = np.full(len(points), HEAD, np.uint8)
         out = head
         if self.body is not None:
             # It goes on into the neck, up to a plane.
-            above -= NECK_OVERLAP
-            body = np.maximum(self.body.distance(self.parts, places, depth)
-                              + receding * np.clip(1 + above / TAPER, 0, 1) ** 2, above)
+            body = np.maximum(self.body.distance(self.parts, places, depth), above - NECK_OVERLAP)
             owner[body < out] = BODY
             out = _joined(out, body, SOFT_NECK)
         if self.hair is not None:
@@ -330,11 +341,16 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Flo
         domain |= convex_hull_image(shoulders | known) & person & parts.hair & (rows > top)
     domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
     middle = float(np.nanmean(0.5 * (band[0] + band[1])))
-    middles = np.full(person.shape, middle)
+    # Shoulders lie farther back than a neck, which leans forward.
+    below = np.maximum(rows - np.flatnonzero(known.any(axis=1))[-1], 0) * cell
+    middles = np.full(person.shape, middle) + np.minimum(LEANING * below, SHOULDERS)
     inside = np.where(known, np.maximum(parts.inside, 0.5), parts.inside)
     squares = []
     for side in range(2):
-        given = np.where(known, (band[side] - middle) ** 2, np.nan)
+        # Seen from above or below, a cell may show one side of the neck alone.
+        thickness = (middle - band[0], band[1] - middle)[side]
+        sure = (thickness > 0) & (parts.inside * cell > BAND)
+        given = np.where(sure, thickness ** 2, np.nan)
         q = inflated(domain, inside, cell, source=2.0, given=given, free=person & ~domain)
         thick = np.sqrt(np.maximum(q, 0))
         q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2

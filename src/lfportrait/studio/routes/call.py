@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import inspect
 import json
 import math
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,6 +23,8 @@ from ..answers import Refusal, failed
 from ..desk import Desk
 from ..previews import Turn
 from ..projects import Project
+
+_SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 Handler = Callable[["Call"], Any]
 
@@ -141,6 +146,26 @@ def picture(call: Call, path: Path) -> Response:
     if call.request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers=headers)
     return FileResponse(path, headers=headers)
+
+
+def shown_page(path: Path) -> Response:
+    """A page of a head, for an iframe: its script is named by its hash, nothing else runs in it."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise Refusal("not_found", "there is no such page any more") from error
+    return Response(data, media_type="text/html; charset=utf-8",
+                    headers={"content-security-policy": _policy(data)})
+
+
+def _policy(page: bytes) -> str:
+    """What a page of a head may do."""
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
+        for script in _SCRIPT.findall(page))
+    return (f"default-src 'none'; script-src {hashes}; "
+            "style-src 'unsafe-inline'; img-src data: blob:; frame-ancestors 'self'; "
+            "base-uri 'none'; form-action 'none'")
 
 
 def attachment(path: Path) -> Response:

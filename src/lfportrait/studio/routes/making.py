@@ -10,7 +10,7 @@ from starlette.responses import StreamingResponse
 from ..answers import Refusal, choice, text, truth, whole
 from ..photos import find_photo, leave_out, photo_entry, photo_picture, remove_photo
 from ..versions import Versions
-from .call import Call, Table, picture, query_number
+from .call import Call, Table, picture, query_number, shown_page
 from .start import heavy, options_of
 
 TABLE = Table()
@@ -140,6 +140,16 @@ async def stage_picture(call: Call) -> Any:
     if not path.is_file():
         raise Refusal("not_found", "there is no picture yet")
     return picture(call, path)
+
+
+@TABLE.add("GET", "/api/jobs/{job}/stages/{stage}/page")
+def stage_page(call: Call) -> Any:
+    """The page that shows a head as far as a stage has made it."""
+    jobs = call.desk.jobs
+    found, name = jobs.get(call.word("job")), call.word("stage")
+    if all(one.name != name for one in found.stages):
+        raise Refusal("not_found", "there is no such stage")
+    return shown_page(jobs.pictures(found) / f"{name}.html")
 
 
 @TABLE.add("GET", "/api/events")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import hashlib
 import re
 from pathlib import Path
@@ -16,7 +15,7 @@ from ..answers import Refusal, text, whole
 from ..previews import Turn
 from ..projects import Project
 from ..versions import Version, Versions, checked_mix, styles_of
-from .call import Call, Table, picture
+from .call import Call, Table, picture, shown_page
 from .painting import cameras_of
 
 TABLE = Table()
@@ -24,7 +23,6 @@ TABLE = Table()
 _PAGES = 24
 """Pages of the viewer that are kept for a project."""
 _KEY = re.compile("[0-9a-f]{32}")
-_SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 
 def _version(call: Call) -> tuple[Project, Version]:
@@ -200,21 +198,5 @@ def _forget(folder: Path, key: str) -> None:
 
 @TABLE.add("GET", "/view/{project}/{page}")
 def view(call: Call) -> Response:
-    """The page itself: its script is named by its hash, nothing else runs in it."""
-    path = _page(call.project, call.word("page"))
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise Refusal("not_found", "there is no such page any more") from error
-    return Response(data, media_type="text/html; charset=utf-8",
-                    headers={"content-security-policy": _policy(data)})
-
-
-def _policy(page: bytes) -> str:
-    """What a page of the viewer may do."""
-    hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
-        for script in _SCRIPT.findall(page))
-    return (f"default-src 'none'; script-src {hashes}; "
-            "style-src 'unsafe-inline'; img-src data: blob:; frame-ancestors 'self'; "
-            "base-uri 'none'; form-action 'none'")
+    """The page itself."""
+    return shown_page(_page(call.project, call.word("page")))

@@ -50,13 +50,7 @@ export class Stage {
         return null;
       }
       Object.assign(this, { about, wish, coarse: false, ends: false });
-      this.dress(frame);
-      const old = this.inner;
-      if (old && frame.contentWindow.lfportrait) this.copyCamera(old, frame.contentWindow.lfportrait);
-      this.frame?.remove();
-      this.frame = frame;
-      this.more = null;
-      frame.classList.remove("coming");
+      this.take(frame);
       return about;
     } catch (error) {
       // A newer wish came, or the screen was left.
@@ -65,6 +59,31 @@ export class Stage {
     } finally {
       if (mine === this.turn) this.note.textContent = "";
     }
+  }
+
+  /** Show a page that is there already, of a head that is still being made; whether it is shown. */
+  async early(src) {
+    const mine = ++this.turn;
+    const frame = h("iframe.coming", { title: this.name, src });
+    this.element.prepend(frame);
+    await this.ready(frame, mine);
+    if (mine !== this.turn || !frame.contentWindow?.lfportrait) {
+      frame.remove();
+      return false;
+    }
+    this.take(frame);
+    return true;
+  }
+
+  /** A page that is ready takes the old one's place, and its camera. */
+  take(frame) {
+    this.dress(frame);
+    const old = this.inner;
+    if (old && frame.contentWindow.lfportrait) this.copyCamera(old, frame.contentWindow.lfportrait);
+    this.frame?.remove();
+    this.frame = frame;
+    this.more = null;
+    frame.classList.remove("coming");
   }
 
   /** Until the frame's page has drawn, or says that it stands still. */

@@ -1,4 +1,4 @@
-"""A first look at the chosen painting on the head, as a picture, while the head is being made."""
+"""A first look at the chosen painting on the head, while the head is being made."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ _EVERY = 1.0
 
 class EarlyPicture(FirstLook):
     """The first look as the picture of the stage to come, until that has one of its own.
+
+    And as a page that turns.
 
     A painting is often chosen while the head is being made: the look waits for that.
 
@@ -49,4 +51,5 @@ class EarlyPicture(FirstLook):
     def show(self, portrait: VoxelField) -> str:
         """Draw it; there is no line to be said."""
         self._teller.picture(self.STAGE, head_picture(portrait))
+        self._teller.page(self.STAGE, portrait)
         return ""

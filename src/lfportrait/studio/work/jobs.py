@@ -106,8 +106,13 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
         teller.picture("capture", photo_picture(taken) if is_portrait(taken)
                        else cameras_picture(taken))
         number = iter(range(1 << 30))
-        do_task(order, teller, field_task, figures, warmup,
-                draw=lambda field: head_picture(field, 320, (turned(next(number)),)), look=look)
+
+        def draw(field: VoxelField) -> Any:
+            if fitted:  # shown once, and no worse than the head will be
+                teller.page("reconstruct", field)
+            return head_picture(field, 320, (turned(next(number)),))
+
+        do_task(order, teller, field_task, figures, warmup, draw=draw, look=look)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")

@@ -2,6 +2,7 @@
 
 The messages, each a tuple: ``("stages", [(name, seconds)])``, ``("begin", stage)``,
 ``("progress", stage, share, note)``, ``("note", text)``, ``("picture", stage)``,
+``("page", stage)``,
 ``("done", stage, seconds)``, ``("skipped", stage)``, ``("end", result)``, and
 ``("failed", code, text)``.
 """
@@ -17,11 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from ...arrays import UInt8
+from ...field import VoxelField
 from ...files import write_image
 from ...job import STAGES, Tools
 from ...progress import Progress
+from ...share import PageConfig, write_page
 from ...simd.host import watched_compilations
 
+_SIZE = 2.0
+"""Of a page in MB, at most."""
 _EVERY = 0.25
 """Seconds between two messages of progress at least."""
 _SHOWN = 3.0
@@ -48,6 +53,12 @@ class Teller:
         self.pictures.mkdir(parents=True, exist_ok=True)
         write_image(self.pictures / f"{stage}.jpg", image, quality=88)
         self.tell("picture", stage)
+
+    def page(self, stage: str, field: VoxelField) -> None:
+        """A page that turns the head as far as a stage has made it."""
+        self.pictures.mkdir(parents=True, exist_ok=True)
+        write_page(field, self.pictures / f"{stage}.html", PageConfig(sh=0, max_size=_SIZE))
+        self.tell("page", stage)
 
     @contextmanager
     def stage(self, name: str, draw: Callable[[Any], UInt8] | None = None,
@@ -115,10 +126,11 @@ class Told(Progress):
         """Tell a line that stays."""
         self._teller.tell("note", line)
 
-    def show(self, make: Callable[[], object]) -> None:
-        """Draw an intermediate result now and then."""
+    def show(self, make: Callable[[], object], *, at_once: bool = False) -> None:
+        """Draw an intermediate result now and then, or at once."""
         now = time.perf_counter()
-        if self._draw is None or now - self._shown < max(_SHOWN, 10 * self._took):
+        soon = now - self._shown < max(_SHOWN, 10 * self._took)
+        if self._draw is None or (soon and not at_once):
             return
         self._teller.picture(self._stage, self._draw(make()))
         self._shown = time.perf_counter()

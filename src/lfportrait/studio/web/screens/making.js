@@ -10,6 +10,7 @@ import { leftOfJob, leftOfStage, shareOf, standingOf } from "../times.js";
 
 const HEAVY = ["head", "fine"];
 const HEAD = ["capture", "reconstruct", "surface"];
+const WHOLE = "whole";
 
 /** What is made; a sitter may have several versions in the queue. */
 const nameOfJob = ({ kind, title }) => (title ? `${t(`kind.${kind}`)}: ${title}` : t(`kind.${kind}`));
@@ -65,17 +66,21 @@ class Making {
     const sitter = project(this.id),
       job = this.job();
     if (!sitter) return;
-    if (this.head && this.head.job === job?.id && job.state === "done") {
-      // The page in it would be loaded again.
+    const same = this.head?.job === job?.id && (isLive(job) || job.state === "done");
+    if (same && this.head.shows === WHOLE) {
       this.drawAction(sitter, job);
       return this.drawQueue();
     }
-    this.head?.stage.close();
-    this.head = null;
+    if (!same) {
+      this.head?.stage.close();
+      this.head = null;
+    }
     const focused = document.activeElement?.dataset?.act;
     this.lead.textContent = t(job?.kind === "fine" ? "making.lead.fine" : "making.lead");
     this.drawAction(sitter, job);
-    fill(this.body, job ? this.jobView(job) : this.beginning(sitter));
+    // A frame that is moved loads its page again: only the list beside it is replaced.
+    if (same) this.body.firstElementChild.replaceWith(this.jobView(job)[0]);
+    else fill(this.body, job ? this.jobView(job) : this.beginning(sitter));
     this.drawQueue();
     if (focused)
       (this.body.querySelector(`[data-act="${focused}"]`) ?? this.body.querySelector("[data-act]"))?.focus();
@@ -153,8 +158,10 @@ class Making {
         { "data-act": what, ...how },
       );
     const { state: how } = job;
-    this.still = h("div.still");
-    this.picture = h("div.latest", {}, this.still);
+    if (!this.head) {
+      this.still = h("div.still");
+      this.picture = h("div.latest", {}, this.still);
+    }
     this.total = h("progress", { max: 1, "aria-label": t("making.total") });
     this.left = h("span.soft");
     this.stages = h("ol.stages");
@@ -273,23 +280,30 @@ class Making {
     this.times(job);
   }
 
-  /** The head itself, which turns, once it is made; whether it is shown. */
+  /** A head that turns: itself once it is made, before that as far as it is; whether it is shown. */
   turning(job) {
     const sitter = project(this.id);
-    if (job.kind !== "head" || job.state !== "done" || !sitter?.has.field) return false;
-    if (this.head) return true;
-    const stage = new Stage(sitter, t("making.head", { name: sitter.name }));
-    this.head = { job: job.id, stage };
-    this.picture.append(stage.element);
-    const { still } = this;
-    stage.show({ style: null }).then(
-      (about) => {
-        still.hidden = Boolean(about);
-        stage.element.classList.toggle("there", Boolean(about));
-      },
-      () => stage.element.remove(), // the still picture stays
-    );
-    return false;
+    const whole = job.kind === "head" && job.state === "done" && sitter?.has.field;
+    const page = whole ? WHOLE : isLive(job) && job.stages.filter((stage) => stage.page).at(-1)?.page;
+    if (page && this.head?.shows !== page) {
+      if (!this.head) {
+        const stage = new Stage(sitter, t("making.head", { name: sitter.name }));
+        this.head = { job: job.id, stage, there: false };
+        this.picture.append(stage.element);
+      }
+      const { head, still } = this,
+        { element } = head.stage;
+      head.shows = page;
+      (whole ? head.stage.show({ style: null }) : head.stage.early(page)).then(
+        (shown) => {
+          head.there ||= Boolean(shown);
+          still.hidden = head.there;
+          element.classList.toggle("there", head.there);
+        },
+        () => head.there || element.remove(), // the picture stays, or what turned before
+      );
+    }
+    return Boolean(this.head?.there);
   }
 
   /** The newest picture, large. */
