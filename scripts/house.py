@@ -23,10 +23,10 @@ LABORATORY = ROOT / "src" / "lfportrait_eval"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("arrays", "browsing", "cache", "color", "containers", "device", "download", "errors",
-          "files", "gpu", "graphics", "health", "labels", "leftovers", "measure",
+GROUND = ("arrays", "browsing", "cache", "color", "device", "download", "errors",
+          "files", "gpu", "graphics", "health", "labels", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
-          "runner", "simd", "stages", "states", "temporary", "version")
+          "runner", "simd", "stages", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""

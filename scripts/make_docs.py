@@ -27,10 +27,10 @@ from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.lightfield.prints import PrintConfig
 from lfportrait.share import ExportConfig, FrameConfig, PageConfig, SequenceConfig
-from lfportrait.share.exporter import LoopConfig
+from lfportrait.share.kinds import LoopConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
+from lfportrait_eval.baselines.config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig, StylizedNerfConfig
-from lfportrait_eval.baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 from lfportrait_eval.study import StudyConfig
 from lfportrait_eval.tables import TablesConfig
 

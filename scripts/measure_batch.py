@@ -35,9 +35,8 @@ from lfportrait.demo import demo_exemplar
 from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.job.batch.jobs_file import Jobs, Panel, Sitter, Style
-from lfportrait.job.batch.plan import draw_plan
-from lfportrait.job.batch.state import Batch
-from lfportrait.job.steps import MakeConfig
+from lfportrait.job.batch.plan import Batch, draw_plan
+from lfportrait.job.graph import MakeConfig
 from lfportrait.lightfield import Display
 from lfportrait.runner import Here, Outcome, run_tasks
 from modelled_head import random_person, studio_capture

@@ -4,8 +4,14 @@ import os
 
 import pytest
 
-from lfportrait.containers import core_quota, free_in_groups
-from lfportrait.measure import THREADS, free_memory_bytes, limit_threads, usable_cores
+from lfportrait.measure import (
+    THREADS,
+    core_quota,
+    free_in_groups,
+    free_memory_bytes,
+    limit_threads,
+    usable_cores,
+)
 
 GIB = 1 << 30
 

@@ -8,10 +8,10 @@ import time
 
 import pytest
 
-from lfportrait import leftovers
+from lfportrait import temporary
 from lfportrait.errors import UserError
 from lfportrait.files import atomic_path, fresh_folder, write_json
-from lfportrait.leftovers import moved_name, part_name, sweep, sweep_below
+from lfportrait.temporary import moved_name, part_name, sweep, sweep_below
 
 WRITES = """
 import sys, time
@@ -89,7 +89,7 @@ def test_a_later_process_of_the_same_number_is_another(tmp_path):
 @pytest.mark.parametrize("folder", [False, True])
 def test_what_another_host_writes_stays_for_a_day(tmp_path, monkeypatch, folder):
     with monkeypatch.context() as there:
-        there.setattr(leftovers, "_host", lambda: "0123abcd")
+        there.setattr(temporary, "_host", lambda: "0123abcd")
         path = part_name(tmp_path / "a.npz")
     inside = path / "half" if folder else path
     inside.parent.mkdir(exist_ok=True)

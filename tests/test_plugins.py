@@ -17,8 +17,7 @@ from lfportrait.errors import UserError
 from lfportrait.example import PhotoMethod
 from lfportrait.face import write_landmarks
 from lfportrait.files import read_json, write_image
-from lfportrait.job.graph import style_key
-from lfportrait.job.steps import MakeConfig
+from lfportrait.job.graph import MakeConfig, style_key
 from lfportrait.media.pictures import read_image
 from lfportrait.plugins import Choice, chosen, offered, provided_sittings, provided_styles
 from lfportrait.stylize import FieldMethod, StylizeConfig

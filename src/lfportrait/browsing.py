@@ -11,8 +11,6 @@ import contextlib
 import threading
 import webbrowser
 
-__all__ = ["open_browser"]
-
 
 def open_browser(address: str) -> threading.Thread:
     """Open an address in the user's browser; returns at once.

@@ -25,10 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UserError
-from .files import UNREADABLE_ARRAYS, atomic_write, temporary_home
-from .states import file_state
-
-__all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "tried", "user_cache"]
+from .files import UNREADABLE_ARRAYS, atomic_write, file_state, temporary_home
 
 MOST = 100
 """Files that are kept of a kind: those that were used last."""

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BT2020", "SRGB", "linear_light", "primaries_to_srgb", "srgb_values", "tone_mapped"]
+from .arrays import Float64, UInt8
 
 SRGB = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 """Chromaticities x, y of red, green, blue and white of sRGB and BT.709."""
@@ -28,21 +28,21 @@ _KNEE = 0.9
 """Light above this part of white is compressed: highlights keep their shape."""
 
 
-def linear_light(values: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def linear_light(values: NDArray[np.floating[Any]]) -> Float64:
     """Light, in [0, 1], of sRGB values in [0, 1] of any shape, float64."""
     value = np.asarray(values, np.float64)
     return np.asarray(np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4),
                       np.float64)
 
 
-def srgb_values(light: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def srgb_values(light: NDArray[np.floating[Any]]) -> Float64:
     """SRGB values in [0, 1] of light in [0, 1] of any shape, float64; beyond it is cut off."""
     value = np.clip(np.asarray(light, np.float64), 0.0, 1.0)
     return np.asarray(np.where(value <= 0.0031308, 12.92 * value,
                                1.055 * np.maximum(value, 1e-8) ** (1 / 2.4) - 0.055), np.float64)
 
 
-def _to_xyz(primaries: tuple[float, ...]) -> NDArray[np.float64]:
+def _to_xyz(primaries: tuple[float, ...]) -> Float64:
     """The matrix [3, 3] from linear RGB with these primaries to XYZ (SMPTE RP 177)."""
     x, y = np.array(primaries[0::2]), np.array(primaries[1::2])
     xyz = np.stack([x / y, np.ones(4), (1 - x - y) / y])
@@ -53,7 +53,7 @@ _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367],
                       [0.0389, -0.0685, 1.0296]])
 
 
-def primaries_to_srgb(primaries: tuple[float, ...]) -> NDArray[np.float64]:
+def primaries_to_srgb(primaries: tuple[float, ...]) -> Float64:
     """The matrix [3, 3] from linear RGB with other primaries to sRGB's.
 
     Parameters
@@ -61,7 +61,7 @@ def primaries_to_srgb(primaries: tuple[float, ...]) -> NDArray[np.float64]:
     primaries
         Chromaticities as in `SRGB`. Another white is adapted to sRGB's (Bradford).
     """
-    def cone(values: tuple[float, ...]) -> NDArray[np.float64]:
+    def cone(values: tuple[float, ...]) -> Float64:
         x, y = values[6:8]
         return _BRADFORD @ np.array([x / y, 1.0, (1 - x - y) / y])
 
@@ -70,7 +70,7 @@ def primaries_to_srgb(primaries: tuple[float, ...]) -> NDArray[np.float64]:
 
 
 def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"],
-                primaries: tuple[float, ...] = BT2020) -> NDArray[np.uint8]:
+                primaries: tuple[float, ...] = BT2020) -> UInt8:
     """A picture of high dynamic range as sRGB.
 
     Parameters

@@ -21,10 +21,6 @@ from .graphics import gpu_in_sight, lacking
 if TYPE_CHECKING:
     from .gpu import Adapter
 
-__all__ = ["TorchDevice", "check_device", "checked_choice", "computing_device",
-           "device_name", "gpu_adapter", "gpu_adapters", "too_small", "torch_device",
-           "torch_devices", "used_device"]
-
 
 @dataclass(frozen=True)
 class TorchDevice:

@@ -15,8 +15,6 @@ from .errors import UserError
 from .files import atomic_path
 from .progress import Progress
 
-__all__ = ["TIMEOUT", "TRIES", "download", "megabytes"]
-
 TIMEOUT = 30.0
 """Seconds that a server may take to answer, and between two pieces of a file."""
 TRIES = 2

@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["UserError"]
-
 _LONGEST = 1500
 """Letters of a message: more is what a damaged file holds, not what anybody reads."""
 

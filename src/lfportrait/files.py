@@ -1,4 +1,10 @@
-"""Reading and writing files so that a half-written one never appears under its final name."""
+"""Files: written so that a half-written one never appears under its final name; read; compared.
+
+Whether a file is the same as before is known without reading it (`file_state`). The size and the
+time of the last change are not enough for that: many programs set that time back (``cp -p``, rsync,
+editors of photos). The system also notes when it last changed anything of a file, and that nobody
+can set.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +16,10 @@ import mmap
 import os
 import stat
 import struct
+import sys
 import tempfile
 import threading
+import time
 import tokenize
 import zipfile
 import zlib
@@ -25,18 +33,11 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from .errors import UserError
-from .leftovers import moved_name, part_folder, part_name, remove_part, sweep_once
 from .png import write_png
-from .temporary import temporary_place
+from .temporary import moved_name, part_folder, part_name, remove_part, sweep_once, temporary_place
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
-
-__all__ = [
-    "UNREADABLE_ARRAYS", "atomic_path", "atomic_write", "fresh_folder", "lock", "map_arrays",
-    "own_output", "picture_format", "read_json", "temporary_home", "write_exr", "write_image",
-    "write_json", "write_mappable",
-]
 
 UNREADABLE_ARRAYS = (
     OSError, EOFError, KeyError, TypeError, ValueError, AttributeError, IndexError, SyntaxError,
@@ -380,3 +381,35 @@ def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> NDAr
     if stream.tell() - begin + int(np.prod(shape)) * dtype.itemsize != member.file_size:
         raise ValueError(f"{member.filename} is cut off")
     return np.ndarray(shape, dtype, memory, stream.tell(), order="F" if fortran else "C")
+
+
+_CARD = 10_000_000
+"""Nanoseconds of a step of the clock of memory cards (exFAT; FAT: 2 s)."""
+_SOON = 2_000_000_000
+"""Nanoseconds within which two changes may have the same time."""
+
+
+def file_state(path: Path) -> tuple[int, int, int, int]:
+    """Size in bytes, times of change of contents and of anything (ns), and number of a file.
+
+    Raises
+    ------
+    OSError
+        If there is none.
+    """
+    return _state(path.stat())
+
+
+def _state(status: os.stat_result) -> tuple[int, int, int, int]:
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
+
+
+def tells_changes(state: tuple[int, int, int, int]) -> bool:
+    """Whether the same state will mean the same contents.
+
+    Not on Windows, which notes the creation instead, nor on memory cards, which note one time for
+    all and in coarse steps; nor for a file that was changed only now and may be again at once.
+    """
+    changed = state[2]
+    return (sys.platform != "win32" and changed % _CARD != 0
+            and time.time_ns() - changed > _SOON)

@@ -14,8 +14,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["Lack", "gpu_in_sight", "lacking", "loads"]
-
 DEVICES = Path("/dev")
 """Where the system shows devices as files."""
 _SIGNS = ("dri/renderD*", "nvidia[0-9]*", "kfd", "dxg", "nvhost-gpu", "mali0")

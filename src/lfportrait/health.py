@@ -23,8 +23,6 @@ from .version import __version__
 if TYPE_CHECKING:
     from .simd.host import KernelCache
 
-__all__ = ["Fact", "examine"]
-
 MEMORY = 4_000_000_000
 """Bytes that a job takes at its peak: the demo, measured; ``demo --quick`` takes half."""
 DISK = 1_000_000_000

@@ -19,10 +19,6 @@ from typing import Any
 
 from .errors import UserError
 
-__all__ = ["BY_HAND", "FEATURES", "GROUPS", "LABELS", "MATERIALS", "MOST", "PICTURE_LABELS",
-           "SEGMENTS", "SURFACE_LABELS", "RegionStyle", "RegionValue", "members", "number",
-           "one_of", "read_regions", "read_value"]
-
 FEATURES = ("brows", "eyes", "nose", "lips")
 """Features of a face."""
 LABELS = (*FEATURES, "skin", "ears", "hair", "neck", "clothes", "background")

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["psnr", "ssim"]
+from .arrays import Bool, Float64
 
 _WINDOW = 11
 """Width of SSIM's window in pixels."""
 
 
-def psnr(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = None) -> float:
+def psnr(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None) -> float:
     """Peak signal-to-noise ratio in dB of two pictures in [0, 1]; infinite if they are equal.
 
     Parameters
@@ -50,7 +50,7 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     if min(a.shape[:2]) < _WINDOW:
         raise ValueError(f"pictures of {a.shape[:2]} are smaller than SSIM's window of {_WINDOW}")
 
-    def mean(plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean(plane: Float64) -> Float64:
         """Means over the windows that lie inside the picture."""
         side = _WINDOW // 2
         smooth = cv2.GaussianBlur(plane, (_WINDOW, _WINDOW), 1.5)

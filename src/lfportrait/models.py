@@ -24,11 +24,7 @@ from .cache import user_cache
 from .download import download as _download
 from .download import megabytes
 from .errors import UserError
-from .files import atomic_path
-from .states import file_state
-
-__all__ = ["GROUPS", "OFFLINE", "PURPOSES", "ModelFile", "add", "available", "cache_folder",
-           "expand", "fetch", "fetchable", "in_use", "listing", "missing", "registry", "require"]
+from .files import atomic_path, file_state
 
 OFFLINE = "LFPORTRAIT_OFFLINE"
 """Environment variable of processes that download nothing."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["check", "pack", "unpack"]
+from .arrays import UInt8
 
 MOST = 0.75
 """A plane of bytes that is not deflated to less than this share is stored as it is."""
@@ -26,11 +26,10 @@ _WORD = 4
 _BARE = -zlib.MAX_WBITS
 """zlib's name for a stream without a sum of its own."""
 
-Bytes = NDArray[np.uint8]
 Words = NDArray[np.unsignedinteger[Any]]
 
 
-def pack(values: NDArray[Any], order: int = 1) -> Bytes:
+def pack(values: NDArray[Any], order: int = 1) -> UInt8:
     """An array as bytes for `unpack`.
 
     Parameters
@@ -55,14 +54,14 @@ def pack(values: NDArray[Any], order: int = 1) -> Bytes:
     return np.frombuffer(data + zlib.crc32(data).to_bytes(_WORD, "little"), np.uint8)
 
 
-def check(data: Bytes) -> None:
+def check(data: UInt8) -> None:
     """Raise `ValueError` if packed bytes are damaged: for an array that is unpacked later."""
     wanted = int.from_bytes(data[-_WORD:].tobytes(), "little")
     if len(data) < 2 * _WORD or zlib.crc32(data[:-_WORD].data) != wanted:
         raise ValueError("a packed array is damaged")
 
 
-def unpack(data: Bytes) -> NDArray[Any]:
+def unpack(data: UInt8) -> NDArray[Any]:
     """The array that was packed.
 
     Raises
@@ -121,7 +120,7 @@ def _unfold(row: Words) -> None:
     row ^= np.negative(signs, out=signs)
 
 
-def _deflated(plane: Bytes) -> bytes:
+def _deflated(plane: UInt8) -> bytes:
     """A plane of bytes in fewer, or as it is."""
     packer = zlib.compressobj(1, zlib.DEFLATED, _BARE, 9, zlib.Z_RLE)
     whole = plane.tobytes()
@@ -129,7 +128,7 @@ def _deflated(plane: Bytes) -> bytes:
     return data if len(data) < MOST * len(whole) else whole
 
 
-def _inflated(piece: Bytes, count: int) -> Bytes:
+def _inflated(piece: UInt8, count: int) -> UInt8:
     """A plane of ``count`` bytes."""
     if len(piece) == count:
         return piece

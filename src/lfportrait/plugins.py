@@ -31,16 +31,12 @@ from contextlib import contextmanager
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from tyro.constructors import PrimitiveConstructorSpec
 
+from .arrays import Float64, UInt8
 from .errors import UserError
 
-__all__ = ["Choice", "Sitting", "blamed", "chosen", "gathered", "offered", "provided_sittings",
-           "provided_styles"]
-
-Sitting = tuple[NDArray[np.uint8], NDArray[np.float64]]
+Sitting = tuple[UInt8, Float64]
 """A photo, uint8 [H, W, 3], and its landmarks [68, 2]."""
 
 

@@ -21,11 +21,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import UInt8
 from .measure import usable_cores
-
-__all__ = ["PngWriter", "write_png"]
-
-Bytes = NDArray[np.uint8]
 
 _PIECE = 1 << 20
 """Bytes of a picture that are coded together, about: as many on any machine, for the same file."""
@@ -115,7 +112,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_threads.cache_clear)
 
 
-def _coded(pixel: int, lines: Bytes, above: Bytes) -> tuple[tuple[int, int], bytes]:
+def _coded(pixel: int, lines: UInt8, above: UInt8) -> tuple[tuple[int, int], bytes]:
     """A piece of the deflated stream that ends at a whole byte, and its sum and length."""
     filtered = _filtered(lines, above, pixel)
     # Of what is mostly zero, runs are worth looking for.
@@ -125,7 +122,7 @@ def _coded(pixel: int, lines: Bytes, above: Bytes) -> tuple[tuple[int, int], byt
     return (zlib.adler32(filtered.data), filtered.size), data
 
 
-def _filtered(lines: Bytes, above: Bytes, pixel: int) -> Bytes:
+def _filtered(lines: UInt8, above: UInt8, pixel: int) -> UInt8:
     """Rows [n, W] as differences, with the number of each one's filter before it: [n, W + 1]."""
     out = np.empty((len(lines), lines.shape[1] + 1), np.uint8)
     many = max(1, _BLOCK // lines.shape[1])
@@ -136,7 +133,7 @@ def _filtered(lines: Bytes, above: Bytes, pixel: int) -> Bytes:
         upper[1:] = rows[:-1]
         before[:, pixel:] = rows[:, :-pixel]
         mean = (upper & before) + ((upper ^ before) >> 1)
-        found: Bytes = rows - upper
+        found: UInt8 = rows - upper
         part[:, 0], least = _UP, _amount(found)
         for kind, guess in ((_SUB, before), (_AVERAGE, mean)):
             other = rows - guess
@@ -148,7 +145,7 @@ def _filtered(lines: Bytes, above: Bytes, pixel: int) -> Bytes:
     return out
 
 
-def _amount(differences: Bytes) -> NDArray[np.uint32]:
+def _amount(differences: UInt8) -> NDArray[np.uint32]:
     """Sum of each row's differences, 255 being -1."""
     return np.asarray(np.minimum(differences, -differences).sum(axis=1, dtype=np.uint32))
 

@@ -9,8 +9,6 @@ import time
 from collections.abc import Callable
 from typing import Protocol, TextIO
 
-__all__ = ["Outlook", "Progress"]
-
 _SURE, _SECONDS = 0.02, 2.0
 """Part of the work, and seconds, that must be known of its speed before a time left is shown."""
 

@@ -22,9 +22,7 @@ from typing import Any
 
 from .errors import UserError
 from .files import read_json, write_json
-from .leftovers import sweep_once
-
-__all__ = ["StageFolder", "check_writable", "fingerprint_files", "finished_record"]
+from .temporary import sweep_once
 
 _RECORDS = ".stages"
 

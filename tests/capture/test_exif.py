@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfportrait.capture.exif import noted
+from lfportrait.capture.photos import noted
 
 
 def exif(base: dict[int, object] | None = None, sub: dict[int, object] | None = None) -> Image.Exif:

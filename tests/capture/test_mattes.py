@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture, consistent_mattes, refine_matte
-from lfportrait.capture.kernels.voting import cover_views, vote_lattice
+from lfportrait.capture.kernels import cover_views, vote_lattice
 from lfportrait.capture.mattes import guided_filter, refine_changes
 from tests.reference import voting
 

@@ -9,8 +9,7 @@ import pytest
 from scipy import ndimage
 
 from lfportrait.capture import CalibrateConfig, calibrate, load_photos
-from lfportrait.capture.photos import read_photos
-from lfportrait.capture.sharpness import blurred, fineness, relative_sharpness
+from lfportrait.capture.photos import blurred, fineness, read_photos, relative_sharpness
 from lfportrait.capture.video import read_video
 from lfportrait.errors import UserError
 from lfportrait.files import write_image

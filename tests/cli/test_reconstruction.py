@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from lfportrait.cli import main
-from lfportrait.face.limits import FIT
+from lfportrait.face.landmarks import FIT
 from lfportrait.field import VoxelField
 from tests.capture.test_capture import make_capture
 from tests.fields import shell_field

@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt
 from lfportrait.example.guides.regions import Regions
 from lfportrait.example.photo_guide import FlatGuide
 from lfportrait.example.turned import face_aside
-from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED
+from lfportrait.face.landmarks import GENERIC_LANDMARKS, MIRRORED
 from tests.example.test_turned import SCALE, SIZE, portrait, posed, surface
 
 LEAST = 20.0

@@ -9,8 +9,8 @@ from lfportrait.example.painter.kept import known_shares
 from lfportrait.example.worn.hat import headwear
 from lfportrait.face import write_landmarks
 from lfportrait.files import write_image
-from lfportrait.job.specimens import drawn_exemplar
-from lfportrait.job.steps import painting_key
+from lfportrait.job.graph import painting_key
+from lfportrait.job.warmup import drawn_exemplar
 from lfportrait.labels import BY_HAND, MATERIALS
 
 

@@ -21,7 +21,7 @@ from lfportrait.example.turned import (
 )
 from lfportrait.example.turned.seen import _normals, clearness, in_front
 from lfportrait.face import FacePose, face_pose
-from lfportrait.face.generic_head import EGG, GENERIC_LANDMARKS, MIRRORED, generic_depth
+from lfportrait.face.landmarks import EGG, GENERIC_LANDMARKS, MIRRORED, generic_depth
 
 SIZE = 240
 SCALE = 130.0

@@ -24,7 +24,7 @@ from lfportrait.face import (
     triangulate,
     write_landmarks,
 )
-from lfportrait.face.points import FROM_MEDIAPIPE
+from lfportrait.face.landmarks import FROM_MEDIAPIPE
 from lfportrait.media.pictures import read_image
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 
@@ -238,7 +238,7 @@ def test_turned_pictures_are_turned_back(shared_data, networks):
 
 @pytest.mark.data
 def test_the_face_api_network_gives_the_published_points(shared_data, shared_weights, networks):
-    from lfportrait.face.face68 import detect_face, landmarks_in_box
+    from lfportrait.face.detect import detect_face, landmarks_in_box
 
     expected = json.loads((shared_weights / "expected.json").read_text())["faceapi"]
     image = np.ascontiguousarray(read_image(shared_data / "faceblit_reference" / "target1.png")

@@ -11,7 +11,7 @@ from PIL import Image
 from lfportrait.capture import CalibrateConfig, Camera
 from lfportrait.face import capture_from_faces
 from lfportrait.face.face_cameras import cameras_from_faces
-from lfportrait.face.generic_head import GENERIC_LANDMARKS
+from lfportrait.face.landmarks import GENERIC_LANDMARKS
 from tests.capture.test_calibrate import pose_errors
 
 SIDE = 600

@@ -7,7 +7,7 @@ from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
 
 from lfportrait.face import FacePose, symmetric_landmarks
-from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED
+from lfportrait.face.landmarks import GENERIC_LANDMARKS, MIRRORED
 
 
 def posed(yaw, pitch=0.0, scale=200.0):

@@ -12,7 +12,7 @@ from lfportrait.field.geometry.fused_depth import Solid, backing_planes
 from lfportrait.field.geometry.mattes import _cut, cut_out, trim
 from lfportrait.field.grid import camera_row
 from lfportrait.field.kernels.depth_maps import fuse_distance, outline_distance
-from lfportrait.job.person import cut_person
+from lfportrait.job.prepare import cut_person
 
 TABLE, RADIUS, VIEWS = -0.75, 0.75, 24
 

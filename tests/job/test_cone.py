@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lfportrait.job import Task, Tools, do_stage
-from lfportrait.job.steps import MakeConfig
+from lfportrait.job.graph import MakeConfig
 from lfportrait.lightfield import Display
 from lfportrait.share import PageConfig
 from lfportrait.stages import StageFolder

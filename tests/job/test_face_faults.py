@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.job.face_faults import face_faults
+from lfportrait.job.few_photos import face_faults
 from lfportrait.job.photo_check import check_photos
 from tests.portraits import CANONICAL
 

@@ -202,7 +202,7 @@ def test_it_waits_for_kernels_only_if_it_is_all_that_is_wanted(capture, painting
             assert look.only
         return bool(made)
 
-    from lfportrait.job.specimens import ball_field
+    from lfportrait.job.warmup import ball_field
 
     field, paper = ball_field(1), StylizeConfig(method="paper")
     look = Shown(painting, paper, 0.0)

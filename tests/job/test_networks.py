@@ -10,7 +10,7 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 from lfportrait.job.networks import get_networks, networks_of
-from lfportrait.job.specimens import ball_capture
+from lfportrait.job.warmup import ball_capture
 from tests.portraits import drawn_face
 
 FACE, PERSON, HAIR = "face-landmarker", "person-segmentation", "hair-segmentation"

@@ -12,8 +12,8 @@ from lfportrait.cli import main
 from lfportrait.face import face_pose
 from lfportrait.files import own_output, write_image
 from lfportrait.job import check_photos, check_picture
+from lfportrait.job.graph import source_files
 from lfportrait.job.photo_check import problem_sheet
-from lfportrait.job.steps import source_files
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import pytest
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig
+from lfportrait.job.graph import fitted
 from lfportrait.job.pipeline import MakeConfig, make
-from lfportrait.job.steps import fitted
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,

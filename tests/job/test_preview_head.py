@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Skin
-from lfportrait.job.preview_head import preview_head
+from lfportrait.job.session import preview_head
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.job.style_findings import findings, oval_frame
+from lfportrait.job.style_check import findings, oval_frame
 from tests.portraits import drawn_face
 
 

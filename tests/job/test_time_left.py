@@ -6,9 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from lfportrait.job.steps import MakeConfig
-from lfportrait.job.time_left import TimeLeft
-from lfportrait.job.usual_steps import Source, usual_steps
+from lfportrait.job.graph import MakeConfig
+from lfportrait.job.time_left import Source, TimeLeft, usual_steps
 from lfportrait.progress import Progress
 
 RECORDED = json.loads((Path(__file__).parent / "recorded_steps.json").read_text("utf-8"))

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from lfportrait.job import warmup
-from lfportrait.job.specimens import ball_capture, ball_field, ball_points, drawn_exemplar
-from lfportrait.job.warmup import FUNCTIONS, Warmup
+from lfportrait.job.warmup import (
+    FUNCTIONS,
+    Warmup,
+    ball_capture,
+    ball_field,
+    ball_points,
+    drawn_exemplar,
+)
 from lfportrait.simd.host import compiling_progress, watched_compilations
 
 # What a small job compiles in its own process although all stages were compiled ahead.

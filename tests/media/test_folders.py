@@ -11,7 +11,7 @@ from lfportrait.capture import read_photos
 from lfportrait.cli import dispatch
 from lfportrait.errors import UserError
 from lfportrait.job.batch.jobs_file import load_jobs
-from lfportrait.job.steps import look_at, source_files, source_key
+from lfportrait.job.graph import look_at, source_files, source_key
 from lfportrait.lightfield import Display
 from lfportrait.lightfield.interlacing import read_views
 from lfportrait.media.folders import (

@@ -17,7 +17,7 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import ExportConfig, export_field
-from lfportrait.share.exporter import SplatConfig
+from lfportrait.share.kinds import SplatConfig
 from lfportrait.share.splats import Splats, field_splats, framed, render_splats
 from lfportrait.share.splats.cloud import half_turned, splat_view
 from lfportrait.share.splats.fitting import Ball, place_splats, splat_psnr

@@ -20,7 +20,7 @@ from PIL import Image
 from lfportrait.capture import Camera
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import orbit_cameras
-from lfportrait.share.exporter import SplatConfig
+from lfportrait.share.kinds import SplatConfig
 from lfportrait.share.splats import (
     SPLAT_WRITERS,
     field_splats,

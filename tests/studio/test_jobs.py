@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 
 from lfportrait.files import atomic_path
-from lfportrait.leftovers import part_name
 from lfportrait.runner import processes
-from lfportrait.studio import desk, job_state
+from lfportrait.studio import desk, jobs
 from lfportrait.studio.exports import forget_unfinished
-from lfportrait.studio.job_state import JobState, StageState
-from lfportrait.studio.jobs import Jobs
+from lfportrait.studio.jobs import Jobs, JobState, StageState
 from lfportrait.studio.routes import start
+from lfportrait.temporary import part_name
 
 from .conftest import jpeg, opened
 
@@ -340,7 +339,7 @@ def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
         raise UserError("can't write: No space left on device")
 
     project, _ = sitter(page, "Anna")
-    monkeypatch.setattr(job_state, "write_json", full)
+    monkeypatch.setattr(jobs, "write_json", full)
     assert page.wait(head(page, project))["state"] == "done"
 
 

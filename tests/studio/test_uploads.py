@@ -9,7 +9,7 @@ import pytest
 from starlette.requests import ClientDisconnect
 
 from lfportrait.files import write_json
-from lfportrait.studio import uploads
+from lfportrait.studio import photos
 from lfportrait.studio.answers import Refusal
 from lfportrait.studio.photos import VIDEO_FRAME, check_key
 
@@ -113,7 +113,7 @@ def test_odd_names_and_other_files_are_refused(page, project, name, code):
 def test_too_much_is_refused(page, project, monkeypatch):
     large = {"name": "a.jpg", "size": (128 << 20) + 1, "sha256": "0" * 64}
     assert announced(page, project, large)[0]["error"]["code"] == "too_large"
-    monkeypatch.setattr(uploads, "free_disk_bytes", lambda _: 1000)
+    monkeypatch.setattr(photos, "free_disk_bytes", lambda _: 1000)
     found = announced(page, project, entry("a.jpg", jpeg(8)))[0]["error"]
     assert found["code"] == "disk_full" and found["about"]["free_bytes"] == 1000
     assert page.error("POST", f"/api/projects/{project}/uploads", {"files": [large] * 501}
@@ -127,7 +127,7 @@ def test_a_disk_that_fills_up_on_the_way_is_said(page, project, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(uploads.os, "replace", full)
+    monkeypatch.setattr(photos.os, "replace", full)
     path = f"/api/projects/{project}/uploads/{found['upload']}?offset=0"
     assert page.error("PUT", path, data) == "disk_full"
     monkeypatch.undo()
@@ -141,7 +141,7 @@ def test_a_disk_that_fills_up_on_the_way_is_said(page, project, monkeypatch):
 def test_an_upload_that_hardly_moves_or_breaks_off_keeps_what_came(page, project, monkeypatch, how):
     """Asked directly: the test client sends a body at once."""
     if how == "slow":
-        monkeypatch.setattr(uploads, "_WITHIN", 0.05)
+        monkeypatch.setattr(photos, "_WITHIN", 0.05)
     data = jpeg(10, (400, 300))
     (found,) = announced(page, project, entry("a.jpg", data))
 

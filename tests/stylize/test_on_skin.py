@@ -9,7 +9,7 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, Skin, SkinPainter, eye_opening
 from lfportrait.example.skin import save_skin
-from lfportrait.job.specimens import ball_capture
+from lfportrait.job.warmup import ball_capture
 from lfportrait.stylize import (
     Painters,
     StyledField,

@@ -1,11 +1,25 @@
 from .calibration.database import USUAL_FOCAL
 from .calibration.head_motion import HeadMotion, follow_head, place_by_head
-from .camera import Camera
-from .capture import Capture
+from .camera import (
+    Camera,
+    focus_point,
+    looks_normalised,
+    portrait_frame_from_cameras,
+    portrait_frame_from_landmarks,
+    pose_corrections,
+    without_drift,
+)
+from .capture import Capture, LatePictures
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
-from .data_set_facts import DataSetFacts, data_set_facts
-from .depths import some_depth
-from .distortion import Lens, undistort
+from .facts import (
+    DataSetFacts,
+    DepthFacts,
+    PictureFacts,
+    VideoFacts,
+    data_set_facts,
+    picture_facts,
+    video_facts,
+)
 from .formats import (
     CaptureFormat,
     DataSet,
@@ -15,15 +29,7 @@ from .formats import (
     held_out_views,
     is_calibrated,
 )
-from .frame import (
-    focus_point,
-    looks_normalised,
-    portrait_frame_from_cameras,
-    portrait_frame_from_landmarks,
-    pose_corrections,
-    without_drift,
-)
-from .late_pictures import LatePictures
+from .lenses import Lens, some_depth, undistort
 from .mattes import (
     color_likelihood,
     consistent_mattes,
@@ -34,12 +40,16 @@ from .mattes import (
     views_share,
 )
 from .photo_cameras import CalibrateConfig, PhotosError, calibrate
-from .photos import Photo, is_video, photo_listing, picture_files, read_photos
-from .picture_facts import DepthFacts, PictureFacts, picture_facts
-from .sharpness import fineness, relative_sharpness
-from .sources import load_photos, read_source
-from .video import read_video, video_frames
-from .video_facts import VideoFacts, video_facts
+from .photos import (
+    Photo,
+    fineness,
+    is_video,
+    photo_listing,
+    picture_files,
+    read_photos,
+    relative_sharpness,
+)
+from .video import load_photos, read_source, read_video, video_frames
 
 __all__ = [
     "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64, Int64, UInt8
 from ..media.depth import DepthMap
 from .camera import Camera
 from .formats import Views, load_views, save_views
-from .late_pictures import LatePictures
-
-__all__ = ["Capture"]
 
 
 @dataclass(frozen=True)
@@ -48,12 +46,12 @@ class Capture:
     """
 
     cameras: Camera
-    images: Sequence[NDArray[np.uint8]]
-    alphas: Sequence[NDArray[np.uint8]] | None
+    images: Sequence[UInt8]
+    alphas: Sequence[UInt8] | None
     names: list[str]
-    held_out: NDArray[np.bool_]
-    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    landmarks: NDArray[np.float64] | None = None
+    held_out: Bool
+    frame: Float64 = field(default_factory=lambda: np.eye(4))
+    landmarks: Float64 | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     depths: Sequence[DepthMap | None] | None = None
 
@@ -72,15 +70,15 @@ class Capture:
     def __len__(self) -> int:
         return len(self.images)
 
-    def training(self) -> NDArray[np.int64]:
+    def training(self) -> Int64:
         """Indices of the views to train on."""
         return np.flatnonzero(~self.held_out)
 
-    def testing(self) -> NDArray[np.int64]:
+    def testing(self) -> Int64:
         """Indices of the held-out views."""
         return np.flatnonzero(self.held_out)
 
-    def image_float(self, view: int, background: float = 1.0) -> NDArray[np.float32]:
+    def image_float(self, view: int, background: float = 1.0) -> Float32:
         """One picture as float32 [H, W, 3] in [0, 1], composited on a grey ``background``."""
         image = self.images[view].astype(np.float32) / 255.0
         if self.alphas is None:
@@ -88,8 +86,8 @@ class Capture:
         alpha = self.alphas[view].astype(np.float32)[..., None] / 255.0
         return image * alpha + background * (1.0 - alpha)
 
-    def reframed(self, similarity: NDArray[np.float64],
-                 landmarks: NDArray[np.float64] | None = None) -> Capture:
+    def reframed(self, similarity: Float64,
+                 landmarks: Float64 | None = None) -> Capture:
         """The capture in another world frame.
 
         Parameters
@@ -147,3 +145,43 @@ class Capture:
         """
         views = load_views(Path(path), holdout)
         return Capture(**{**views._asdict(), "figures": views.figures or {}})
+
+
+Picture = TypeVar("Picture")
+
+
+class LatePictures(Sequence[Picture]):
+    """Pictures, uint8 [H, W, 3] or [H, W] each, made when one of them is first asked for.
+
+    Or what belongs to pictures, as their depth does.
+
+    Parameters
+    ----------
+    count
+        How many there will be.
+    decode
+        Makes them, once.
+    """
+
+    def __init__(self, count: int, decode: Callable[[], Sequence[Picture]]) -> None:
+        self._count, self._decode = count, decode
+        self._made: Sequence[Picture] | None = None
+        self._lock = threading.Lock()
+
+    def _pictures(self) -> Sequence[Picture]:
+        with self._lock:
+            if self._made is None:
+                self._made = self._decode()
+            return self._made
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Picture: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Picture]: ...
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._pictures()[index]

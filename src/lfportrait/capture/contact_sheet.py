@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-__all__ = ["BAD", "FAIR", "GOOD", "INK", "PAPER", "contact_sheet", "font"]
+from ..arrays import UInt8
 
 PAPER, INK = (250, 249, 246), (40, 40, 44)
 GOOD, FAIR, BAD = (66, 140, 82), (214, 148, 32), (196, 52, 44)
@@ -32,9 +31,9 @@ def _shortened(draw: ImageDraw.ImageDraw, text: str, face: ImageFont.FreeTypeFon
     return text + "..."
 
 
-def contact_sheet(images: Sequence[NDArray[np.uint8]], names: Sequence[str],
+def contact_sheet(images: Sequence[UInt8], names: Sequence[str],
                   marks: Mapping[str, str], *, fair: Mapping[str, str] | None = None,
-                  columns: int = 8) -> NDArray[np.uint8]:
+                  columns: int = 8) -> UInt8:
     """Draw a contact sheet.
 
     Parameters

@@ -22,32 +22,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..arrays import Bool, Float32, Float64, UInt8
 from ..simd.threads import side_by_side
 from .camera import Camera
 from .capture import Capture
-from .kernels.likelihood import (
+from .kernels import (
     MOMENTS,
     TERMS,
     block_moments,
+    cover_views,
     gaussians,
     pixel_likelihood,
+    vote_lattice,
     window_functions,
 )
-from .kernels.voting import cover_views, vote_lattice
-
-__all__ = ["color_likelihood", "consistent_mattes", "matte_agreement", "refine_changes",
-           "refine_matte", "views_share"]
-
-Plane = NDArray[np.float32]
 
 
-def _mean(plane: Plane, radius: int) -> Plane:
+def _mean(plane: Float32, radius: int) -> Float32:
     side = 2 * radius + 1
     return np.asarray(cv2.blur(plane, (side, side), borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
-def color_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
-                     wanted: NDArray[np.bool_] | None = None) -> tuple[Plane, Plane]:
+def color_likelihood(image: Float32, weight: Float32, cell: int,
+                     wanted: Bool | None = None) -> tuple[Float32, Float32]:
     """Log-likelihood of each pixel's color under the Gaussian of the colors near it.
 
     Parameters
@@ -80,8 +77,8 @@ def color_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
     return likelihood, near
 
 
-def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon: float,
-                  step: int = 1, wanted: NDArray[np.bool_] | None = None) -> Plane:
+def guided_filter(image: Float32, plane: Float32, radius: int, epsilon: float,
+                  step: int = 1, wanted: Bool | None = None) -> Float32:
     """He et al. 2013, Eq. 19-21: ``plane`` as a locally linear function of ``image``'s colors.
 
     Parameters
@@ -103,7 +100,7 @@ def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon
     height, width = plane.shape
     blocks, radius = (-(-width // step), -(-height // step)), max(1, radius // step)
 
-    def small(full: NDArray[Any]) -> Plane:
+    def small(full: NDArray[Any]) -> Float32:
         return np.asarray(full if step == 1 else cv2.resize(
             full, blocks, interpolation=cv2.INTER_AREA), np.float32)
 
@@ -121,8 +118,8 @@ def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon
     return np.asarray(np.einsum("yxc,yxc->yx", functions[..., :3], image) + functions[..., 3])
 
 
-def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
-                 cell: int = 0, calm: bool = False) -> Plane:
+def refine_matte(image: UInt8, soft: NDArray[np.floating[Any]],
+                 cell: int = 0, calm: bool = False) -> Float32:
     """Sharpen a coarse matte along the edges of its photo.
 
     Parameters
@@ -174,7 +171,7 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
     return np.where(wide, matte, decided).astype(np.float32)
 
 
-def refine_changes(image: NDArray[np.uint8], before: Plane, after: Plane) -> Plane:
+def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
     """Lay a matte along the edges of its photo where it differs much from what it was.
 
     Parameters
@@ -203,7 +200,7 @@ def refine_changes(image: NDArray[np.uint8], before: Plane, after: Plane) -> Pla
     return result
 
 
-def _unsure_band(coarse: Plane, reach: int) -> NDArray[np.bool_]:
+def _unsure_band(coarse: Float32, reach: int) -> Bool:
     """Pixels within ``reach`` of the outline, or about which the matte itself is unsure."""
     person = coarse > 0.5
     if person.all() or not person.any():
@@ -215,7 +212,7 @@ def _unsure_band(coarse: Plane, reach: int) -> NDArray[np.bool_]:
     return (away <= reach) | unsure
 
 
-def _small(matte: Plane, factor: int) -> Plane:
+def _small(matte: Float32, factor: int) -> Float32:
     """A matte reduced by an integer factor (block means; the edge blocks are partial)."""
     height, width = (-(-size // factor) for size in matte.shape)
     padded = np.pad(matte, ((0, height * factor - matte.shape[0]),
@@ -223,7 +220,7 @@ def _small(matte: Plane, factor: int) -> Plane:
     return padded.reshape(height, factor, width, factor).mean((1, 3)).astype(np.float32)
 
 
-def _lattice(cameras: Camera, size: int) -> tuple[NDArray[np.float64], float]:
+def _lattice(cameras: Camera, size: int) -> tuple[Float64, float]:
     """First point and spacing of a cubic lattice about what the cameras look at.
 
     Shoulders reach beyond the cube of the head: the lattice spans 1.8 times of it, less where the
@@ -234,7 +231,7 @@ def _lattice(cameras: Camera, size: int) -> tuple[NDArray[np.float64], float]:
 
 
 def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
-                      size: int = 224) -> list[Plane]:
+                      size: int = 224) -> list[Float32]:
     """Make mattes agree with each other through the cameras.
 
     Every point of a lattice asks the views that have it in the picture. It is carved away when the
@@ -265,7 +262,7 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
 
 def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]],
-                    size: int = 96) -> NDArray[np.float64]:
+                    size: int = 96) -> Float64:
     """Agreement of each matte with the visual hull of all.
 
     Parameters
@@ -297,7 +294,7 @@ def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]]
     return np.array(side_by_side(overlap, range(len(given))))
 
 
-def views_share(cameras: Camera, reach: float, size: int) -> NDArray[np.float64]:
+def views_share(cameras: Camera, reach: float, size: int) -> Float64:
     """The share of the views that have a point of a lattice in the picture.
 
     Parameters
@@ -318,8 +315,8 @@ def views_share(cameras: Camera, reach: float, size: int) -> NDArray[np.float64]
     return np.asarray(shown.mean(axis=0).reshape(z.shape))
 
 
-def mattes_share(cameras: Camera, mattes: list[NDArray[np.float32]], reach: float, size: int,
-                 ) -> NDArray[np.float32]:
+def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int,
+                 ) -> Float32:
     """The mean matte at each point of a lattice, over the views that have it in the picture.
 
     Parameters
@@ -345,7 +342,7 @@ def mattes_share(cameras: Camera, mattes: list[NDArray[np.float32]], reach: floa
 class _Votes:
     """What the views say of the points of a lattice (see `consistent_mattes`)."""
 
-    def __init__(self, cameras: Camera, mattes: list[Plane], size: int) -> None:
+    def __init__(self, cameras: Camera, mattes: list[Float32], size: int) -> None:
         self.first, self.spacing = _lattice(cameras, size)
         distance = np.maximum(np.linalg.norm(cameras.position, axis=1), 1e-6)
         # Small pictures in which a step of the lattice is about one pixel.
@@ -366,19 +363,19 @@ class _Votes:
         # The points that few views call background, and those of which hardly any does.
         self.kept, self.certain = share > 1 - tolerance, share > 1 - doubt
 
-    def cover(self, view: int, certain: bool = False) -> NDArray[np.bool_]:
+    def cover(self, view: int, certain: bool = False) -> Bool:
         """The pixels of a view's small matte before the points that are left, or certain."""
         return np.asarray(cover_views(self.rows[view], self.certain if certain else self.kept,
                                       self.first, self.spacing, *self.small[view].shape))
 
 
-def _corrected(votes: _Votes, view: int, matte: Plane) -> Plane:
+def _corrected(votes: _Votes, view: int, matte: Float32) -> Float32:
     """One view's matte without what the others deny, its holes filled where that is certain."""
     factor = votes.factors[view]
 
-    def full(mask: NDArray[np.bool_]) -> Plane:
+    def full(mask: Bool) -> Float32:
         large = np.repeat(np.repeat(mask.astype(np.float32), factor, 0), factor, 1)
-        smooth: Plane = ndimage.uniform_filter(
+        smooth: Float32 = ndimage.uniform_filter(
             large[:matte.shape[0], :matte.shape[1]], 2 * factor + 1)
         return smooth
 
@@ -393,9 +390,9 @@ def _corrected(votes: _Votes, view: int, matte: Plane) -> Plane:
     return np.clip(result, 0, 1)
 
 
-def _closed(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _closed(mask: Bool) -> Bool:
     """Gaps of up to two pixels closed, also along the picture's border."""
     cross = ndimage.generate_binary_structure(2, 2)
     padded = np.pad(mask, 4, mode="edge")
-    closed: NDArray[np.bool_] = ndimage.binary_closing(padded, cross, iterations=2)[4:-4, 4:-4]
+    closed: Bool = ndimage.binary_closing(padded, cross, iterations=2)[4:-4, 4:-4]
     return closed

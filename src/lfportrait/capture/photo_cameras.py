@@ -5,7 +5,7 @@ by COLMAP's incremental mapping, and by other ways where that leaves photos out
 (`calibration.mapping`). A last bundle adjustment with a robust loss forgives the few wrong matches
 that survive; it also decides how many lens terms the photos determine (`calibration.lens_terms`).
 Photos of one lens share one camera (`calibration.database`); its focal length starts from what the
-camera noted in the file (`exif`).
+camera noted in the file (`photos`).
 
 COLMAP works in a temporary folder, so that an interrupted run leaves nothing behind where results
 go. Images are numbered in the order of their names, the random seeds are fixed and the mapper runs
@@ -23,8 +23,8 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
+from ..arrays import Float64, Int64
 from ..errors import UserError
 from ..progress import Progress
 from ..simd.threads import side_by_side
@@ -46,16 +46,12 @@ from .calibration.features import (
 )
 from .calibration.lens_terms import adjust, starting_model
 from .calibration.mapping import place_photos
-from .camera import Camera
+from .camera import Camera, portrait_frame_from_cameras
 from .capture import Capture
-from .distortion import Lens
 from .formats import assemble, lens_of, turned_upright
-from .frame import portrait_frame_from_cameras
-from .photos import Photo
-from .sharpness import blurred
-from .sources import read_source
-
-__all__ = ["CalibrateConfig", "PhotosError", "calibrate"]
+from .lenses import Lens
+from .photos import Photo, blurred
+from .video import read_source
 
 _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps between them "
            "(each part of the scene in at least three photos), in focus")
@@ -68,7 +64,6 @@ neighbours in the order of their names: pairs grow with the square of the photos
 _DENSE = 1.2
 """Degrees between neighbours up to which photos between them show nothing more."""
 
-Float = NDArray[np.float64]
 
 
 class PhotosError(UserError):
@@ -128,7 +123,7 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
     return found
 
 
-def _pairs(count: int, alike: NDArray[np.int64] | None) -> list[tuple[int, int]]:
+def _pairs(count: int, alike: Int64 | None) -> list[tuple[int, int]]:
     """The pairs of so many photos that are worth comparing."""
     return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
 
@@ -148,7 +143,7 @@ def _matches(features: list[Features], pairs: list[tuple[int, int]], say: Callab
 class _Placed:
     """Pose (camera-to-world) and lens of every registered photo by its name, and figures."""
 
-    cameras: dict[str, tuple[Float, Lens]] = field(default_factory=dict)
+    cameras: dict[str, tuple[Float64, Lens]] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
     spacing: float = np.inf
     """Degrees between a camera and the next one, seen from the points; the median."""
@@ -175,7 +170,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     if len(photos) <= ALL_PAIRS:
         alike = likeness(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
 
-    def place(some: NDArray[np.int64]) -> _Placed:
+    def place(some: Int64) -> _Placed:
         pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)])
         folder = work / f"of{len(some)}"
         folder.mkdir()
@@ -351,7 +346,7 @@ def _listed(names: list[str]) -> str:
     return f"{', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
 
 
-def _pinholes(poses: NDArray[np.float64], lenses: list[Lens]) -> Camera:
+def _pinholes(poses: Float64, lenses: list[Lens]) -> Camera:
     return Camera(poses, np.array([lens.focal for lens in lenses]),
                   np.array([lens.center for lens in lenses]),
                   np.array([lens.width for lens in lenses]),

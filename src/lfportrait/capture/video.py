@@ -1,4 +1,4 @@
-"""Select sharp video frames at evenly spaced camera positions.
+"""Videos: their frames as upright sRGB pictures; sharp ones at even camera positions are chosen.
 
 Who films a head walks now faster, now slower, and stands still at times. Frames at even time would
 give many photos from one place and gaps between others. So a first pass follows features from frame
@@ -10,20 +10,18 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from PIL import Image
 
+from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
-from .film import decoded, film_of, upright_frame
-from .photos import Photo
-from .sharpness import fineness, relative_sharpness
-
-__all__ = ["read_video", "video_frames"]
+from ..media.colors import ColorSpace, coded_space, from_space
+from .photos import Photo, fineness, is_video, read_photos, relative_sharpness
 
 # Features are followed in pictures of this longer side, about so many times a second.
 _SIDE, _RATE = 384, 5.0
@@ -39,21 +37,21 @@ class _Scan:
     seconds (phones film at a rate that varies); ``sharp`` the frames' relative sharpness.
     """
 
-    way: NDArray[np.float64]
-    time: NDArray[np.float64]
-    sharp: NDArray[np.float64]
+    way: Float64
+    time: Float64
+    sharp: Float64
     broken: str
 
 
-def _followed(before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32],
-              ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _followed(before: UInt8, after: UInt8, points: Float32,
+              ) -> tuple[Float32, Bool]:
     """Where points [K, 1, 2] of one picture are in another, and which were found."""
     place, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, points.copy(),
                                                winSize=(15, 15), maxLevel=4)
     return np.asarray(place, np.float32), np.asarray(found).ravel() == 1
 
 
-def _moved(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
+def _moved(before: UInt8, after: UInt8) -> float:
     """Median displacement of features in parts of the longer side; NaN where too few are found."""
     points = cv2.goodFeaturesToTrack(before, 200, 0.01, 6)
     if points is None or len(points) < 10:
@@ -71,10 +69,10 @@ def _moved(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
 def _scan(path: Path) -> _Scan:
     import av
 
-    details: list[NDArray[np.float64]] = []
+    details: list[Float64] = []
     times: list[float] = []
     nodes, moves = [0], []
-    last: NDArray[np.uint8] | None = None
+    last: UInt8 | None = None
     broken = ""
     try:
         for index, (rate, _, frame) in enumerate(decoded(path)):
@@ -167,7 +165,7 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
     return photos
 
 
-def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
+def video_frames(path: Path) -> tuple[float, Iterator[UInt8]]:
     """Frames per second of a video, and its upright frames (uint8 [H, W, 3]) one at a time.
 
     Raises
@@ -188,7 +186,7 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
     except (av.error.FFmpegError, OSError, ValueError) as error:  # names that are no UTF-8, too
         raise UserError(f"the video {path} can't be read: {error}") from error
 
-    def frames() -> Iterator[NDArray[np.uint8]]:
+    def frames() -> Iterator[UInt8]:
         try:
             for _, aspect, frame in decoded(path):
                 yield np.ascontiguousarray(upright_frame(frame, 0, aspect))
@@ -196,3 +194,121 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
             raise UserError(f"the video {path} can't be read to its end: {error}") from error
 
     return rate, frames()
+
+
+# The number of what a stream does not say (ITU-T H.273).
+_UNSPECIFIED = 2
+
+
+def film_of(container: Any) -> Any:
+    """The stream of the film: not that of a cover picture, of several the one FFmpeg takes."""
+    import av
+
+    films = [stream for stream in container.streams.video
+             if not stream.disposition & av.stream.Disposition.attached_pic]
+    best = container.streams.best("video")
+    return best if any(stream is best for stream in films) else next(iter(films), None)
+
+
+def decoded(path: Path) -> Iterator[tuple[float, float, Any]]:
+    """The frame rate, the width of a pixel over its height, and decoded frames."""
+    import av
+
+    with av.open(str(path)) as container:
+        stream = film_of(container)
+        if stream is None:
+            raise ValueError("it has no video stream, or a cover picture alone")
+        stream.thread_type = "AUTO"
+        rate = float(stream.average_rate or 30)
+        aspect = float(stream.sample_aspect_ratio or 1)
+        for frame in container.decode(stream):
+            yield rate, aspect, frame
+
+
+def space_of(frame: Any) -> ColorSpace:
+    """The color space that a decoded frame names; sRGB's where it says nothing."""
+    codes = (int(frame.color_primaries or _UNSPECIFIED), int(frame.color_trc or _UNSPECIFIED))
+    source = "" if codes == (_UNSPECIFIED, _UNSPECIFIED) else "its stream"
+    return replace(coded_space(*codes), source=source)
+
+
+def _pixels(frame: Any, max_side: int) -> UInt8:
+    """A decoded frame in sRGB, uint8 [H, W, 3]."""
+    space = space_of(frame)
+    if space.curve not in ("pq", "hlg"):
+        if space.curve == "srgb":  # what says nothing has a film's curve
+            space = replace(space, curve="bt709")
+        # What says nothing is BT.709 from 720 lines on, as players take it, else BT.601.
+        unsaid = int(frame.colorspace) == _UNSPECIFIED and frame.format.name.startswith("yuv")
+        matrix = "ITU709" if unsaid and min(frame.width, frame.height) >= 720 else None
+        return from_space(np.asarray(frame.to_ndarray(format="rgb24", src_colorspace=matrix)),
+                          space)
+    ratio = min(1.0, max_side / max(frame.width, frame.height)) if max_side else 1.0
+    deep = frame.to_ndarray(format="rgb48le", width=max(1, round(ratio * frame.width)),
+                            height=max(1, round(ratio * frame.height)))
+    return from_space(deep, space)
+
+
+def _square(picture: UInt8, ratio: float) -> UInt8:
+    """A picture [H, W, 3] with square pixels, from ones whose width over height is ``ratio``.
+
+    The shorter way is lengthened, so that nothing is lost.
+    """
+    if not 0.1 < ratio < 10 or abs(ratio - 1) < 1e-3:
+        return picture
+    height, width = picture.shape[:2]
+    size = ((round(width * ratio), height) if ratio > 1 else (width, round(height / ratio)))
+    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))
+
+
+def turns_of(frame: Any) -> int:
+    """Counter-clockwise quarter turns that bring a decoded frame upright, 0 to 3."""
+    return round(getattr(frame, "rotation", 0) / 90) % 4
+
+
+def upright_frame(frame: Any, max_side: int, aspect: float) -> UInt8:
+    """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
+    turns = turns_of(frame)
+    pixels = _square(_pixels(frame, max_side), aspect)
+    upright = np.ascontiguousarray(np.rot90(pixels, turns))
+    if not max_side or max(upright.shape[:2]) <= max_side:
+        return upright
+    picture = Image.fromarray(upright)
+    if max(picture.size) > max_side:
+        ratio = max_side / max(picture.size)
+        picture = picture.resize((max(1, round(picture.width * ratio)),
+                                  max(1, round(picture.height * ratio))),
+                                 Image.Resampling.LANCZOS)
+    return np.asarray(picture)
+
+
+def load_photos(path: str | Path) -> list[tuple[str, UInt8]]:
+    """Names and pictures (uint8 [H, W, 3 or 4], upright) of a folder of photos or a video.
+
+    Raises
+    ------
+    UserError
+        If there is nothing that can be read.
+    """
+    return [(photo.name, photo.image) for photo in read_source(Path(path))]
+
+
+def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:
+    """Photos of a folder, or frames of a video (`read_photos`, `read_video`).
+
+    Parameters
+    ----------
+    path
+        Folder or video file.
+    max_side
+        Pictures are reduced to this many pixels on their longer side; 0 keeps them.
+    frames
+        How many frames of a video.
+
+    Raises
+    ------
+    UserError
+        If there is nothing that can be read.
+    """
+    return (read_video(path, frames, max_side) if is_video(path)
+            else read_photos(path, max_side))

@@ -50,7 +50,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),
     "transfer": ("stylization", "TransferPhoto", "stylise one photo by example (2D)"),
     "stylize": ("stylization", "Stylize", "radiance field + exemplar -> stylised field"),
-    "restyle": ("restyling", "Restyle", "change a stylised field's strength or style"),
+    "restyle": ("stylization", "Restyle", "change a stylised field's strength or style"),
     "styles": ("presets", "Styles", "list the installed exemplars"),
     "styles list": ("presets", "Styles", "the same"),
     "styles add": ("presets", "StylesAdd", "find a painting's landmarks, to be corrected by hand"),

@@ -1,4 +1,4 @@
-"""Commands of the style: ``transfer`` on a photo, a folder and a video, ``stylize`` on a field."""
+"""Commands of the style: ``transfer`` on photos and videos, ``stylize``, ``restyle``."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, UInt8
 from ..errors import UserError
 from ..example import (
     Exemplar,
@@ -41,7 +41,7 @@ from ..labels import LABELS, RegionStyle, members, read_regions, read_value
 from ..media.folders import list_pictures, say_left_out
 from ..media.pictures import read_image
 from ..progress import Progress
-from ..stylize import StylizeConfig
+from ..stylize import MixConfig, StyledField, StylizeConfig
 from .common import Common
 
 DOUBTFUL = 77.0
@@ -69,7 +69,7 @@ class _Painter:
                 as_painted(self.exemplar, self.config.wear), self.config))
             aside.shutdown(wait=False)
 
-    def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
+    def _apply(self, style: str, photo: UInt8, points: Float64) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
         chosen = (fitting(exemplar, points, photo, self.config.eyes, self.config.wear)
@@ -83,8 +83,8 @@ class _Painter:
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
-    def paint(self, photo: NDArray[np.uint8], points: NDArray[np.float64],
-              ) -> tuple[NDArray[np.float32], Any]:
+    def paint(self, photo: UInt8, points: Float64,
+              ) -> tuple[Float32, Any]:
         """The picture of a photo with landmarks, float32 [H, W, 3], and the result as a whole."""
         result = self._apply("", photo, points)
         if not self.choices:
@@ -172,7 +172,7 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     video = VideoTransfer(Transfer(exemplar, config))
     start = time.perf_counter()
 
-    def painted() -> Iterator[NDArray[np.uint8]]:
+    def painted() -> Iterator[UInt8]:
         for number, frame in enumerate(video.frames(frames)):
             progress.update(number, f"frame {number + 1}")
             yield frame
@@ -184,10 +184,10 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
             "frames_per_second": count / seconds, "flicker": flicker}
 
 
-def _first_face(frames: Iterator[NDArray[np.uint8]], most: int = 30,
-                ) -> tuple[Iterator[NDArray[np.uint8]], NDArray[np.float64] | None]:
+def _first_face(frames: Iterator[UInt8], most: int = 30,
+                ) -> tuple[Iterator[UInt8], Float64 | None]:
     """All frames, and the landmarks of the first face among the first ``most``, or None."""
-    looked_at: list[NDArray[np.uint8]] = []
+    looked_at: list[UInt8] = []
     points = None
     for frame in islice(frames, most):
         looked_at.append(frame)
@@ -312,3 +312,30 @@ class Stylize(Common):
         for notice in figures["notices"]:
             print(f"note: {notice}", file=sys.stderr)
         return figures
+
+
+@dataclass
+class Restyle(Common):
+    """Change the strength, likeness, regions or style of a stylised field."""
+
+    field: tyro.conf.Positional[Path]
+    """Stylised field (.npz), from `lfportrait stylize` or from this command."""
+    out: Path = Path("mixed.npz")
+    """File for the field in its new colors; all styles stay in it."""
+    config: Annotated[MixConfig, tyro.conf.arg(name="")] = option(default_factory=MixConfig)
+    """Mix."""
+
+    def run(self) -> dict[str, Any]:
+        """Mix and save."""
+        asked = self.config.arguments()
+        begin = time.perf_counter()
+        styled = StyledField.load(self.field)
+        loaded = time.perf_counter()
+        mixed = styled.mix(**asked)
+        ready = time.perf_counter()
+        mixed.save(self.out)
+        end = time.perf_counter()
+        return {"seconds": {"load": round(loaded - begin, 3), "mix": round(ready - loaded, 3),
+                            "save": round(end - ready, 3)},
+                "styles": list(mixed.styles), "regions": list(mixed.regions),
+                "mix": mixed.mixture, "voxels": len(mixed.density)}

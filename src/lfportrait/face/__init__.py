@@ -6,18 +6,25 @@ Detectors and segmentation run pretrained networks of the registry; they are imp
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float32, Float64, UInt8
 from ..cache import key_of
 from .detect import detect_faces, detect_landmarks, face_mesh, face_yaw
-from .generic_head import GENERIC_LANDMARKS, generic_depth
-from .limits import FIT, MOST_TURNED, PORTRAIT_CONE
-from .mask import face_mask
-from .points import read_landmarks, write_landmarks
-from .pose import FacePose, face_pose
-from .symmetry import symmetric_landmarks
+from .landmarks import (
+    FIT,
+    GENERIC_LANDMARKS,
+    MOST_TURNED,
+    PORTRAIT_CONE,
+    FacePose,
+    face_pose,
+    generic_depth,
+    read_landmarks,
+    symmetric_landmarks,
+    write_landmarks,
+)
+from .segmentation import face_mask
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = [
@@ -69,8 +76,8 @@ def is_portrait(capture: Any) -> bool:
     return FIT in capture.figures
 
 
-def fit_to_surface(landmarks: NDArray[np.float64], points: NDArray[np.float64],
-                   normals: NDArray[np.float64], trust: NDArray[np.float64]) -> Any:
+def fit_to_surface(landmarks: Float64, points: Float64,
+                   normals: Float64, trust: Float64) -> Any:
     """The statistical head, fitted to a capture (`lfportrait.face.capture_head.fit_to_surface`)."""
     from .capture_head import fit_to_surface as run
 
@@ -92,31 +99,31 @@ def portrait_field(capture: Any, config: Any = None, progress: Any = None, *,
     return run(capture, config, progress, look=look)
 
 
-def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
+def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     """How much of each pixel is the person (`lfportrait.face.segmentation.person_matte`)."""
     from .segmentation import person_matte as run
 
     return run(image, up)
 
 
-def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
-              ) -> NDArray[np.float32]:
+def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
+              ) -> Float32:
     """How much of each pixel is hair (`lfportrait.face.segmentation.hair_mask`)."""
     from .segmentation import hair_mask as run
 
     return run(image, up, size)
 
 
-def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
-           ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def mattes(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
+           ) -> tuple[Float32, Float32]:
     """Person and hair at the same time (`lfportrait.face.segmentation.mattes`)."""
     from .segmentation import mattes as run
 
     return run(image, up, size)
 
 
-def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
-          ) -> dict[str, NDArray[np.float32]]:
+def parts(image: UInt8, up: NDArray[Any] | None = None,
+          ) -> dict[str, Float32]:
     """How much of each pixel is each of six parts (`lfportrait.face.segmentation.parts`)."""
     from .segmentation import parts as run
 

@@ -9,19 +9,14 @@ free to lie deeper.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from .. import models
+from ..arrays import Bool, Float64, Int64
 from ..field.closing import FittedHead
 from .head_fit import EXPRESSION, MOST_DEVIATIONS
 from .head_prior import EYES, SOCKETS, HeadPrior, head_prior, with_normals
-
-__all__ = ["fit_in_space", "fit_to_surface"]
-
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 METRES = 0.207
 """Of a unit of the portrait frame."""
@@ -62,7 +57,7 @@ def fit_to_surface(landmarks: Float64, points: Float64, normals: Float64, trust:
                       _ears(prior))
 
 
-def _ears(prior: HeadPrior) -> Bools:
+def _ears(prior: HeadPrior) -> Bool:
     """Which of a model's vertices are its ears', [N]."""
     inside = np.ones(len(prior.mean), bool)
     for values, (low, high) in zip((np.abs(prior.mean[:, 0]), *prior.mean.T[1:]), _EAR,
@@ -151,7 +146,7 @@ class _Solver:
         self.expression = np.clip(self.expression + change[7 + count:], -0.2, 1.2)
 
     def _surface(self, placed: Float64, reach: float,
-                 ) -> tuple[NDArray[np.int64], Float64, Float64, Float64]:
+                 ) -> tuple[Int64, Float64, Float64, Float64]:
         """Vertices that a surface is near to, its normals, their distances before it, weights."""
         assert self.tree is not None
         normals = with_normals(placed, self.prior.triangles)[self.drawn]
@@ -166,7 +161,7 @@ class _Solver:
         weight *= np.where(self.hairy[vertices] & (error < 0), _HAIRY, 1.0)
         return vertices, along, error, weight
 
-    def _rows(self, placed: Float64, vertices: NDArray[np.int64], along: Float64) -> Float64:
+    def _rows(self, placed: Float64, vertices: Int64, along: Float64) -> Float64:
         """Derivatives [R, 7 + K + M] of vertices [R] along directions [R, 3]."""
         away = placed[vertices] - self.shift
         back = self.scale * along @ self.rotation
@@ -206,7 +201,7 @@ def _similarity(model: Float64, given: Float64) -> tuple[Float64, float, Float64
     return rotation, scale, target - scale * rotation @ middle
 
 
-def _spread(prior: HeadPrior) -> NDArray[np.int64]:
+def _spread(prior: HeadPrior) -> Int64:
     """Vertices of a model that are drawn to a surface, evenly spread."""
     chosen = np.flatnonzero((prior.part != EYES) & (prior.part != SOCKETS) & ~_ears(prior)
                             & (prior.mean[:, 1] > _LOWEST))

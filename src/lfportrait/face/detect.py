@@ -1,8 +1,13 @@
 """Finding a face and its 68 landmarks in one picture.
 
 MediaPipe's face landmarker does most of the work, on the whole picture and, where it finds nothing,
-on enlarged crops and turned by quarter turns. Paintings and sculptures that it does not take for a
-face are tried with the face-api networks (`face68`).
+on enlarged crops and turned by quarter turns.
+
+Paintings and sculptures that it does not take for a face are tried with face-api's networks, which
+were published for face-api.js (MIT): the detector is a separable tiny YOLOv2 on a 416x416 picture,
+the landmark network four dense blocks on a 112x112 crop. They are small enough to be computed with
+NumPy in hundredths of a second; importing torch for them took a second. Layers are float32
+[H, W, C].
 """
 
 from __future__ import annotations
@@ -12,13 +17,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from PIL import Image
+from safetensors.numpy import load_file
 
 from .. import models
-from .mediapipe_tasks import made, picture
-from .points import FROM_MEDIAPIPE, centred
-
-__all__ = ["detect_faces", "detect_landmarks", "face_mesh", "face_yaw"]
+from ..arrays import Float32, Float64, UInt8
+from .landmarks import FROM_MEDIAPIPE, centred
+from .segmentation import made, picture
 
 _AROUND = 1.5
 _MANY = 8
@@ -38,7 +43,7 @@ def _landmarker(path: str, faces: int) -> Any:
     return made(make, lambda task: task.detect(picture(np.zeros((64, 64, 3), np.uint8))))
 
 
-def face_mesh(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
+def face_mesh(image: UInt8) -> Float64 | None:
     """All points of MediaPipe's mesh of the surest face in a picture.
 
     Parameters
@@ -59,12 +64,12 @@ def face_mesh(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
     return np.array([(point.x * width, point.y * height) for point in found.face_landmarks[0]])
 
 
-def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]]:
+def _meshes(image: UInt8, most: int = 1) -> list[Float64]:
     """MediaPipe's points of ``most`` faces mapped to 68 landmarks [68, 2], the largest first."""
     detector = _landmarker(str(models.fetch("face-landmarker")), most)
     found = detector.detect(picture(image))
     height, width = image.shape[:2]
-    faces: list[NDArray[np.float64]] = []
+    faces: list[Float64] = []
     for mesh in found.face_landmarks:  # the surest first
         points = np.array([(point.x * width, point.y * height) for point in mesh])[FROM_MEDIAPIPE]
         if not _among(points, faces):
@@ -72,19 +77,19 @@ def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]
     return sorted(faces, key=_extent, reverse=True)
 
 
-def _among(points: NDArray[np.float64], faces: list[NDArray[np.float64]]) -> bool:
+def _among(points: Float64, faces: list[Float64]) -> bool:
     """Whether landmarks are those of a face that was found before."""
     return any(np.linalg.norm(points.mean(axis=0) - one.mean(axis=0)) < 0.3 * _extent(one)
                for one in faces)
 
 
-def _extent(points: NDArray[np.float64]) -> float:
+def _extent(points: Float64) -> float:
     """Size of a face in pixels: the diagonal of its landmarks' box."""
     return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def detect_faces(image: NDArray[np.uint8], near: tuple[float, float] | None = None, *,
-                 thorough: bool = True) -> list[NDArray[np.float64]]:
+def detect_faces(image: UInt8, near: tuple[float, float] | None = None, *,
+                 thorough: bool = True) -> list[Float64]:
     """The 68 landmarks of every face in a picture, the largest first.
 
     Parameters
@@ -107,7 +112,7 @@ def detect_faces(image: NDArray[np.uint8], near: tuple[float, float] | None = No
     windows = list(_windows(height, width) if near is None else _around(near, height, width))
     if near is None and not thorough:
         windows = windows[:1]
-    faces: list[NDArray[np.float64]] = []
+    faces: list[Float64] = []
     for x0, y0, x1, y1 in windows:
         for points in _meshes(image[y0:y1, x0:x1], _MANY):
             points = points + np.array([x0, y0])
@@ -137,7 +142,7 @@ def _around(near: tuple[float, float], height: int, width: int,
             yield x0, y0, x1, y1
 
 
-def _within(points: NDArray[np.float64], place: tuple[float, float]) -> bool:
+def _within(points: Float64, place: tuple[float, float]) -> bool:
     """Whether a place lies in the box around landmarks, forehead included."""
     low, high = points.min(axis=0), points.max(axis=0)
     low = low - [0.0, 0.4 * (high[1] - low[1])]
@@ -155,7 +160,7 @@ def _windows(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
                 yield x, y, x + w, y + h
 
 
-def _inside_a_head(image: NDArray[np.uint8], points: NDArray[np.float64]) -> bool:
+def _inside_a_head(image: UInt8, points: Float64) -> bool:
     """Whether what was taken for a face, [68, 2], is a part of a larger head: a profile's ear.
 
     Above and beside a face, one and a half times as far from the brows as the chin, no person is.
@@ -175,8 +180,8 @@ def _inside_a_head(image: NDArray[np.uint8], points: NDArray[np.float64]) -> boo
     return bool((person_matte(np.ascontiguousarray(image))[y, x] > 0.9).all())
 
 
-def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
-                    ) -> NDArray[np.float64]:
+def _second_opinion(image: UInt8, points: Float64,
+                    ) -> Float64:
     """The mean of MediaPipe's landmarks and face-api's, where both saw the same face.
 
     The two err in different directions: over 14 painted and sculpted portraits the mean error is
@@ -184,7 +189,6 @@ def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
     """
     if not models.available("face-landmarks-68"):
         return points
-    from .face68 import landmarks_in_box
 
     low, high = points.min(axis=0), points.max(axis=0)
     box = np.concatenate([low - 0.05 * (high - low), 1.1 * (high - low)])
@@ -196,8 +200,8 @@ def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
     return centred(0.5 * (points + other)) if apart.mean() < 0.15 * eyes else points
 
 
-def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
-                     thorough: bool = True) -> NDArray[np.float64] | None:
+def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
+                     thorough: bool = True) -> Float64 | None:
     """The 68 landmarks of the largest face in a picture.
 
     Parameters
@@ -228,7 +232,6 @@ def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
                     points = _second_opinion(turned, points)
                 return _turn_back(points, turn, image.shape)
     if thorough and models.available("face-detector") and models.available("face-landmarks-68"):
-        from .face68 import detect_landmarks68
 
         for turn in turns:
             points = detect_landmarks68(np.ascontiguousarray(np.rot90(image, turn)))
@@ -237,8 +240,8 @@ def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
     return None
 
 
-def _turn_back(points: NDArray[np.float64], turn: int, shape: tuple[int, ...],
-               ) -> NDArray[np.float64]:
+def _turn_back(points: Float64, turn: int, shape: tuple[int, ...],
+               ) -> Float64:
     """Points found in a picture turned by quarter turns, in the picture itself."""
     height, width = shape[:2]
     x, y = points[:, 0], points[:, 1]
@@ -252,7 +255,7 @@ def _turn_back(points: NDArray[np.float64], turn: int, shape: tuple[int, ...],
     return points
 
 
-def face_yaw(landmarks: NDArray[np.float64]) -> float:
+def face_yaw(landmarks: Float64) -> float:
     """How far a face is turned, from -1 (profile to the left) over 0 (frontal) to 1.
 
     The nose tip's place between the outer corners of the eyes, along the line through them.
@@ -261,3 +264,133 @@ def face_yaw(landmarks: NDArray[np.float64]) -> float:
     along = right - left
     share = (landmarks[30] - left) @ along / max(float(along @ along), 1e-9)
     return float(np.clip(2.0 * share - 1.0, -1.5, 1.5))
+
+
+_ANCHORS = ((1.603231, 2.094468), (6.041143, 7.080126), (2.882459, 3.518061),
+            (4.266906, 5.178857), (9.041765, 10.66308))
+
+
+@functools.lru_cache(maxsize=4)
+def _weights(name: str) -> dict[str, Float32]:
+    return {key: np.asarray(value, np.float32)
+            for key, value in load_file(str(models.fetch(name))).items()}
+
+
+def _resized(image: UInt8, width: int, height: int) -> Float32:
+    picture = Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR)
+    return np.asarray(picture, np.float32)
+
+
+def _convolve(x: Float32, weights: dict[str, Float32], name: str, stride: int = 1,
+              padding: str = "same") -> Float32:
+    """A convolution by HWIO filters, or a separable one by depthwise and pointwise filters."""
+    bias = weights[f"{name}.bias"]
+    filters = weights.get(f"{name}.filters")
+    if filters is not None:
+        x = _same(x, len(filters), stride) if padding == "same" else x
+        # One product for each of the filter's places.
+        return np.asarray(sum(part @ filters[row, column] for row, column, part in
+                              _parts(x, len(filters), stride)) + bias, np.float32)
+    depthwise = weights[f"{name}.depthwise_filter"][..., 0]
+    x = _same(x, len(depthwise), stride) if padding == "same" else x
+    mixed = sum(part * depthwise[row, column] for row, column, part in
+                _parts(x, len(depthwise), stride))
+    return np.asarray(mixed @ weights[f"{name}.pointwise_filter"][0, 0] + bias, np.float32)
+
+
+def _same(x: Float32, kernel: int, stride: int) -> Float32:
+    """Padded with zeros as TensorFlow does: more at the end where the padding is odd."""
+    total = max((-(-len(x) // stride) - 1) * stride + kernel - len(x), 0)
+    return np.pad(x, ((total // 2, total - total // 2),) * 2 + ((0, 0),))
+
+
+def _parts(x: Float32, kernel: int, stride: int) -> Iterator[tuple[int, int, Float32]]:
+    """What each place of a filter sees: its row and column, and every so many pixels from there."""
+    last = len(x) - kernel + 1
+    for row in range(kernel):
+        for column in range(kernel):
+            yield row, column, x[row:row + last:stride, column:column + last:stride]
+
+
+def _pooled(x: Float32, stride: int) -> Float32:
+    """The largest of each 2x2 pixels; what lies beyond the edge counts for nothing."""
+    more = x.shape[0] % 2 if stride == 2 else 1
+    x = np.pad(x, ((0, more), (0, more), (0, 0)), constant_values=-np.inf)
+    return np.maximum.reduce([part for _, _, part in _parts(x, 2, stride)])
+
+
+def _leaky(x: Float32) -> Float32:
+    return np.maximum(x, np.float32(0.1) * x)
+
+
+def detect_face(image: UInt8, least: float = 0.4,
+                ) -> tuple[Float64, float] | None:
+    """The box (x, y, width, height) of the most certain face, with its score, or None.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3].
+    least
+        Score below which a box is no face.
+    """
+    weights = _weights("face-detector")
+    height, width = image.shape[:2]
+    scale = 416.0 / max(height, width)
+    wide, high = round(width * scale), round(height * scale)
+    frame = np.zeros((416, 416, 3), np.float32)
+    frame[:high, :wide] = _resized(image, wide, high)
+    x = (frame - np.array([117.001, 114.697, 97.404], np.float32)) / np.float32(255.0)
+    for layer in range(6):
+        x = _leaky(_convolve(x, weights, f"conv{layer}",
+                             padding="valid" if layer == 0 else "same"))
+        x = _pooled(x, 2 if layer < 5 else 1)
+    for name in ("conv6", "conv7", "conv8"):
+        if any(key.startswith(f"{name}.") for key in weights):
+            x = _convolve(x, weights, name)
+            if name != "conv8":
+                x = _leaky(x)
+    cells = len(x)
+    x = x.reshape(cells, cells, 5, -1)
+    score = 1 / (1 + np.exp(-x[..., 4]))
+    best = int(score.argmax())
+    row, column, anchor = np.unravel_index(best, score.shape)
+    if score.reshape(-1)[best] < least:
+        return None
+    tx, ty, tw, th = (float(v) for v in x[row, column, anchor, :4])
+    size = 416.0 / cells
+    center = (column + 1 / (1 + np.exp(-tx))) * size, (row + 1 / (1 + np.exp(-ty))) * size
+    box = np.exp(tw) * _ANCHORS[anchor][0] * size, np.exp(th) * _ANCHORS[anchor][1] * size
+    corner = center[0] - box[0] / 2, center[1] - box[1] / 2
+    return np.array([*corner, *box]) / scale, float(score.reshape(-1)[best])
+
+
+def landmarks_in_box(image: UInt8, box: Float64) -> Float64:
+    """The 68 landmarks [68, 2] of the face in a box (x, y, width, height)."""
+    weights = _weights("face-landmarks-68")
+    height, width = image.shape[:2]
+    x0, y0 = int(max(box[0], 0)), int(max(box[1], 0))
+    x1, y1 = int(min(box[0] + box[2], width)), int(min(box[1] + box[3], height))
+    crop = np.ascontiguousarray(image[y0:y1, x0:x1])
+    scale = 112.0 / max(crop.shape[:2])
+    wide, high = round(crop.shape[1] * scale), round(crop.shape[0] * scale)
+    left, top = (112 - wide) // 2, (112 - high) // 2
+    frame = np.zeros((112, 112, 3), np.float32)
+    frame[top:top + high, left:left + wide] = _resized(crop, wide, high)
+    x = (frame - np.array([122.782, 117.001, 104.298], np.float32)) / np.float32(255.0)
+    for block in range(4):
+        x = np.maximum(_convolve(x, weights, f"dense{block}.conv0", 2), 0)
+        total = x
+        for layer in (1, 2, 3):
+            total = total + _convolve(np.maximum(total, 0) if layer > 1 else x, weights,
+                                      f"dense{block}.conv{layer}")
+        x = np.maximum(total, 0)
+    flat = x.mean(axis=(0, 1))
+    points = (flat @ weights["fc.weights"] + weights["fc.bias"]).reshape(68, 2)
+    return (points * 112.0 - (left, top)) / scale + (x0, y0)
+
+
+def detect_landmarks68(image: UInt8) -> Float64 | None:
+    """The 68 landmarks [68, 2] of the most certain face, or None."""
+    found = detect_face(image)
+    return None if found is None else landmarks_in_box(image, found[0])

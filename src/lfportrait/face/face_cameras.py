@@ -17,11 +17,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from ..arrays import Float64, Int64, UInt8
 from ..capture import (
     USUAL_FOCAL,
     CalibrateConfig,
@@ -35,12 +35,8 @@ from ..capture import (
 )
 from ..progress import Progress
 from .detect import detect_landmarks
-from .generic_head import EGG, GENERIC_LANDMARKS
+from .landmarks import EGG, GENERIC_LANDMARKS
 from .segmentation import person_matte
-
-__all__ = ["FaceCameras", "cameras_from_faces", "capture_from_faces"]
-
-Float64 = NDArray[np.float64]
 
 _OWN = 0.06
 """How far a person's landmarks lie from the generic head's, portrait units."""
@@ -169,7 +165,7 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
                    figures=figures)
 
 
-def _faces(images: list[NDArray[np.uint8]], say: Callable[[str], None],
+def _faces(images: list[UInt8], say: Callable[[str], None],
            ) -> list[Float64 | None]:
     """Landmarks of each photo; of many, of those in which a first look finds a face."""
     def look(number: int, thorough: bool) -> Float64 | None:
@@ -268,7 +264,7 @@ def _first_pose(points: Float64, focal: float, center: Float64) -> Float64:
     return np.concatenate([np.ravel(turn), np.ravel(shift)])
 
 
-def _pattern(count: int, kind: NDArray[np.int64], kinds: int) -> sparse.csr_array:
+def _pattern(count: int, kind: Int64, kinds: int) -> sparse.csr_array:
     """Which values each of the residuals depends on."""
     rows = 2 * 68 * count
     pattern = sparse.lil_array((rows + 3 * 68 + kinds, 3 * 68 + 6 * count + kinds), dtype=np.int8)

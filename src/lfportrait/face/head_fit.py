@@ -14,17 +14,12 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..arrays import Float32, Float64, Int32, Int64
 from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
-from .limits import MOST_TURNED
-
-__all__ = ["Found", "HeadFit", "Picture", "View", "across_jaw", "check_faces", "deviations_of",
-           "fit_head", "jaw_vertices", "outline_errors", "outline_vertices", "refit", "unfit"]
-
-Float64 = NDArray[np.float64]
+from .landmarks import MOST_TURNED
 
 SMALLEST = 150.0
 """Pixels of a face's width, ear to ear, that it must have."""
@@ -92,8 +87,8 @@ class Picture:
     size: tuple[int, int]
     landmarks: Float64
     focal: float | None = None
-    inside: NDArray[np.float32] | None = None
-    hair: NDArray[np.float32] | None = None
+    inside: Float32 | None = None
+    hair: Float32 | None = None
 
     @property
     def eyes(self) -> float:
@@ -118,7 +113,7 @@ class Found:
         float64 [M, 2] in pixels.
     """
 
-    vertices: NDArray[np.int64]
+    vertices: Int64
     places: Float64
 
 
@@ -378,7 +373,7 @@ class _Solver:
             cost += (np.log(self.distance / LIKELY) / SPREAD) ** 2
         self.cost = cost
 
-    def _rows(self, index: int, vertices: NDArray[np.int64], points: Float64,
+    def _rows(self, index: int, vertices: Int64, points: Float64,
               along: Float64) -> tuple[Float64, Float64, Float64]:
         """Derivatives of projected vertices along directions [R, 2]: by pose, by coefficients."""
         view = self.views[index]
@@ -456,7 +451,7 @@ def _eyes_of(view: View, prior: HeadPrior) -> float:
 
 
 def jaw_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,
-                 landmarks: Float64) -> NDArray[np.int64]:
+                 landmarks: Float64) -> Int64:
     """Vertices int64 [17] on the outline of the jaw, as a photo shows it, nearest to landmarks."""
     across = across_jaw(landmarks)
     local = view.to_camera(vertices)
@@ -507,7 +502,7 @@ def outline_errors(picture: Picture, places: Float64, view: View,
 
 
 def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,
-                     neck: bool = False) -> NDArray[np.int64]:
+                     neck: bool = False) -> Int64:
     """The vertices on the outline of a head in a photo; the neck's only if asked for."""
     local = view.to_camera(vertices)
     turned = normals @ view.rotation.T
@@ -530,7 +525,7 @@ def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: F
     return np.flatnonzero(shown & (vertices[:, 1] > lowest))
 
 
-def _outward(corners: NDArray[np.int32]) -> NDArray[np.int32]:
+def _outward(corners: Int32) -> Int32:
     """The triangles [T, 3, 2] of one side: together they cover all of the outline."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return corners[one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0] < 0]

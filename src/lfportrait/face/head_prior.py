@@ -12,19 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float32, Float64, Int32, Int64, UInt8
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS
-from .generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
-
-__all__ = ["EYES", "FACE", "HEAD", "SOCKETS", "HeadPrior", "generic_prior", "head_prior",
-           "read_ict", "with_normals"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Int32 = NDArray[np.int32]
+from .landmarks import GENERIC_LANDMARKS, MIRRORED, generic_depth
 
 FACE, HEAD, SOCKETS, EYES = range(4)
 """Parts of a head's vertices: face; skull, ears and neck; eye sockets; eyeballs."""
@@ -93,8 +86,8 @@ class HeadPrior:
     name: str
     mean: Float32
     triangles: Int32
-    part: NDArray[np.uint8]
-    landmarks: NDArray[np.int64]
+    part: UInt8
+    landmarks: Int64
     identity: Float32
     expression: Float32
     expressions: tuple[str, ...]
@@ -241,7 +234,7 @@ def _closed(head: HeadPrior) -> HeadPrior:
                      part, head.landmarks, identity, expression, head.expressions, head.lean)
 
 
-def _holes(triangles: Int32) -> list[NDArray[np.int64]]:
+def _holes(triangles: Int32) -> list[Int64]:
     """The open edges of a mesh as loops of vertices, along the triangles' own direction."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     paired = {(int(b), int(a)) for a, b in edges}

@@ -1,14 +1,24 @@
-"""Mattes of the person and of the hair by MediaPipe's segmentation networks.
+"""Which pixels are face, hair and person.
 
-MediaPipe runs the official TensorFlow Lite files itself. Two small networks give person and hair;
-where the file of a third one, which separates six parts of a person, is at hand, both come from
-that. All were trained on pictures that the person fills, upright, so the picture is turned upright
-first, and the result turned back.
+Mattes of person and hair are MediaPipe's, which runs the official TensorFlow Lite files itself. Two
+small networks give person and hair; where the file of a third one, which separates six parts of a
+person, is at hand, both come from that. All were trained on pictures that the person fills,
+upright, so the picture is turned upright first, and the result turned back. MediaPipe's
+tasks are made without log output, and are not closed when the process ends.
+
+The face mask is that of Shen et al. 2023, Fig. 3: the jaw's landmarks and an ellipse through its
+upper ends bound the face without its forehead. The skin's color is sampled inside, and what
+continues the face above the brows in that color, in one connected piece, is forehead; hair and
+fringe differ and stay out.
 """
 
 from __future__ import annotations
 
+import atexit
 import functools
+import os
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +26,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from scipy import ndimage
+from skimage.draw import polygon2mask
 
 from .. import models
+from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from ..labels import SEGMENTS
-from .mediapipe_tasks import made, picture
-
-__all__ = ["SEGMENTS", "hair_mask", "mattes", "parts", "person_matte"]
-
-Float32 = NDArray[np.float32]
 
 _MULTICLASS = "multiclass-segmentation"
 
@@ -83,7 +91,7 @@ def _described(content: bytes, size: int) -> tuple[bytes, int]:
     return content, channels
 
 
-def _run(name: str, frame: NDArray[np.uint8]) -> Float32:
+def _run(name: str, frame: UInt8) -> Float32:
     """The output [h, w, c] of a network for one square picture [H, H, C], read only.
 
     A painting is looked at again whenever one of its landmarks was moved.
@@ -117,7 +125,7 @@ def _quarter_turns(up: NDArray[Any] | None) -> int:
     return 0 if y <= 0 else 2
 
 
-def _resized(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+def _resized(image: UInt8, size: int) -> UInt8:
     """The picture as the networks want it: [size, size, 3]."""
     # Whole blocks of pixels first, where there are some: as good, and several times faster.
     return np.asarray(Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR,
@@ -130,7 +138,7 @@ def _full_size(mask: Float32, shape: tuple[int, ...], turns: int) -> Float32:
     return np.ascontiguousarray(np.rot90(np.clip(back, 0, 1), -turns), np.float32)
 
 
-def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
+def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     """How much of each pixel is the person.
 
     Parameters
@@ -154,8 +162,8 @@ def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> ND
     return _person(image, _quarter_turns(up))
 
 
-def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
-              ) -> NDArray[np.float32]:
+def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
+              ) -> Float32:
     """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`.
 
     ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
@@ -166,8 +174,8 @@ def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: in
     return _hair(image, _quarter_turns(up), size)
 
 
-def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
-           ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def mattes(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
+           ) -> tuple[Float32, Float32]:
     """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
     turns = _quarter_turns(up)
     if models.available(_MULTICLASS):
@@ -177,8 +185,8 @@ def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int =
     return _person(image, turns), _hair(image, turns, size)
 
 
-def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
-          ) -> dict[str, NDArray[np.float32]]:
+def parts(image: UInt8, up: NDArray[Any] | None = None,
+          ) -> dict[str, Float32]:
     """How much of each pixel is each part of a person, by the network of six parts.
 
     This is written against the network's documented input and outputs, and tested with a stand-in
@@ -205,11 +213,11 @@ def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
             for index, name in enumerate(SEGMENTS)}
 
 
-def _upright(image: NDArray[np.uint8], turns: int) -> NDArray[np.uint8]:
+def _upright(image: UInt8, turns: int) -> UInt8:
     return np.ascontiguousarray(np.rot90(image, turns))
 
 
-def _shares(image: NDArray[np.uint8], turns: int) -> tuple[Float32, tuple[int, ...]]:
+def _shares(image: UInt8, turns: int) -> tuple[Float32, tuple[int, ...]]:
     """Confidences [256, 256, 6] of the classes, and height and width of the upright picture."""
     upright = _upright(image, turns)
     result = _run(_MULTICLASS, _resized(upright, 256))
@@ -222,7 +230,7 @@ def _shares(image: NDArray[np.uint8], turns: int) -> tuple[Float32, tuple[int, .
     return (result if ready else _softmax(result)), upright.shape[:2]
 
 
-def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
+def _person(image: UInt8, turns: int) -> Float32:
     if models.available(_MULTICLASS):
         shares, shape = _shares(image, turns)
         return _full_size(1 - shares[..., 0], shape, turns)
@@ -231,7 +239,7 @@ def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
     return _full_size(matte[..., 0], upright.shape[:2], turns)
 
 
-def _hair(image: NDArray[np.uint8], turns: int, size: int) -> NDArray[np.float32]:
+def _hair(image: UInt8, turns: int, size: int) -> Float32:
     if models.available(_MULTICLASS):
         shares, shape = _shares(image, turns)
         return _full_size(shares[..., 1], shape, turns)
@@ -239,3 +247,145 @@ def _hair(image: NDArray[np.uint8], turns: int, size: int) -> NDArray[np.float32
     # The fourth channel is the hair of the frame before, of which nothing is known.
     frame = np.dstack([_resized(upright, size), np.zeros((size, size), np.uint8)])
     return _full_size(_softmax(_run("hair-segmentation", frame))[..., 1], upright.shape[:2], turns)
+
+
+_LOCK = threading.Lock()
+"""Standard error is silenced for the whole process: by one thread at a time."""
+
+
+def made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
+    """A task and its first run, with nothing on standard error.
+
+    Parameters
+    ----------
+    make
+        Makes the task.
+    first
+        Runs it once: some of the chatter comes only then.
+    """
+    with _LOCK:
+        return _made(make, first)
+
+
+def _made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
+    os.environ.setdefault("GLOG_minloglevel", "3")
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    saved = os.dup(2)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 2)
+    try:
+        task = make()
+        # When the process ends, closing would fail on threads and modules that are gone already
+        # (and say so on standard error); the system frees everything anyway.
+        atexit.register(setattr, task, "_handle", None)
+        first(task)
+        return task
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(silent)
+
+
+def picture(image: UInt8) -> Any:
+    """A picture, uint8 [H, W, 3 or 4], as MediaPipe wants it."""
+    import mediapipe
+
+    kind = mediapipe.ImageFormat.SRGB if image.shape[2] == 3 else mediapipe.ImageFormat.SRGBA
+    return mediapipe.Image(image_format=kind, data=np.ascontiguousarray(image))
+
+
+FINE = 160
+"""Minimum width of the face in blocks of pixels."""
+
+
+def _chroma(image: NDArray[Any]) -> Float32:
+    """Cb and Cr of an sRGB picture (ITU-R BT.601), [H, W, 2], in units of 1/255, and luma."""
+    rgb = np.asarray(image, np.float32)
+    luma = rgb @ np.array([0.299, 0.587, 0.114], np.float32)
+    return np.stack([0.564 * (rgb[..., 2] - luma), 0.713 * (rgb[..., 0] - luma), luma], axis=-1)
+
+
+def _forehead(landmarks: Float64, reach: float) -> Float64:
+    """The upper half of an ellipse on the line between the jaw's ends, turned with the head."""
+    left, right = landmarks[0], landmarks[16]
+    middle, across = 0.5 * (left + right), 0.5 * (right - left)
+    upward = middle - landmarks[8]
+    upward = upward - across * (upward @ across) / max(float(across @ across), 1e-9)
+    upward /= max(float(np.linalg.norm(upward)), 1e-9)
+    face = float(np.linalg.norm(landmarks[8] - middle))
+    angle = np.linspace(np.pi, 0, 40)[:, None]
+    return middle - across * -np.cos(angle) + upward * np.sin(angle) * reach * face
+
+
+def face_mask(image: UInt8, landmarks: Float64, *,
+              softness: float = 0.02) -> Float32:
+    """The soft mask of the face in a photo.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], sRGB.
+    landmarks
+        float64 [68, 2] in pixels.
+    softness
+        Width of the soft edge (sigma) relative to the face's width.
+
+    Returns
+    -------
+    mask
+        float32 [H, W] in [0, 1].
+    """
+    jaw = landmarks[:17]
+    limit = np.concatenate([jaw, _forehead(landmarks, 0.85)[::-1]])
+    # Only the face's surroundings are looked at, by blocks of pixels: the edge is soft anyway.
+    width = float(np.linalg.norm(landmarks[16] - landmarks[0]))
+    block = max(1, int(width / FINE))
+    margin = 4 * softness * width + block
+    low = np.maximum(np.floor(limit.min(0) - margin), 0).astype(int) // block * block
+    high = np.minimum(np.ceil(limit.max(0) + margin), image.shape[1::-1]).astype(int)
+    out = np.zeros(image.shape[:2], np.float32)
+    if (high <= low).any():
+        return out
+    small = np.asarray(Image.fromarray(np.ascontiguousarray(image[..., :3])).reduce(
+        block, (int(low[0]), int(low[1]), int(high[0]), int(high[1]))))
+    mask = _small_mask(small, (landmarks - low) / block, softness)
+    size = small.shape[1] * block, small.shape[0] * block
+    full = np.asarray(Image.fromarray(mask).resize(size, Image.Resampling.BILINEAR))
+    x, y = low
+    out[y:high[1], x:high[0]] = full[:high[1] - y, :high[0] - x]
+    return out
+
+
+def _small_mask(image: UInt8, landmarks: Float64,
+                softness: float) -> Float32:
+    """`face_mask` of a picture that holds little else."""
+    shape = image.shape[:2]
+
+    def filled(outline: Float64) -> Bool:
+        # Points are continuous, pixels lie at their middles.
+        return polygon2mask(shape, outline[:, ::-1] - 0.5)
+
+    jaw = landmarks[:17]
+    width = float(np.linalg.norm(landmarks[16] - landmarks[0]))
+    sure = filled(np.concatenate([jaw, _forehead(landmarks, 0.35)[::-1]]))
+    limit = filled(np.concatenate([jaw, _forehead(landmarks, 0.85)[::-1]]))
+    color = _chroma(image)
+    # Skin between brows and mouth, away from eyes and lips, on both sides of its own spread.
+    sample = filled(landmarks[[17, 19, 24, 26, 14, 12, 4, 2]])
+    for feature in (slice(36, 42), slice(42, 48), slice(48, 60)):
+        hull = landmarks[feature]
+        grown = hull.mean(0) + 1.6 * (hull - hull.mean(0))
+        sample &= ~filled(grown)
+    pixels = color[sample] if sample.sum() > 50 else color[sure] if sure.any() else color[:1, 0]
+    center = np.median(pixels, axis=0)
+    spread = 1.4826 * np.median(np.abs(pixels - center), axis=0)
+    spread = np.maximum(spread, np.array([3.0, 3.0, 14.0], np.float32))
+    distance = np.abs(color - center) / spread
+    skin = (distance[..., 0] < 4.0) & (distance[..., 1] < 4.0) & (distance[..., 2] < 3.5)
+    candidate = ndimage.binary_opening((skin & limit) | sure, iterations=max(1, int(width / 120)))
+    parts, _ = ndimage.label(candidate)
+    wanted = np.unique(parts[sure & candidate])
+    face = np.isin(parts, wanted[wanted > 0]) | sure
+    face = ndimage.binary_fill_holes(face)
+    face = ndimage.binary_closing(face, iterations=max(1, int(width / 60))) & limit | sure
+    return np.clip(ndimage.gaussian_filter(face.astype(np.float32), softness * width), 0, 1)

@@ -10,15 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Bool, Float64, Int64
 from ..capture import Camera, Capture, focus_point
 from ..progress import Progress
 from .detect import detect_landmarks, face_yaw
-
-__all__ = ["frontal_order", "landmarks_of_capture", "triangulate"]
-
-Float = NDArray[np.float64]
 
 _SPREAD = 24
 """Views tried first, spread over the capture."""
@@ -30,7 +26,7 @@ _MOST_TURNED = 0.9
 """`face_yaw` beyond which a view says little about the hidden half of the face."""
 
 
-def _linear(cameras: Camera, points: Float, weights: Float) -> Float:
+def _linear(cameras: Camera, points: Float64, weights: Float64) -> Float64:
     """Point nearest to the viewing rays of one landmark, [3]."""
     local = np.column_stack([(points - cameras.center) / cameras.focal, np.ones(len(points))])
     directions = np.einsum("vij,vj->vi", cameras.pose[:, :3, :3], local)
@@ -40,7 +36,8 @@ def _linear(cameras: Camera, points: Float, weights: Float) -> Float:
                            np.einsum("vij,vj->i", across, cameras.position))
 
 
-def _refine(cameras: Camera, points: Float, start: Float, scale: float) -> tuple[Float, Float]:
+def _refine(cameras: Camera, points: Float64, start: Float64,
+            scale: float) -> tuple[Float64, Float64]:
     """Gauss-Newton on pixel errors with Cauchy weights; returns the point and its errors [V]."""
     guess = start
     rotation = cameras.pose[:, :3, :3]
@@ -67,8 +64,8 @@ def _refine(cameras: Camera, points: Float, start: Float, scale: float) -> tuple
     return guess, errors
 
 
-def triangulate(cameras: Camera, points: Float, *, tolerance: float | None = None,
-                ) -> tuple[Float, Float, NDArray[np.bool_]]:
+def triangulate(cameras: Camera, points: Float64, *, tolerance: float | None = None,
+                ) -> tuple[Float64, Float64, Bool]:
     """Triangulate landmarks from several views, robustly.
 
     Parameters
@@ -115,8 +112,8 @@ def triangulate(cameras: Camera, points: Float, *, tolerance: float | None = Non
     return found, errors, inliers
 
 
-def _best_start(cameras: Camera, points: Float, views: NDArray[np.int64], tolerance: float,
-                ) -> Float:
+def _best_start(cameras: Camera, points: Float64, views: Int64, tolerance: float,
+                ) -> Float64:
     """The linear solution, from all views or from the pair that most others agree with."""
     everyone = np.ones(len(views))
     candidates = [_linear(cameras[views], points[views], everyone)]
@@ -132,7 +129,7 @@ def _best_start(cameras: Camera, points: Float, views: NDArray[np.int64], tolera
     return candidates[int(cost.argmin())]
 
 
-def frontal_order(cameras: Camera) -> NDArray[np.int64]:
+def frontal_order(cameras: Camera) -> Int64:
     """Views sorted by how far they are turned from the portrait frame's front (+z)."""
     away = cameras.position
     yaw = np.abs(np.arctan2(away[:, 0], away[:, 2]))
@@ -148,24 +145,24 @@ def _upright_turn(cameras: Camera, view: int) -> int:
     return 0 if up[1] <= 0 else 2
 
 
-def _detect(capture: Capture, view: int, thorough: bool) -> Float | None:
+def _detect(capture: Capture, view: int, thorough: bool) -> Float64 | None:
     """Landmarks of one view; the picture is turned upright, a matted one put on grey."""
     image = np.round(255 * capture.image_float(view, background=0.6)).astype(np.uint8)
     return detect_landmarks(image, turns=(_upright_turn(capture.cameras, view),),
                             thorough=thorough)
 
 
-def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> dict[int, Float]:
+def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> dict[int, Float64]:
     """Landmarks by view: views spread over the capture first, then those about the best of them.
 
     The portrait frame may be a guess by the cameras alone, so where the face looks is learnt from
     the detections: the views in which it shows most frontally, and their neighbours.
     """
     order = frontal_order(capture.cameras)
-    detected: dict[int, Float] = {}
+    detected: dict[int, Float64] = {}
     tried: set[tuple[int, bool]] = set()
 
-    def look(views: NDArray[np.int64], thorough: bool = False) -> None:
+    def look(views: Int64, thorough: bool = False) -> None:
         for view in (int(v) for v in views):
             if (view, thorough) in tried or view in detected:
                 continue
@@ -197,7 +194,7 @@ def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> di
 
 
 def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
-                         wanted: int = 20) -> tuple[Float | None, dict[str, Any]]:
+                         wanted: int = 20) -> tuple[Float64 | None, dict[str, Any]]:
     """Find the face in a capture: landmarks detected in frontal views and triangulated.
 
     A few views from all around are tried first, then those nearest to where the face shows most
@@ -245,7 +242,7 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
                    "outliers": float(1.0 - inliers[seen].mean())}
 
 
-def _fill_jaw(points: Float, missing: NDArray[np.bool_]) -> Float:
+def _fill_jaw(points: Float64, missing: Bool) -> Float64:
     """Missing jaw points from their mirror images in the face's plane of symmetry."""
     left, right = points[[36, 39]].mean(0), points[[42, 45]].mean(0)
     normal = (right - left) / np.linalg.norm(right - left)

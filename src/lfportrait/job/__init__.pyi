@@ -1,33 +1,32 @@
-from .check_drawing import check_picture
 from .few_photos import MadeFrom, head_way, is_few
 from .first_look import FirstLook
 from .graph import (
+    FULL,
+    QUICK,
     STAGES,
+    Scale,
     Task,
     capture_key,
     code_key,
     field_key,
+    fitted,
+    look_at,
+    painting_key,
     portrait_tasks,
     share_key,
+    source_key,
     stage_key,
     style_key,
 )
-from .inspection import Inspection, inspect
-from .inspection_text import inspection_lines
-from .known_captures import capture_of_face
+from .inspection import Inspection, inspect, inspection_lines
 from .networks import get_networks
-from .person import cut_person
-from .photo_check import PhotoCheck, PhotoFacts, check_photos
+from .photo_check import PhotoCheck, PhotoFacts, check_photos, check_picture
 from .pipeline import MakeConfig, make, run_figures
-from .prepare import find_face, prepare_capture
-from .scales import FULL, QUICK, Scale
+from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session
-from .steps import fitted, look_at, painting_key, source_key
 from .style_check import StyleCheck, check_style, chosen_face
-from .style_drawing import style_picture
-from .style_landmarks import add_style
-from .time_left import TimeLeft
-from .usual_steps import Source
+from .style_drawing import add_style, style_picture
+from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 

@@ -31,17 +31,14 @@ from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin, known_ground
 from ..field import Backdrop, VoxelField, head_points
-from ..files import read_json, write_json
+from ..files import file_state, read_json, write_json
 from ..gpu import GpuLostError
 from ..lightfield import EncodeConfig
 from ..progress import Progress
 from ..share import PageConfig, write_page
 from ..stages import StageFolder
-from ..states import file_state
 from ..stylize import StylizeConfig, stylize_with_figures
 from .warmup import Warmup
-
-__all__ = ["FirstLook", "LookTaken", "PageLook", "painted_roughly"]
 
 PAGE = "portrait.html"
 KERNELS = "transfer", "stylize", "encode"

@@ -1,25 +1,106 @@
-"""The task graph of a job: stages with their inputs, outputs, costs and completion.
+"""A job as a graph: its parameters, and stages with their inputs, outputs, keys and costs.
 
 There is one definition of each stage (`STAGES`): its name, the line that people see, the kernels
-that it waits for, and what it takes.
+that it waits for, and what it takes. A stage is pure: what it writes follows from the files it
+reads, its parameters and the seed. How a task is done is in `work`.
+
 `lfportrait make` is one portrait's tasks in its own process (`pipeline`), a batch is those of many
 on many processes or machines (`batch`); an app that shows how far a portrait is asks the same plan.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from .. import models
-from ..cache import key_of
-from ..lightfield import Display
-from ..runner import Need, graph
-from .steps import MakeConfig
+from ..cache import hash_of, key_of
+from ..capture import CalibrateConfig, Capture
+from ..example import Exemplar
+from ..field import ReconstructConfig, lattice_points
+from ..lightfield import (
+    Display,
+    EncodeConfig,
+    Placement,
+)
+from ..media.folders import files_below
+from ..runner import Need, scheduler
+from ..share import PageConfig
+from ..stages import fingerprint_files
+from ..stylize import StylizeConfig
+from .few_photos import MadeFrom
 
-__all__ = ["STAGES", "Stage", "Task", "capture_key", "code_key", "field_key", "page_key",
-           "portrait_tasks", "share_key", "skin_key", "stage_key", "style_key", "sweep_key"]
+
+@dataclass(frozen=True)
+class MakeConfig:
+    """Parameters of every stage of the main job."""
+
+    calibrate: CalibrateConfig = field(default_factory=CalibrateConfig)
+    """Cameras from photos."""
+    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
+    """Radiance field."""
+    stylize: StylizeConfig = field(default_factory=StylizeConfig)
+    """Style transfer and the optimisation of the field."""
+    encode: EncodeConfig = field(default_factory=lambda: EncodeConfig(compose=True))
+    """Light-field coding."""
+    page: PageConfig = field(default_factory=PageConfig)
+    """The page of the portrait, ``portrait.html``."""
+    made_from: MadeFrom = "auto"
+    """Fit a head to the face (face), or find cameras by what the photos share (photos); auto: the
+    face for one photo or two, and for up to nine that can't be placed together."""
+    keep_background: bool = False
+    """Do not cut the person out of photos that have no alpha channel."""
+    sweep_size: int = 512
+    """Height of the sweep video in pixels."""
+
+
+def fitted(config: MakeConfig, shown: Iterable[tuple[Display, EncodeConfig]]) -> MakeConfig:
+    """The same with a lattice no finer than the finest of some displays shows a head.
+
+    All later stages pay for each voxel; photos show more than most displays do.
+    """
+    points = [lattice_points(Placement.of(display, encode).pixel(display))
+              for display, encode in shown]
+    at_most = min(config.reconstruct.max_resolution, max(points, default=256))
+    return replace(config, reconstruct=replace(config.reconstruct, max_resolution=at_most))
+
+
+def source_files(photos: Path) -> list[Path]:
+    """The files that a capture is made from, for its fingerprint."""
+    if photos.is_file():
+        return [photos]
+    return files_below(photos)
+
+
+def source_key(photos: Path | Capture) -> str:
+    """Hash of photos' names and contents, or of a capture in memory."""
+    if isinstance(photos, Capture):
+        return hash_of(photos.images, photos.alphas, photos.cameras.pose)
+    return fingerprint_files(source_files(Path(photos)))
+
+
+def painting_key(exemplar: Exemplar) -> tuple[str, str]:
+    """Hashes of an exemplar's picture, and of what is known of it, shared by all sitters."""
+    image, known = hashlib.sha256(), hashlib.sha256()
+    image.update(np.ascontiguousarray(exemplar.image).tobytes())
+    for part in (exemplar.landmarks, exemplar.mask, exemplar.by_hand):
+        if part is not None:
+            known.update(np.ascontiguousarray(part).tobytes())
+    return image.hexdigest(), known.hexdigest()
+
+
+def look_at(photos: Path) -> None:
+    """Raise `UserError` if there are no photos."""
+    from ..capture import is_calibrated, is_video, picture_files
+
+    if not (is_calibrated(photos) or is_video(photos)):
+        picture_files(photos, say=False)
+
 
 _MB = 1_000_000
 
@@ -115,7 +196,7 @@ def share_key(code: str, config: MakeConfig) -> str:
 
 
 @dataclass(frozen=True)
-class Task(graph.Task):
+class Task(scheduler.Task):
     """One stage of one portrait; named ``STAGE``, ``SITTER/STAGE`` or ``SITTER/STYLE/STAGE``.
 
     Attributes
@@ -175,3 +256,28 @@ def portrait_tasks(keys: Mapping[str, str], config: MakeConfig, seed: int = 0, *
     names = [name for name in _WORK if name in keys]
     return [Task(name, _WORK[name][0], (folders or {}).get(name, ""), _WORK[name][1], keys[name],
                  tuple(names[:place]), config, seed, **more) for place, name in enumerate(names)]
+
+
+class Scale(NamedTuple):
+    """How large the demo is."""
+
+    size: int
+    """Width and height of the capture's pictures in pixels."""
+    views: int
+    """Number of cameras."""
+    exemplar: int
+    """Height of the painting in pixels; it is three quarters as wide."""
+    display: str
+    """Preset of the display."""
+    config: MakeConfig
+    """Parameters of the stages, with the embedded networks."""
+
+
+FULL = Scale(384, 60, 1024, "generic-4k", MakeConfig(
+    reconstruct=ReconstructConfig(resolutions=(64, 128, 256), rays=(0.5, 2.5, 6.0)),
+    stylize=StylizeConfig(content_network="embedded", style_network="embedded")))
+QUICK = Scale(256, 32, 768, "generic-1080p", MakeConfig(
+    reconstruct=ReconstructConfig(resolutions=(80, 160), rays=(0.4, 1.4)),
+    stylize=StylizeConfig(pixels=256.0, steps=7, content_network="embedded",
+                          style_network="embedded"),
+    sweep_size=384))

@@ -1,8 +1,9 @@
 """What files and folders are, and how they will be read, before anything is computed.
 
 Nothing is decided here: what a file is, how it is read and what is left out is asked of the modules
-that read it (`lfportrait.media`, `lfportrait.capture`, `lfportrait.lightfield`). `inspection_text`
-puts it in words.
+that read it (`lfportrait.media`, `lfportrait.capture`, `lfportrait.lightfield`). In lines for
+people, a fact that all files of a folder share is said once; where they differ, each value is said
+with the number of files that have it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 
 from ..capture import (
     DataSetFacts,
+    DepthFacts,
     PictureFacts,
     VideoFacts,
     data_set_facts,
@@ -30,8 +32,6 @@ from ..lightfield import QuiltHint, QuiltLayout, layout_of_file, quilt_part
 from ..measure import usable_cores
 from ..media.folders import Listing, is_junk
 from ..media.kinds import file_format, kind_of
-
-__all__ = ["FolderFacts", "Inspection", "OtherFacts", "QuiltFacts", "inspect"]
 
 
 @dataclass(frozen=True)
@@ -213,3 +213,165 @@ def _quilt(path: Path) -> QuiltFacts:
     if hint is not None:
         return QuiltFacts(fault=f"{hint.said()}, without an aspect: that of the display counts")
     return QuiltFacts(layout)
+
+
+_ORIENTATIONS = {1: "", 2: "mirrored", 3: "turned by 180 degrees", 4: "mirrored upside down",
+                 5: "mirrored and turned", 6: "turned clockwise by 90 degrees",
+                 7: "mirrored and turned", 8: "turned counter-clockwise by 90 degrees"}
+"""What is done to the stored pixels, by EXIF's orientation."""
+_NAMES = 3
+Rows = dict[str, str]
+
+
+def inspection_lines(inspection: Inspection) -> list[str]:
+    """What one path is: a heading, and a line a fact."""
+    facts = inspection.facts
+    rows: list[tuple[str, str]] = []
+    heading = f"{facts.path}: {inspection.kind}"
+    if isinstance(facts, FolderFacts):
+        heading += _counted(facts.pictures)
+        rows += _shared(facts.pictures)
+        rows += [("left out", line) for line in left_out_lines(facts)]
+    elif isinstance(facts, DataSetFacts):
+        heading += f", {facts.format}" if facts.format else ""
+        rows += _data_set(facts)
+    elif isinstance(facts, PictureFacts):
+        rows += [] if facts.fault else [*_picture(facts).items()]
+    elif isinstance(facts, VideoFacts):
+        rows += [] if facts.fault else _video(facts)
+    if facts.fault:
+        rows.insert(0, ("not read", facts.fault))
+    for path, quilt in inspection.quilts.items():
+        name = f"{path.name}: " if path != facts.path else ""
+        rows.append(("quilt", name + _quilt_rows(quilt)))
+    rows += [("note", note) for note in inspection.notes]
+    width = max((len(label) for label, _ in rows), default=0)
+    return [heading, *(f"  {label:<{width}}  {text}" for label, text in rows)]
+
+
+def left_out_lines(facts: FolderFacts) -> list[str]:
+    """What is left out of a folder of photos and why, a line a reason."""
+    damaged: dict[str, list[Path]] = {}
+    for one in facts.pictures:
+        if one.fault:
+            damaged.setdefault(one.fault, []).append(one.path)
+    return [f"{_names(files)}: {reason}" for reason, files in (*facts.left_out.items(),
+                                                              *damaged.items())]
+
+
+def mixed_lines(facts: FolderFacts) -> list[str]:
+    """In what the photos of a folder differ: size, orientation, colors."""
+    return [f"{label}: {text}" for label, text, differs in _grouped(facts.pictures)
+            if differs and label in ("size", "orientation", "colors")]
+
+
+def _names(files: list[Path]) -> str:
+    more = f" and {len(files) - _NAMES} more" if len(files) > _NAMES else ""
+    return ", ".join(path.name for path in files[:_NAMES]) + more
+
+
+def _counted(pictures: list[PictureFacts]) -> str:
+    read = sum(not one.fault for one in pictures)
+    return f", {read} of {len(pictures)} can be read" if read < len(pictures) else f", {read}"
+
+
+def _size(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"
+
+
+def _colors(name: str, source: str) -> str:
+    return f"{name}, by {source}" if source else f"{name}, as the file says nothing"
+
+
+def _picture(one: PictureFacts) -> Rows:
+    """Facts of a picture that can be read, by their labels."""
+    stored = f" (stored {_size(one.stored)})" if one.stored != one.upright else ""
+    rows = {"format": one.format + (f", {one.mode}" if one.mode != "RGB" else ""),
+            "size": _size(one.upright) + stored,
+            "orientation": _ORIENTATIONS[one.orientation] or "as stored",
+            "colors": _colors(one.colors, one.colors_by),
+            "lens": one.noted.lens or "not noted"}
+    if one.noted.focal:
+        rows["focal length"] = (f"{one.noted.focal * max(one.upright):.0f} pixels, by "
+                                f"{_FOCAL_FROM.get(one.noted.source, one.noted.source)}")
+    if one.depth is not None:
+        rows["depth"] = _depth(one.depth)
+    return rows
+
+
+_FOCAL_FROM = {"35 mm": "the equal lens on 35-mm film", "focal plane": "the sensor's resolution",
+               "camera model": "the camera's name"}
+
+
+def _depth(depth: DepthFacts) -> str:
+    unit = "m" if depth.metric else "of no known unit"
+    reach = (f", {depth.nearest:.3g} to {depth.farthest:.3g} {unit}"
+             if depth.nearest is not None and depth.farthest is not None else ", all unknown")
+    return (f"{depth.source}, {_size(depth.size)}{reach}"
+            f"{', with confidence' if depth.confidence else ''}")
+
+
+def _video(one: VideoFacts) -> list[tuple[str, str]]:
+    turned = one.turns * 90
+    return [("codec", one.codec),
+            ("size", _size(one.upright) + (f" (stored {_size(one.stored)})"
+                                           if one.stored != one.upright else "")),
+            ("pixels", "square" if abs(one.aspect - 1) < 1e-3 else
+             f"{one.aspect:.4g} times as wide as high"),
+            ("rotation", f"{turned} degrees counter-clockwise" if turned else "none"),
+            ("frames", f"{one.frames or 'not noted'}, {one.rate:.4g} a second, "
+                       f"{one.seconds:.1f} seconds"),
+            ("colors", _colors(one.colors, one.colors_by))]
+
+
+def _data_set(facts: DataSetFacts) -> list[tuple[str, str]]:
+    if facts.fault:
+        return []
+    rows = [("cameras", str(facts.source)), ("views", str(len(facts.pictures))),
+            ("lens model", ", ".join(f"{model} ({count})" if len(facts.lenses) > 1 else model
+                                     for model, count in facts.lenses.items())),
+            ("masks", f"of {facts.masks} views" if facts.masks else "none")]
+    if facts.test:
+        rows.append(("test views", f"{facts.test}, as the data set says"))
+    damaged = FolderFacts(facts.path, pictures=facts.pictures)
+    return [*rows, *_shared(facts.pictures),
+            *(("left out", line) for line in left_out_lines(damaged))]
+
+
+def _shared(pictures: list[PictureFacts]) -> list[tuple[str, str]]:
+    return [(label, text) for label, text, _ in _grouped(pictures)]
+
+
+def _grouped(pictures: list[PictureFacts]) -> list[tuple[str, str, bool]]:
+    """Facts of many pictures: label, text, and whether the pictures differ in it."""
+    tables = [(one.path, _picture(one)) for one in pictures if not one.fault]
+    found = []
+    for label in dict.fromkeys(label for _, rows in tables for label in rows):
+        groups: dict[str, list[Path]] = {}
+        for path, rows in tables:
+            groups.setdefault(_general(label, rows.get(label, "none")), []).append(path)
+        ordered = sorted(groups.items(), key=lambda group: -len(group[1]))
+        text = "; ".join(f"{value}: {_few(files, len(tables))}" for value, files in ordered[:4])
+        more = f"; {len(ordered) - 4} more kinds" if len(ordered) > 4 else ""
+        found.append((label, ordered[0][0] if len(ordered) == 1 else text + more,
+                      len(ordered) > 1))
+    return found
+
+
+def _general(label: str, text: str) -> str:
+    """Of each photo's depth the range differs; what it is and of what size, does not."""
+    return ", ".join(text.split(", ")[:2]) if label == "depth" else text
+
+
+def _few(files: list[Path], total: int) -> str:
+    """A number of files, with their names where they are few."""
+    named = len(files) <= _NAMES and len(files) < total
+    return f"{len(files)} ({_names(files)})" if named else str(len(files))
+
+
+def _quilt_rows(quilt: QuiltFacts) -> str:
+    layout = quilt.layout
+    if layout is None:
+        return quilt.fault
+    return (f"{layout.columns} x {layout.rows} views of aspect {layout.aspect:.4g}, by "
+            f"{layout.place}")

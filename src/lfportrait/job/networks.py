@@ -17,9 +17,6 @@ from ..files import read_json
 from ..media.folders import folders_below, list_pictures
 from ..media.pictures import read_image
 
-__all__ = ["get_networks", "networks_of"]
-
-
 
 def _described(photos: Path) -> dict[str, object]:
     """What a capture that lfportrait wrote says of itself; empty for anything else."""

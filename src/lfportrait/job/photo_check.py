@@ -8,6 +8,7 @@ are computed: the side follows from the landmarks of the face (`face_pose`).
 from __future__ import annotations
 
 import functools
+import math
 import warnings
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
@@ -16,13 +17,20 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from .. import models
+from ..arrays import Float64, UInt8
 from ..capture import (
+    BAD,
+    FAIR,
+    GOOD,
+    INK,
+    PAPER,
     Photo,
     contact_sheet,
     fineness,
+    font,
     is_video,
     read_photos,
     read_video,
@@ -33,10 +41,7 @@ from ..face import MOST_TURNED, PORTRAIT_CONE, detect_faces, detect_landmarks, f
 from ..files import write_image
 from ..progress import Progress
 from .few_photos import head_way
-from .inspection import FolderFacts, inspect
-from .inspection_text import left_out_lines, mixed_lines
-
-__all__ = ["PhotoCheck", "PhotoFacts", "check_photos", "problem_sheet"]
+from .inspection import FolderFacts, inspect, left_out_lines, mixed_lines
 
 _SIDE = 960
 # Parts of the neighbours' fine detail below which a photo is blurred, or soft.
@@ -105,7 +110,7 @@ class PhotoCheck:
     photos: list[PhotoFacts]
     gaps: list[tuple[float, float]] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
-    images: list[NDArray[np.uint8]] = field(default_factory=list, repr=False)
+    images: list[UInt8] = field(default_factory=list, repr=False)
     notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, Any]:
@@ -117,15 +122,15 @@ class PhotoCheck:
                 "photos": [asdict(one) for one in self.photos]}
 
 
-def _upright(points: NDArray[np.float64], size: tuple[int, int],
-             turn: int) -> NDArray[np.float64]:
+def _upright(points: Float64, size: tuple[int, int],
+             turn: int) -> Float64:
     """Points [68, 2] of a picture of ``size`` turned counter-clockwise by quarter turns."""
     for _ in range(turn):
         points, size = np.stack([points[:, 1], size[0] - points[:, 0]], 1), size[::-1]
     return points
 
 
-def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.float64], float]:
+def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, Float64, float]:
     """Facts of one photo alone, its mean color (linear, [3]) and the share that is burnt out."""
     image = np.ascontiguousarray(photo.image[..., :3])
     height, width = image.shape[:2]
@@ -150,7 +155,7 @@ def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.
     return facts, color, float((part.min(-1) >= 254).mean())
 
 
-def _beside(values: NDArray[np.float64], reach: int = 7) -> NDArray[np.float64]:
+def _beside(values: Float64, reach: int = 7) -> Float64:
     """Each value over the median of its neighbours'."""
     found = np.ones_like(values)
     for index in range(len(values)):
@@ -174,7 +179,7 @@ def _judge_few(photos: list[Photo], facts: list[PhotoFacts]) -> None:
             one.wrong = "several faces"
 
 
-def _width(face: NDArray[np.float64]) -> float:
+def _width(face: Float64) -> float:
     """Distance of the jaw's ends."""
     return float(np.linalg.norm(face[16] - face[0]))
 
@@ -200,7 +205,7 @@ def _few_advice(facts: list[PhotoFacts]) -> list[str]:
     return found
 
 
-def _judge(facts: list[PhotoFacts], colors: NDArray[np.float64], burnt: list[float]) -> None:
+def _judge(facts: list[PhotoFacts], colors: Float64, burnt: list[float]) -> None:
     """Note what is wrong with each photo, or could be better."""
     brighter = _beside(colors.mean(1) + 1e-4)
     tint = np.maximum(*(np.abs(np.log(_beside((colors[:, c] + 1e-4) / (colors[:, 1] + 1e-4))))
@@ -382,3 +387,99 @@ def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80
         photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)
     write_image(out, contact_sheet([photo.image for photo in photos],
                                    [photo.name for photo in photos], marks), sheet=True, quality=90)
+
+
+_WIDTH, _HEIGHT, _RADIUS = 1772, 470, 290
+_FAINT, _SKIN = (214, 211, 204), (236, 226, 212)
+
+
+def _place(yaw: float, radius: float) -> tuple[float, float]:
+    """Where a camera stands, seen from above: the person looks down the picture."""
+    angle = math.radians(yaw)
+    return 360 + radius * math.sin(angle), 120 + radius * math.cos(angle)
+
+
+def _radius(one: PhotoFacts, usual: float) -> float:
+    """Farther away where the face is smaller."""
+    return _RADIUS * float(np.clip(usual / max(one.face or usual, 1e-3), 0.75, 1.12))
+
+
+def _arc(draw: ImageDraw.ImageDraw, check: PhotoCheck) -> None:
+    """A head from above, the photos around it, and where there are none."""
+    x, y = _place(0, 0)
+    rim = (x - _RADIUS, y - _RADIUS, x + _RADIUS, y + _RADIUS)
+    # Pillow's angles run clockwise from the right; ours run from straight down to the right.
+    draw.arc(rim, 0, 180, fill=_FAINT, width=2)
+    for first, last in check.gaps:
+        draw.pieslice(rim, 90 - last, 90 - first, fill=(250, 226, 222))
+        draw.arc(rim, 90 - last, 90 - first, fill=BAD, width=5)
+    for yaw in range(-90, 91, 30):
+        inner, outer = _place(yaw, _RADIUS + 14), _place(yaw, _RADIUS + 22)
+        draw.line((*inner, *outer), fill=INK, width=2)
+        draw.text(_place(yaw, _RADIUS + 38), f"{abs(yaw)}", INK, font(14), anchor="mm")
+    draw.ellipse((x - 9, y + 38, x + 9, y + 60), fill=_SKIN, outline=INK, width=2)
+    draw.ellipse((x - 56, y - 10, x - 40, y + 16), fill=_SKIN, outline=INK, width=2)
+    draw.ellipse((x + 40, y - 10, x + 56, y + 16), fill=_SKIN, outline=INK, width=2)
+    draw.ellipse((x - 46, y - 50, x + 46, y + 50), fill=_SKIN, outline=INK, width=2)
+    sizes = [one.face for one in check.photos if one.face]
+    usual = float(np.median(sizes)) if sizes else 1.0
+    for one in check.photos:
+        if one.yaw is None:
+            continue
+        color = BAD if one.wrong else FAIR if one.fair else GOOD
+        px, py = _place(one.yaw, _radius(one, usual))
+        draw.line((px, py, *_place(one.yaw, 70)), fill=(*color, 60), width=1)
+        draw.ellipse((px - 7, py - 7, px + 7, py + 7), fill=color, outline=PAPER, width=1)
+    unseen = sum(one.yaw is None for one in check.photos)
+    if unseen:
+        draw.text((24, 440), f"{unseen} photos without a face that is seen (from the side, from "
+                  "behind, or hidden) are not drawn here.", INK, font(14))
+
+
+def wrapped(draw: ImageDraw.ImageDraw, text: str, width: float, size: int) -> list[str]:
+    """A text in lines of at most ``width`` pixels."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if draw.textlength(longer, font=font(size)) > width and lines[-1]:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def check_picture(check: PhotoCheck) -> UInt8:
+    """Draw what `check_photos` found.
+
+    Returns
+    -------
+    picture
+        uint8 [H, W, 3]: from above on the left, advice on the right, all photos below, those of no
+        use crossed out in red, those that could be better framed in yellow.
+    """
+    top = Image.new("RGB", (_WIDTH, _HEIGHT), PAPER)
+    draw = ImageDraw.Draw(top, "RGBA")
+    _arc(draw, check)
+    left, y = 760, 28
+    useful = sum(not one.wrong for one in check.photos)
+    draw.text((left, y), f"{len(check.photos)} photos, {useful} of use", INK, font(26))
+    y += 48
+    for line in check.advice or ["No problems found: these photos are suitable for a portrait."]:
+        rows = wrapped(draw, line, _WIDTH - left - 60, 18)
+        if y + 25 * len(rows) > _HEIGHT - 10:
+            draw.text((left + 22, y), "...", INK, font(18))
+            break
+        mark = BAD if check.advice else GOOD
+        draw.ellipse((left, y + 6, left + 10, y + 16), fill=mark)
+        for row in rows:
+            draw.text((left + 22, y), row, INK, font(18))
+            y += 25
+        y += 7
+    sheet = contact_sheet(check.images, [one.name for one in check.photos],
+                          {one.name: one.wrong for one in check.photos if one.wrong},
+                          fair={one.name: one.fair for one in check.photos if one.fair})
+    width = max(_WIDTH, sheet.shape[1])
+    picture = Image.new("RGB", (width, _HEIGHT + sheet.shape[0]), PAPER)
+    picture.paste(top, (0, 0))
+    picture.paste(Image.fromarray(sheet), (0, _HEIGHT))
+    return np.asarray(picture)

@@ -44,22 +44,23 @@ from ..version import __version__
 from .first_look import LookTaken, PageLook
 from .graph import (
     STAGES,
+    MakeConfig,
     Task,
     capture_key,
     code_key,
     field_key,
+    fitted,
+    look_at,
+    painting_key,
     portrait_tasks,
     share_key,
+    source_key,
     style_key,
 )
 from .networks import get_networks
-from .steps import MakeConfig, fitted, look_at, painting_key, source_key
-from .time_left import TimeLeft
-from .usual_steps import Source
+from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels, import_ahead
 from .work import Tools, do_stage
-
-__all__ = ["MakeConfig", "make", "run_figures"]
 
 
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,

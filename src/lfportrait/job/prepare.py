@@ -1,13 +1,19 @@
 """Prepare a capture for a portrait from photos, a video or a calibrated data set.
 
-Cameras where there are none, the face's landmarks in space, mattes of the person, and cameras that
-follow a head that moved: each only where it is not known already.
+Cameras where there are none, the face's landmarks in space, mattes of the person (or object), and
+cameras that follow a head that moved: each only where it is not known already.
+
+For stylisation, the contents of a calibrated data set are kept in the user's cache, keyed by the
+names, sizes and dates of its files (`capture_of_face`): cameras and landmarks at once, pictures on
+access. A preview need not decode a hundred photos to know where they were taken from.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,23 +22,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
+from ..arrays import Float32, Float64, UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import (
     CalibrateConfig,
+    Camera,
     Capture,
+    LatePictures,
     PhotosError,
     calibrate,
+    consistent_mattes,
     follow_head,
     is_calibrated,
+    matte_agreement,
     portrait_frame_from_landmarks,
+    refine_changes,
+    refine_matte,
 )
 from ..errors import UserError
+from ..files import file_state
+from ..media.depth import DepthMap
+from ..media.folders import files_below
 from ..progress import Progress
+from ..simd.threads import side_by_side
 from .few_photos import NotTogether, fit_to_face, head_way
-from .person import cut_person, rough_mattes
 from .photo_check import problem_sheet
-
-__all__ = ["find_face", "prepare_capture"]
 
 _OUTLIERS = 0.6
 """Share of a face's landmarks that do not fit cameras which are wrong."""
@@ -96,7 +110,7 @@ def _with_landmarks(capture: Capture, fresh: bool, reframe: bool, progress: Prog
     return replace(capture, landmarks=points), figures
 
 
-def _in_portrait_frame(capture: Capture, points: NDArray[np.float64]) -> Capture:
+def _in_portrait_frame(capture: Capture, points: Float64) -> Capture:
     """The capture with a face's landmarks [68, 3], turned into its frame."""
     similarity = portrait_frame_from_landmarks(points, capture.cameras)
     if np.allclose(similarity, np.eye(4), atol=1e-3):
@@ -106,14 +120,14 @@ def _in_portrait_frame(capture: Capture, points: NDArray[np.float64]) -> Capture
 
 
 def _landmarks(capture: Capture, progress: Progress | None,
-               ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
+               ) -> tuple[Float64 | None, dict[str, Any]]:
     from ..face import landmarks_of_capture
 
     return landmarks_of_capture(capture, progress)
 
 
 def _kept_landmarks(capture: Capture, progress: Progress | None,
-                    ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
+                    ) -> tuple[Float64 | None, dict[str, Any]]:
     from ..face import detectors_key
 
     def find() -> dict[str, NDArray[Any]]:
@@ -128,9 +142,9 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
     return kept.get("points"), json.loads(str(kept["figures"]))
 
 
-def _following(capture: Capture, soft: list[NDArray[np.float32]], config: CalibrateConfig,
+def _following(capture: Capture, soft: list[Float32], config: CalibrateConfig,
                progress: Progress | None,
-               ) -> tuple[Capture, list[NDArray[np.float32]], dict[str, Any]]:
+               ) -> tuple[Capture, list[Float32], dict[str, Any]]:
     """The capture and its rough mattes, its cameras following a head that moved; figures."""
     if progress is not None:
         progress.update(0, "checking whether the head moved")
@@ -368,3 +382,229 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())
     return capture, figures
+
+
+# A network that is right has most of its mattes overlap with their common solid by this much; one
+# of which only few do is wrong.
+_OVERLAP, _MOST, _FEWEST = 0.6, 0.8, 0.25
+_NOBODY = 0.01  # share of all pixels below which the network sees nobody
+
+Network = Callable[[UInt8, Float64], Float32]
+
+
+def rough_mattes(capture: Capture, progress: Progress | None = None,
+                 network: Network | None = None) -> list[Float32]:
+    """A network's mattes of each photo separately.
+
+    Parameters
+    ----------
+    capture
+        Photos in the portrait frame.
+    progress
+        Progress line.
+    network
+        Person matte of a picture whose direction ``up`` is given; by default
+        `lfportrait.face.person_matte`.
+
+    Returns
+    -------
+    mattes
+        V times float32 [H, W] in [0, 1].
+
+    Raises
+    ------
+    UserError
+        If the network's weights are missing.
+    """
+    from ..face import person_matte
+
+    matte_of = network or person_matte
+    soft = []
+    for view, image in enumerate(capture.images):
+        soft.append(matte_of(image, _up_in_image(capture, view)))
+        if progress is not None:
+            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
+    return soft
+
+
+def cut_person(capture: Capture, progress: Progress | None = None,
+               network: Network | None = None,
+               soft: list[Float32] | None = None) -> tuple[Capture, str]:
+    """Cut the person out of every photo.
+
+    A network's mattes where they agree: corrected by what other photos show behind the person
+    (`lfportrait.field.geometry.clean_plates`), or else made consistent over the views and freed of
+    what the photos' depth puts elsewhere, and sharpened along the photos' edges. Where they do not
+    agree, as with a sculpture, the object that the cameras look at, cut out by its geometry
+    (`lfportrait.field.geometry.mattes`).
+
+    Parameters
+    ----------
+    capture
+        Photos without mattes, in the portrait frame.
+    progress
+        Progress line.
+    network
+        Person matte of a picture, as for `rough_mattes`.
+    soft
+        What a network has said already (`rough_mattes`).
+
+    Returns
+    -------
+    capture, how
+        The capture with mattes, or the same if nothing was found; ``"network"``, ``"geometry"`` or
+        why there are none. The capture's figures contain the first two as ``mattes``.
+
+    Raises
+    ------
+    UserError
+        If the network's weights are missing.
+    """
+    from ..field.geometry import cut_out
+
+    if soft is None:
+        soft = rough_mattes(capture, progress, network)
+    # A few views leave too much of space undecided.
+    agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
+             else np.ones(len(capture), bool))
+    mattes, how = None, "network"
+    seen = np.mean([float(matte.mean()) for matte in soft]) > _NOBODY
+    if seen and agree.mean() < _MOST:
+        mattes = cut_out(capture, soft, progress)
+        how = "geometry" if mattes is not None else how
+    if mattes is None:
+        mattes = _along_edges(capture, soft, agree.mean() >= _MOST, progress)
+    # The network may see no person, or a different one in every photo, and neither texture nor
+    # votes find an object.
+    nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
+    if nobody or (how == "network" and agree.mean() < _FEWEST):
+        return capture, "none: no person was found, the room stays"
+    alphas = [(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8) for matte in mattes]
+    return replace(capture, alphas=alphas, figures={**capture.figures, "mattes": how}), how
+
+
+def _along_edges(capture: Capture, soft: list[Float32], sure: bool,
+                 progress: Progress | None) -> list[Float32]:
+    """A network's mattes, corrected by what is behind the person and along the photos' edges.
+
+    Where the views do not show what is behind, they and their depth vote on the mattes instead;
+    where these change a matte much, it is laid along the edges once more.
+    """
+    from ..field.geometry import plate_mattes, trim
+
+    mattes = plate_mattes(capture, soft, progress) if sure else None
+    if mattes is not None:
+        return mattes
+    if progress is not None:
+        progress.update(0, "cutting out the person: edges")
+    # Two at a time at the most: each photo's planes take a few hundred megabytes.
+    views = range(len(capture))
+    refined = side_by_side(lambda view: refine_matte(capture.images[view], soft[view]), views, 2)
+    if progress is not None:
+        progress.update(0, "cutting out the person: votes of the views")
+    agreed = consistent_mattes(capture, refined)
+    if sure and len(capture.training()) >= 6:
+        agreed = trim(capture, agreed, progress)
+    return side_by_side(lambda view: refine_changes(capture.images[view], refined[view],
+                                                    agreed[view]), views, 2)
+
+
+def _up_in_image(capture: Capture, view: int) -> Float64:
+    """The world's up direction in a picture, [2] (x right, y down), unit length."""
+    up = capture.cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
+    flat = up[:2]
+    return np.asarray(flat / max(float(np.linalg.norm(flat)), 1e-9))
+
+
+_CAMERA = ("pose", "focal", "center", "width", "height")
+
+
+def capture_of_face(photos: Path, progress: Progress | None = None) -> Capture:
+    """Photos, a video or a calibrated data set as a capture with the landmarks of its face.
+
+    Parameters
+    ----------
+    photos
+        Folder, video file or data set.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    capture
+        `prepare_capture`'s, the room behind the person included; of a calibrated data set that was
+        read before, with `LatePictures`.
+
+    Raises
+    ------
+    UserError
+        If there is no such capture, it is damaged, or no face was found.
+    """
+    if not photos.exists() or not is_calibrated(photos):
+        return _read(photos, progress)
+    read: list[Capture] = []
+
+    def find() -> dict[str, NDArray[Any]]:
+        read.append(_read(photos, progress))
+        return _told(read[0])
+
+    kept = kept_arrays("captures", _key(photos), find)
+    return read[0] if read else _late(photos, kept)
+
+
+def _read(photos: Path, progress: Progress | None) -> Capture:
+    # Here: what calibrates photos is not needed for those that have cameras.
+    from ..capture import CalibrateConfig
+
+    return prepare_capture(photos, CalibrateConfig(), keep_background=True, need_face=True,
+                           progress=progress)[0]
+
+
+def _key(photos: Path) -> str:
+    """Hash of the data set's files, by name and state, and of what finds faces."""
+    from ..face import detectors_key
+
+    root = photos if photos.is_dir() else photos.parent
+    try:
+        files = sorted((str(path.relative_to(root)), file_state(path))
+                       for path in files_below(root))
+    except OSError as error:
+        raise UserError(f"can't read {photos}: {error.strerror}") from error
+    return key_of(__name__, str(photos.resolve()), files, detectors_key())
+
+
+def _told(capture: Capture) -> dict[str, NDArray[Any]]:
+    """All of a capture besides its pictures, as arrays."""
+    assert capture.landmarks is not None
+    return {**{name: getattr(capture.cameras, name) for name in _CAMERA},
+            "names": np.array(capture.names), "held_out": capture.held_out,
+            "frame": capture.frame, "landmarks": capture.landmarks,
+            "figures": np.array(json.dumps(capture.figures)),
+            "mattes": np.array(capture.alphas is not None),
+            "depths": np.array(capture.depths is not None)}
+
+
+def _late(photos: Path, stored: dict[str, NDArray[Any]]) -> Capture:
+    """The capture that was read before, its pictures still to be decoded."""
+    @functools.cache
+    def again() -> Capture:
+        return Capture.load(photos)
+
+    def mattes() -> Sequence[UInt8]:
+        found = again().alphas
+        assert found is not None
+        return found
+
+    def depths() -> Sequence[DepthMap | None]:
+        found = again().depths
+        assert found is not None
+        return found
+
+    names = stored["names"].tolist()
+    return Capture(
+        Camera(*(stored[name] for name in _CAMERA)),
+        LatePictures(len(names), lambda: again().images),
+        LatePictures(len(names), mattes) if stored["mattes"] else None,
+        names, stored["held_out"], stored["frame"], stored["landmarks"],
+        json.loads(str(stored["figures"])),
+        LatePictures(len(names), depths) if stored["depths"] else None)

@@ -18,16 +18,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import UInt8
+from ..cache import user_cache
 from ..capture import Capture
+from ..demo import HEAD, demo_capture, demo_head
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import VoxelField
+from ..files import file_state
 from ..lightfield import Display, encode
 from ..progress import Progress
-from ..states import file_state
 from ..stylize import (
     NearbyPainters,
     Painters,
@@ -36,8 +36,6 @@ from ..stylize import (
     kept_skin,
     stylize_with_figures,
 )
-
-__all__ = ["Session"]
 
 _EXEMPLARS = 16
 """Paintings that are kept."""
@@ -143,7 +141,7 @@ class Session:
         self.shown = self._shown().mix(**choices)
         return self.shown
 
-    def encode(self, display: Any, config: Any = None) -> NDArray[np.uint8]:
+    def encode(self, display: Any, config: Any = None) -> UInt8:
         """The shown field, coded for a display: uint8 [H, W, 3].
 
         Parameters
@@ -182,3 +180,24 @@ class Session:
         if self.shown is None:
             raise UserError("nothing is stylised yet; call preview or stylize first")
         return self.shown
+
+
+def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, Capture, Skin]:
+    """The embedded head, its capture, and its skin.
+
+    Parameters
+    ----------
+    pixels
+        Of the skin, per world unit.
+    cache
+        Folder for what is kept; None: the user's cache. If nothing can be written there, the skin
+        is drawn each time.
+
+    Returns
+    -------
+    field, capture, skin
+        In the portrait frame; the capture has 12 small photos.
+    """
+    field, capture = demo_head(), demo_capture(size=256, views=12)
+    kept = (cache or user_cache("heads")) / "embedded.skin.npz"
+    return field, capture, kept_skin(HEAD, field, capture, pixels, kept)

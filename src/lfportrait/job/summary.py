@@ -16,9 +16,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from ..arrays import Float32, Float64, UInt8
 from ..capture import Camera, Capture
 from ..device import used_device
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
@@ -41,10 +41,7 @@ from ..share import (
 )
 from ..stylize import kept_skin, load_styled
 from ..version import __version__
-from .graph import Task
-from .steps import MakeConfig
-
-__all__ = ["share_job"]
+from .graph import MakeConfig, Task
 
 _ANGLES = (-45, 0, 45)
 _COLUMN = 448
@@ -61,7 +58,6 @@ _PALETTE = {"brows": (0.35, 0.2, 0.1), "eyes": (0.1, 0.6, 0.3), "nose": (0.95, 0
             "hair": (0.5, 0.3, 0.15), "neck": (0.95, 0.72, 0.75), "clothes": (0.3, 0.5, 0.8)}
 """Colors of a surface's labels in the report."""
 
-Float32 = NDArray[np.float32]
 
 
 def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, Any],
@@ -186,7 +182,7 @@ def _key_figures(figures: dict[str, Any], display: Display) -> list[tuple[str, s
     return rows
 
 
-def _with_points(image: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _with_points(image: UInt8, points: Float64) -> UInt8:
     """A picture with small marks at points [N, 2]."""
     picture = Image.fromarray(image.copy())
     draw = ImageDraw.Draw(picture)
@@ -335,7 +331,7 @@ def _guides(field: VoxelField, capture: Capture, exemplar: Exemplar,
                    "anchored to the surface, appearance, and the transferred view.", pictures)
 
 
-def _lightfield(coded: NDArray[np.uint8], display: Display) -> Section:
+def _lightfield(coded: UInt8, display: Display) -> Section:
     height, width = coded.shape[:2]
     y, x = int(height * 0.42), int(width * 0.5)
     crop = coded[y:y + 200, x - 150:x + 150]

@@ -1,24 +1,197 @@
 """The time that a job will still take, from what its steps usually cost.
 
 Each stage shows a few steps on its progress line, and how long one takes can't be seen from the
-ones before it. So there is a table of what each step usually costs (`usual_steps`). The steps that
-are still to come are added up by it. That this machine is another one, or has other work, is learnt
-from the steps that are done: all that is to come is scaled by what they took over what they were to
-take. Kernels that are being compiled beside count as a step of their own.
+ones before it. So there is a table of what each step usually costs, measured on one machine
+(`usual_steps`). The costs depend on little that is known before the job begins: the number of
+photos, their pixels, the rays of the training. The steps that are still to come are added up by it.
+That this machine is another one, or has other work, is learnt from the steps that are done: all
+that is to come is scaled by what they took over what they were to take. Kernels that are being
+compiled beside count as a step of their own.
 """
 
 from __future__ import annotations
 
 import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
+from ..face import is_portrait
 from ..measure import usable_cores
-from .steps import MakeConfig
-from .usual_steps import COMPILE, Source, Step, usual_steps
+from .few_photos import head_way
+from .graph import MakeConfig
 from .warmup import Warmup
 
-__all__ = ["TimeLeft"]
+_COSTS = {
+    "capture": {
+        "start": ("megapixels placed", 0.02, 0.03),
+        "reading photos": ("megapixels", 0.02, 0.01),
+        "features in photo": ("megapixels", 0.005, 0.15),
+        "comparing photos": ("pairs", 0.00013, 0.0006),
+        "comparing photos in full: pair": ("photos", 0.006, 0.03),
+        "checking matches": ("photos", 0.005, 0.05),
+        "placing photo": ("pairs", 0.0016, 0.0),
+        "refining the cameras": ("pairs", 0.0014, 0.0),
+        "looking for the face": ("searches", 1.6, 0.0),
+        "fitting the head": ("fits", 0.7, 0.0),
+        "cutting out the person": ("photos to cut", 0.01, 0.0),
+        "checking whether the head moved": ("photos to place and cut", 0.01, 0.03),
+        "cutting out the person: the room behind": ("photos to cut", 0.0, 0.15),
+        "cutting out the person: edges": ("megapixels to cut", 0.003, 0.08),
+        "cutting out the person: votes of the views": ("photos to cut", 0.004, 0.09),
+        "cutting out the object: depth": ("photos to cut", 0.025, 0.2)},
+    "reconstruct": {},
+    "stylize": {"start": ("once", 3.2, 3.0), "paint after": ("paintings", 2.0, 13.0),
+                "refine": ("refinements", 0.05, 0.8), "": ("once", 1.1, 0.0)},
+    "encode": {"start": ("once", 0.3, 2.0)},
+    "share": {"page, sweep and report": ("once", 0.6, 7.7), "report": ("once", 0.2, 0.0)},
+}
+"""Cost of each step by the stage's title and what its notes begin with: what it grows with
+(`_amounts`), seconds on one core and core-seconds on all cores a unit of it. A step without a name
+begins where the counts of the one before end."""
+_TRAINING = {"start": (0.6, 0.6), "surface": (3.0, 5.5), "rays": (0.5, 3.0), "finer": (2.0, 4.0),
+             "look": (2.5, 12.0), "end": (3.5, 8.0), "test": (0.5, 0.0)}
+"""The same of the training; of a million rays at 256 points. Only narrow arcs have a surface."""
+_FITTED = {"laying the head over its photo": 0.2, "hair and body from the outline": 0.15,
+           "lattice": 3.6, "colors": 0.9}
+"""Seconds of the steps of a head that is fitted to a face, which is not trained."""
+COMPILE = 0.86
+"""Core-seconds to compile a function."""
+
+
+class Source(NamedTuple):
+    """What is known of photos before they are read: ``megapixels`` are those of one photo.
+
+    Those to which a head is ``fitted`` are not placed.
+    """
+
+    photos: int
+    megapixels: float
+    placed: bool = True
+    matted: bool = True
+    fitted: bool = False
+
+    @classmethod
+    def of(cls, photos: Path | Capture, config: MakeConfig) -> Source:
+        """The facts of photos, of a video or of a calibrated data set, by the first picture."""
+        if isinstance(photos, Capture):
+            camera = photos.cameras
+            return cls(len(photos), float(np.mean(camera.width * camera.height)) / 1e6,
+                       matted=photos.alphas is not None, fitted=is_portrait(photos))
+        side, placed, masks = config.calibrate.max_side or np.inf, is_calibrated(photos), 0
+        if not placed and is_video(photos):
+            return cls(config.calibrate.video_frames, 1.0, False, False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if placed:
+                facts = data_set_facts(photos)
+                pictures, masks, side = facts.pictures, facts.masks, np.inf
+                count = len(pictures)
+            else:
+                files = picture_files(photos, say=False)
+                pictures, count = [picture_facts(files[0])], len(files)
+        first = pictures[0] if pictures and not pictures[0].fault else None
+        width, height = first.stored if first is not None else (1000, 1000)
+        size = width * height * min(1.0, side / max(width, height, 1)) ** 2 / 1e6
+        return cls(count, size, placed, masks > 0 or (first is not None and "A" in first.mode),
+                   fitted=head_way(photos, config.made_from) == "face")
+
+
+@dataclass
+class Step:
+    """One step: the seconds that it is to take, and what is known of it so far."""
+
+    stage: str
+    name: str
+    usual: float
+    span: tuple[float, float] = (0.0, 1.0)  # of the stage's count; none of it: not counted
+    spent: float = 0.0
+    seen: float = 0.0  # when it was last done
+    first: float = -1.0  # share at the first note
+    share: float = 0.0
+    over: bool = False
+
+    def left(self, pace: float) -> float:
+        """Seconds to go: by the table, and more and more by its own counts."""
+        if self.over:
+            return 0.0
+        if self.first < 0.0 or self.share <= self.first:
+            return max(pace * self.usual * (1.0 - self.share) - self.spent, 0.1 * self.spent)
+        known = (self.share - self.first) / (1.0 - self.first)
+        return (1.0 - self.share) * ((1.0 - known) * pace * self.usual
+                                     + self.spent / (1.0 - self.first))
+
+
+def usual_steps(config: MakeConfig, source: Source, look: bool, cores: int) -> list[Step]:
+    """The steps of a job in their order.
+
+    Parameters
+    ----------
+    config, source
+        Its parameters and its photos.
+    look
+        Whether a first look is taken.
+    cores
+        Cores that it may use.
+    """
+    amounts, steps = _amounts(config, source), []
+    for stage, costs in _COSTS.items():
+        if not costs and source.fitted:
+            fitted = [Step(stage, name, seconds) for name, seconds in _FITTED.items()]
+            alone, shared = _TRAINING["look"]
+            early = [Step(stage, "first look", alone + shared / cores)] if look else []
+            steps += [*fitted[:-2], *early, *fitted[-2:]]  # before the lattice
+        elif not costs:
+            steps += _trained(stage, config, source, look, cores)
+        steps += [Step(stage, name, amounts[unit] * (alone + shared / cores))
+                  for name, (unit, alone, shared) in costs.items() if amounts[unit]]
+    return steps
+
+
+def _amounts(config: MakeConfig, source: Source) -> dict[str, float]:
+    """What steps grow with; 0: there is no such step."""
+    style, count, size = config.stylize, source.photos, source.photos * source.megapixels
+    placing = not (source.placed or source.fitted)
+    cut = not (source.matted or source.fitted or config.keep_background)
+    return {
+        "once": 1, "megapixels placed": source.placed * size, "megapixels": placing * size,
+        "photos": placing * count,
+        "pairs": placing * count * (count - 1) / 2, "searches": cut or placing or source.fitted,
+        "fits": source.fitted * count,
+        "photos to cut": cut * count,
+        "photos to place and cut": placing * cut * count, "megapixels to cut": cut * size,
+        "paintings": 0.4 + 0.6 * (style.pixels / 384.0) ** 2 if style.on_skin else 4.0,
+        "refinements": (0.3 if style.content_network == "embedded" else 1.0) * style.refinements}
+
+
+def _trained(stage: str, config: MakeConfig, source: Source, look: bool, cores: int,
+             ) -> list[Step]:
+    """The levels of the training, and what comes before, between and after them."""
+    cost = {name: alone + shared / cores for name, (alone, shared) in _TRAINING.items()}
+    narrow = not source.matted  # as hand-held photos mostly are
+    # A head fills six tenths of a picture.
+    plan = config.reconstruct.resolved(config.keep_background and not source.matted, 4.0,
+                                       0.0033 / max(source.megapixels, 0.01) ** 0.5, narrow)
+    levels, training = plan.resolutions, plan.training_seconds(True, True)
+    steps = [Step(stage, "start", cost["start"] + narrow * cost["surface"], (0.0, 0.0))]
+    before, last = 0.0, len(levels) - 1
+    shown = next((level for level in range(last) if levels[level] >= 96), last - 1)
+    for level, (points, share) in enumerate(zip(levels, plan.shares())):
+        seconds = (training * share if plan.time_budget > 0
+                   else plan.rays[level] * cost["rays"] * (points / 256) ** 1.5)
+        steps.append(Step(stage, f"{points}^3", seconds, (before, before + share)))
+        before += share
+        if level == shown and look:
+            steps.append(Step(stage, "first look", cost["look"], (0.0, 0.0)))
+        elif level < last:
+            steps.append(Step(stage, "", cost["finer"] * (points / 128) ** 2))
+    return [*steps, Step(stage, "", cost["end"]),
+            Step(stage, "held-out views", cost["test"], (0.0, 0.0))]
+
 
 _COMPILING = "compiling kernels"
 _KNOWN = 5.0

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,23 +21,40 @@ from ..capture import Camera, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..example.skin import load_skin, save_skin
-from ..field import VoxelField
+from ..face import fit_to_surface, is_portrait, portrait_field
+from ..field import VoxelField, reconstruct_with_figures
 from ..files import write_image
+from ..lightfield import (
+    Display,
+    QuiltLayout,
+    ViewMask,
+    composed,
+    encode_with_figures,
+    quilt_of,
+    write_coded,
+)
 from ..measure import peak_memory_bytes
 from ..progress import Outlook, Progress
-from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_video
+from ..share import (
+    good_cone,
+    sweep_cameras,
+    sweep_frames,
+    write_page,
+    write_quilt,
+    write_video,
+)
 from ..simd.host import compiling_progress
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
-from .graph import STAGES, Task
+from .graph import STAGES, MakeConfig, Task
 from .prepare import prepare_capture
-from .steps import write_code, write_field, write_styled
 from .warmup import Warmup
 
 if TYPE_CHECKING:
     from .first_look import FirstLook
 
-__all__ = ["Tools", "do_stage"]
+Look = Callable[[Capture, Callable[[], VoxelField]], None]
+"""Is offered a field that is made in part: its capture, and what gives it."""
 
 _THUMBNAIL = 192
 """Height of the small pictures of an index in pixels."""
@@ -222,6 +241,77 @@ def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,
                              background=task.config.encode.background,
                              ground=task.config.encode))
     return {}
+
+
+def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
+                progress: Progress | None, checkpoint: Path | None = None, *,
+                device: str = "auto", look: Look | None = None,
+                ) -> tuple[dict[str, Any], VoxelField]:
+    """Reconstruct the field of a capture; its figures, and the field as written.
+
+    ``look`` is offered fields that are made in part, with the capture.
+    """
+    settings = replace(config.reconstruct, seed=seed)
+    shown = None if look is None else partial(look, capture)
+    if is_portrait(capture):
+        result, figures = portrait_field(capture, settings, progress, look=shown)
+    else:
+        result, figures = reconstruct_with_figures(
+            capture, settings, progress, checkpoint=checkpoint, device=device, look=shown,
+            fit_head=fit_to_surface)
+    result.save(target)
+    return figures, result.as_read()
+
+
+def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,
+                 config: MakeConfig, seed: int, progress: Progress | None, *,
+                 device: str = "auto", skin: Skin | None = None,
+                 ) -> tuple[dict[str, Any], VoxelField]:
+    """Stylise a field by exemplars; the figures, and the field as written."""
+    from ..stylize import stylize_with_figures
+
+    styled, figures = stylize_with_figures(field, capture, exemplars,
+                                           replace(config.stylize, seed=seed), progress,
+                                           device=device, skin=skin)
+    styled.save(target)
+    return figures, styled.as_read()
+
+
+def write_code(styled: VoxelField, display: Display, folder: Path, name: str, config: MakeConfig,
+               *, prefix: str = "", device: str = "auto") -> dict[str, Any]:
+    """Code a styled field for a display, and as a quilt.
+
+    Parameters
+    ----------
+    styled, display
+        What is coded, for what.
+    folder, name
+        Where the coded picture goes.
+    config
+        Parameters.
+    prefix
+        Begins the quilt's name; quilts of that prefix from before are removed.
+    device
+        Where to compute.
+
+    Returns
+    -------
+    figures
+        Of the coding; ``quilt`` is the quilt's file name.
+    """
+    encode = composed(styled, display, config.encode)
+    image, figures = encode_with_figures(styled, display, encode,
+                                         mask=ViewMask.build(display), device=device)
+    with ThreadPoolExecutor(1) as beside:  # compressing lets go of Python's lock
+        written = beside.submit(write_coded, folder / name, image, display)
+        picture, quilt = quilt_of(styled, display, encode)
+        written.result()
+    for old in folder.glob(f"{prefix}quilt_*.png"):
+        old.unlink()
+    layout = QuiltLayout.of_name(quilt)
+    assert layout is not None
+    write_quilt(folder / f"{prefix}{quilt}", picture, layout, beside=False)
+    return {**figures, "quilt": f"{prefix}{quilt}"}
 
 
 def _write_thumbnail(path: Path, image: Any) -> None:

@@ -121,7 +121,7 @@ class ViewMask:
         return int(self.views.nbytes)
 
 
-# In the portrait frame the eyes lie at y = 0 and z = 0.4 (`lfportrait.capture.frame`), the tip of
+# In the portrait frame the eyes lie at y = 0 and z = 0.4 (`lfportrait.capture.camera`), the tip of
 # the nose at z = 0.6; from the front a head is seen back to its widest place, at z = 0.
 _FACE, _NOSE, _OUTLINE = 0.4, 0.6, 0.0
 _EYES = 0.2

@@ -24,8 +24,6 @@ from typing import IO, Any
 
 from ..errors import UserError
 
-__all__ = ["CAN_PAUSE", "Child", "Pipe", "receive", "send"]
-
 CAN_PAUSE = hasattr(os, "killpg")
 """Whether this system can stop a process and all that it has started, and let it go on."""
 _LOG = 1 << 20

@@ -1,20 +1,220 @@
-"""Run tasks: each is given out when those that it needs are done, and its outcome is taken in.
+"""Tasks that need each other, run in order: what they need and took, and what errors mean.
 
-There is no schedule but the graph: of the tasks that can begin the first one goes first.
+A `Plan` has tasks, each after those that it needs; `run_tasks` gives each to a `Runner` when those
+are done, and takes in its `Outcome`. `Costs` learns what a kind of work takes; `failure_of` reads
+an error for the user.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import heapq
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import astuple, dataclass, field
 from graphlib import TopologicalSorter
-from typing import Any, Protocol, TypeVar
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
 
-from .failures import failure_of
-from .graph import AnyTask, Task
+from ..errors import UserError
+from ..files import read_json, write_json
+from ..stages import finished_record
 
-__all__ = ["Here", "Outcome", "Runner", "outcome_of", "run_tasks"]
+
+@dataclass(frozen=True)
+class Task:
+    """A piece of work: files in, files out.
+
+    Attributes
+    ----------
+    name
+        Its place in the plan; what follows the last ``/`` is the name of its record.
+    stage
+        The kind of work.
+    folder
+        Where it writes, relative to the results.
+    outputs
+        What it writes there.
+    key
+        Hash of all that the outputs depend on.
+    needs
+        Names of the tasks whose outputs it reads.
+    """
+
+    name: str
+    stage: str
+    folder: str
+    outputs: tuple[str, ...]
+    key: str
+    needs: tuple[str, ...]
+
+    @property
+    def record(self) -> str:
+        """Name of its record in the folder."""
+        return self.name.rpartition("/")[2]
+
+
+AnyTask = TypeVar("AnyTask", bound=Task)
+
+
+def finished(task: Task, results: Path) -> dict[str, Any] | None:
+    """The figures of a task whose outputs are there, made from the same inputs; else None."""
+    return finished_record(results / task.folder, task.record, task.key, task.outputs)
+
+
+@dataclass
+class Plan(Generic[AnyTask]):
+    """Tasks, each after those that it needs.
+
+    Attributes
+    ----------
+    tasks
+        By name.
+    refused
+        What can't be begun at all, and why.
+    """
+
+    tasks: dict[str, AnyTask] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+    def wanted(self) -> list[AnyTask]:
+        """The tasks that nothing else needs: what the user gets."""
+        needed = {need for task in self.tasks.values() for need in task.needs}
+        return [task for task in self.tasks.values() if task.name not in needed]
+
+    def done(self, results: Path) -> set[str]:
+        """Names of the tasks that were done before, from the same inputs."""
+        return {name for name, task in self.tasks.items() if finished(task, results) is not None}
+
+    def to_do(self, done: set[str]) -> list[AnyTask]:
+        """The tasks that are left, where these are done: what leads to something missing."""
+        lacking: set[str] = set()
+        left = [task.name for task in self.wanted() if task.name not in done]
+        while left:
+            name = left.pop()
+            if name not in lacking:
+                lacking.add(name)
+                left += [need for need in self.tasks[name].needs if need not in done]
+        return [task for name, task in self.tasks.items() if name in lacking]
+
+
+_NEWEST = 0.25
+"""What the newest work counts in the mean at the least: parameters and machines change."""
+_SLACK = 1.2
+"""Memory of work over the largest that was measured of its kind."""
+
+
+@dataclass(frozen=True)
+class Need:
+    """Resources of a piece of work.
+
+    Attributes
+    ----------
+    seconds
+        Time on one core; by the clock where that is what is learnt.
+    memory
+        Peak of its process in bytes.
+    disk
+        Bytes that it writes.
+    """
+
+    seconds: float
+    memory: int = 0
+    disk: int = 0
+
+    @classmethod
+    def of(cls, cost: Mapping[str, Any]) -> Need:
+        """Of a task's ``cost`` (`lfportrait.measure.Cost` and bytes), on one core."""
+        return cls(cost["cpu_seconds"], cost["peak_memory_bytes"], cost["bytes"])
+
+
+class Costs:
+    """Means of what each kind of work took.
+
+    Parameters
+    ----------
+    usual
+        What kinds take before any was measured.
+    file
+        Keeps what is learnt, if given.
+    """
+
+    def __init__(self, usual: Mapping[str, Need] | None = None, file: Path | None = None) -> None:
+        self.usual, self._file = dict(usual or {}), file
+        self._known: dict[str, tuple[int, Need]] = {}
+        if file is not None:
+            with contextlib.suppress(UserError, TypeError, ValueError, AttributeError):
+                self._known = {kind: (int(count), Need(float(seconds), int(memory), int(disk)))
+                               for kind, (count, seconds, memory, disk) in read_json(file).items()}
+
+    def learn(self, kind: str, took: Need) -> None:
+        """Work of a kind is done, and took this."""
+        count, mean = self._known.get(kind, (0, took))
+        newest = max(1.0 / (count + 1), _NEWEST)
+        self._known[kind] = count + 1, Need(
+            mean.seconds + newest * (took.seconds - mean.seconds), max(mean.memory, took.memory),
+            round(mean.disk + newest * (took.disk - mean.disk)))
+        if self._file is not None:
+            with contextlib.suppress(UserError):  # a full disk loses an estimate
+                write_json(self._file, {one: (times, *astuple(need))
+                                        for one, (times, need) in self._known.items()})
+
+    def need(self, kind: str) -> Need:
+        """What the next work of a kind takes; of an unknown kind: the mean of all others."""
+        if kind in self._known:
+            need = self._known[kind][1]
+            return Need(need.seconds, int(_SLACK * need.memory), need.disk)
+        if kind in self.usual:
+            return self.usual[kind]
+        every = [need.seconds for _, need in self._known.values()]
+        return Need(sum(every) / len(every) if every else 0.0)
+
+
+_FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
+_FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An error, read.
+
+    Attributes
+    ----------
+    code
+        ``user_error``, ``disk_full``, ``memory``, or ``internal``: a fault of ours.
+    message
+        One line: what is wrong and what to do.
+    trace
+        Where a fault of ours was; else empty.
+    """
+
+    code: str
+    message: str
+    trace: str = ""
+
+
+def failure_of(error: BaseException) -> Failure:
+    """What an error means."""
+    line = " ".join(str(error).split())
+    if isinstance(error, UserError):
+        return Failure("disk_full" if "No space left" in line else "user_error", line)
+    if isinstance(error, OSError) and error.errno in _FULL:
+        where = f": {error.filename}" if error.filename else ""
+        return Failure("disk_full", f"no space is left on a disk{where}; free some, or choose "
+                       "folders with more room (--out, and TMPDIR for temporary files)")
+    if isinstance(error, OSError) and error.errno in _FORBIDDEN:
+        return Failure("user_error", f"can't write {error.filename or 'a file'}: {error.strerror}; "
+                       "see that its folder may be written to, then try it once more")
+    if isinstance(error, MemoryError):
+        return Failure("memory", "the memory is too small: close other programs, let fewer tasks "
+                       "of a batch run at once (--workers), or make the field smaller "
+                       "(reconstruct.max_voxels)")
+    if type(error).__name__ == "OutOfMemoryError":  # torch's, which is not imported for this
+        return Failure("memory", "the GPU has too little memory for this: use --device cpu")
+    return Failure("internal", f"internal error: {type(error).__name__}: {line}",
+                   "".join(traceback.format_exception(error)))
+
 
 _PATIENCE = 0.5
 """Seconds after which it is looked again whether more tasks can run at once."""

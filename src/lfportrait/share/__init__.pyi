@@ -1,4 +1,3 @@
-from .exporter import Export, ExportConfig, ExportContext, NoParameters, Option, SplatConfig
 from .frames import (
     QUILTS,
     SECONDS,
@@ -8,8 +7,20 @@ from .frames import (
     fill_drive,
     write_quilt,
 )
-from .kinds import export_field, export_of, exports, own_exports
-from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
+from .kinds import (
+    Export,
+    ExportConfig,
+    ExportContext,
+    NoParameters,
+    Option,
+    PageConfig,
+    SplatConfig,
+    export_field,
+    export_of,
+    exports,
+    own_exports,
+)
+from .page import OpenPage, page_script, recolored, serve_page, write_page
 from .paths import (
     good_cone,
     orbit_cameras,

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..color import linear_light
 from ..errors import UserError
 from ..example import Atlas, draw_atlas
@@ -35,8 +36,6 @@ from ..field import Mesh, PointCloud, VoxelField
 from ..files import atomic_write
 from ..version import __version__
 from .gltf import Glb
-
-Float = NDArray[np.float32]
 
 FINER = 1.5
 """Pixels of the picture per texel of a painted field: looking up between pixels blurs a little."""
@@ -66,11 +65,11 @@ class TexturedMesh:
         uint8 [H, W, 3], sRGB.
     """
 
-    vertices: Float
-    normals: Float
-    places: Float
-    faces: NDArray[np.int32]
-    picture: NDArray[np.uint8]
+    vertices: Float32
+    normals: Float32
+    places: Float32
+    faces: Int32
+    picture: UInt8
 
 
 def bake_texture(field: VoxelField, mesh: Mesh) -> TexturedMesh:
@@ -123,7 +122,7 @@ def _atlas(field: VoxelField) -> Atlas:
     raise UserError("the field is too long and thin for a texture; export it with --texture no")
 
 
-def _charts(field: VoxelField, atlas: Atlas, mesh: Mesh) -> NDArray[np.int64]:
+def _charts(field: VoxelField, atlas: Atlas, mesh: Mesh) -> Int64:
     """The chart that shows each face's middle, int64 [F]; -1 where none does."""
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     near = NEAR * float(field.spacing.max())
@@ -135,13 +134,13 @@ def _charts(field: VoxelField, atlas: Atlas, mesh: Mesh) -> NDArray[np.int64]:
     return chart
 
 
-def _places(atlas: Atlas, vertices: Float) -> NDArray[np.float64]:
+def _places(atlas: Atlas, vertices: Float32) -> Float64:
     """Where each chart shows each corner, float64 [C, V, 2], in pixels of the atlas."""
     return atlas.cameras.project(vertices.astype(np.float64))[0] + atlas.boxes[:, None, 4:]
 
 
-def _inside(atlas: Atlas, chart: NDArray[np.int64], places: NDArray[np.float64],
-            faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _inside(atlas: Atlas, chart: Int64, places: Float64,
+            faces: Int32) -> Bool:
     """Faces whose corners lie within their chart, and that it shows from outside, bool [F]."""
     corners = places[np.maximum(chart, 0)[:, None], faces]
     x0, y0, x1, y1, dx, dy = atlas.boxes[np.maximum(chart, 0)].T[:, :, None]
@@ -153,7 +152,7 @@ def _inside(atlas: Atlas, chart: NDArray[np.int64], places: NDArray[np.float64],
     return np.asarray((chart >= 0) & within & facing)
 
 
-def _filled(atlas: Atlas) -> NDArray[np.uint8]:
+def _filled(atlas: Atlas) -> UInt8:
     """The charts' colors, and beside the surface those of the nearest pixel on it."""
     color = (np.clip(atlas.color, 0, 1) * 255 + 0.5).astype(np.uint8)
     empty = ~np.isfinite(atlas.depth)
@@ -167,7 +166,7 @@ def _filled(atlas: Atlas) -> NDArray[np.uint8]:
     return np.asarray(color.reshape(-1, 3)[nearest[labels]], np.uint8)
 
 
-def _pieces(colors: NDArray[np.uint8], width: int) -> tuple[NDArray[np.uint8], Float]:
+def _pieces(colors: UInt8, width: int) -> tuple[UInt8, Float32]:
     """Pieces of picture for faces that no chart shows.
 
     Parameters
@@ -226,14 +225,14 @@ def plain_stem(stem: str) -> str:
     return f"{kept}-{hashlib.sha256(stem.encode('utf-8', 'surrogateescape')).hexdigest()[:6]}"
 
 
-def png(picture: NDArray[np.uint8]) -> bytes:
+def png(picture: UInt8) -> bytes:
     """A PNG file of a picture [H, W, 3]."""
     stream = io.BytesIO()
     Image.fromarray(picture).save(stream, "PNG", compress_level=6)
     return stream.getvalue()
 
 
-def jpeg(picture: NDArray[np.uint8]) -> bytes:
+def jpeg(picture: UInt8) -> bytes:
     """A JPEG file of a picture [H, W, 3], at full resolution in color as well."""
     stream = io.BytesIO()
     Image.fromarray(picture).save(stream, "JPEG", quality=94, subsampling=0)
@@ -243,7 +242,7 @@ def jpeg(picture: NDArray[np.uint8]) -> bytes:
 _UNLIT = "KHR_materials_unlit"
 
 
-def write_colored_glb(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
+def write_colored_glb(stream: BinaryIO, place: Float32, normals: Float32,
                       mesh: Mesh) -> None:
     """A mesh with colors at its vertices, as linear light."""
     glb = Glb([_UNLIT])
@@ -253,7 +252,7 @@ def write_colored_glb(stream: BinaryIO, place: NDArray[np.float32], normals: NDA
     glb.write(stream)
 
 
-def write_textured_glb(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
+def write_textured_glb(stream: BinaryIO, place: Float32, normals: Float32,
                        mesh: TexturedMesh) -> None:
     """A mesh with a picture, sRGB."""
     glb = Glb([_UNLIT])
@@ -264,7 +263,7 @@ def write_textured_glb(stream: BinaryIO, place: NDArray[np.float32], normals: ND
     glb.write(stream)
 
 
-def _finish(glb: Glb, attributes: dict[str, int], faces: NDArray[np.int32],
+def _finish(glb: Glb, attributes: dict[str, int], faces: Int32,
             color: dict[str, Any]) -> None:
     """Describe the mesh and its material."""
     indices = glb.add(faces.reshape(-1).astype(np.uint32), indices=True)
@@ -275,13 +274,13 @@ def _finish(glb: Glb, attributes: dict[str, int], faces: NDArray[np.int32],
                                             "material": 0}]}]
 
 
-def _linear(color: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def _linear(color: UInt8) -> NDArray[np.uint16]:
     """SRGB bytes as linear light in 16 bits, with a fourth channel of ones."""
     table = (linear_light(np.arange(256) / 255.0) * 65535.0 + 0.5).astype(np.uint16)
     return np.column_stack([table[color], np.full(len(color), 65535, np.uint16)])
 
 
-def write_colored_obj(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
+def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32,
                       mesh: Mesh) -> None:
     """A mesh with a color behind each position, as Blender and MeshLab write it."""
     stream.write(f"# lfportrait {__version__}\n".encode())
@@ -290,7 +289,7 @@ def write_colored_obj(stream: BinaryIO, place: NDArray[np.float32], normals: NDA
     np.savetxt(stream, np.repeat(mesh.faces + 1, 2, axis=1), "f %d//%d %d//%d %d//%d")
 
 
-def write_textured_obj(path: Path, place: NDArray[np.float32], normals: NDArray[np.float32],
+def write_textured_obj(path: Path, place: Float32, normals: Float32,
                        mesh: TexturedMesh) -> list[Path]:
     """A mesh with a picture: ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``.
 
@@ -322,7 +321,7 @@ def write_textured_obj(path: Path, place: NDArray[np.float32], normals: NDArray[
     return [path, material, picture]
 
 
-def write_ply(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
+def write_ply(stream: BinaryIO, place: Float32, normals: Float32,
               item: PointCloud | Mesh) -> None:
     """Binary PLY: position, normal, color, and a point's opacity or the faces."""
     columns = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
@@ -395,7 +394,7 @@ _MATERIAL = """
 """
 
 
-def write_usdz(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
+def write_usdz(stream: BinaryIO, place: Float32, normals: Float32,
                mesh: TexturedMesh, unit: float = 1.0) -> None:
     """Write a mesh with its picture; ``unit`` is the length in metres of one of ``place``."""
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
@@ -412,7 +411,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     archive.writestr(member, content)
 
 
-def _text(place: NDArray[np.float32], normals: NDArray[np.float32], mesh: TexturedMesh,
+def _text(place: Float32, normals: Float32, mesh: TexturedMesh,
           unit: float) -> bytes:
     """The scene in USD's text form."""
     low, high = place.min(axis=0), place.max(axis=0)

@@ -29,6 +29,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import UInt8
 from ..cache import key_of
 from ..errors import UserError
 from ..field import VoxelField
@@ -51,7 +52,7 @@ def has_encoder(codec: Codec) -> bool:
     return ENCODERS[codec] in av.codecs_available
 
 
-def _picture(frame: NDArray[Any], even: bool) -> NDArray[np.uint8]:
+def _picture(frame: NDArray[Any], even: bool) -> UInt8:
     """One frame as uint8; with even sides, the last row and column are repeated where needed."""
     if frame.ndim != 3 or frame.shape[2] < 3:
         raise ValueError(f"a frame must be [H, W, 3], not {list(frame.shape)}")
@@ -243,7 +244,7 @@ class SequenceConfig:
 
 
 def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
-               sequence: SequenceConfig) -> Iterator[NDArray[np.uint8]]:
+               sequence: SequenceConfig) -> Iterator[UInt8]:
     """Frames of a sequence, coded one at a time.
 
     Parameters
@@ -350,7 +351,7 @@ def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
         kept = _write_folder(field, display, config, sequence, out, step)
         return {"frames": sequence.frames, "kept": kept}
 
-    def frames() -> Iterator[NDArray[np.uint8]]:
+    def frames() -> Iterator[UInt8]:
         for image in each_frame(field, display, config, sequence):
             yield display.to_panel(image)
             step()

@@ -10,17 +10,17 @@ from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32
 from ..errors import UserError
 from ..field import VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_path, atomic_write
-from ..leftovers import part_folder
 from ..lightfield import Display, ViewMask, composed, encode_with_figures, write_coded
 from ..lightfield.prints import PrintConfig, PrintSheet, check_file, fitted, write_print
+from ..temporary import part_folder
 from . import mesh as meshes
-from .exporter import METRES, ExportConfig, ExportContext, NoParameters, SweepConfig
-from .page import PageConfig, write_page
+from .kinds import METRES, ExportConfig, ExportContext, NoParameters, PageConfig, SweepConfig
+from .page import write_page
 from .paths import good_cone, sweep_frames
 from .splats import SPLAT_WRITERS, field_splats, framed, is_down
 from .video import write_video
@@ -128,8 +128,8 @@ def _unit(field: VoxelField, config: ExportConfig) -> float:
     return METRES * float(np.cbrt(np.linalg.det(field.frame[:3, :3])))
 
 
-def _placed(points: NDArray[np.float32], normals: NDArray[np.float32], field: VoxelField,
-            config: ExportConfig) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _placed(points: Float32, normals: Float32, field: VoxelField,
+            config: ExportConfig) -> tuple[Float32, Float32]:
     """Points and normals in the coordinates that are asked for, those of the portrait in metres."""
     if config.world == "portrait":
         return points * np.float32(METRES), normals

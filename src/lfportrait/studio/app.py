@@ -27,8 +27,6 @@ from .desk import Desk
 from .guard import Guard, Keys
 from .routes import making, painting, portrait, showing, start
 
-__all__ = ["application", "run"]
-
 _KINDS = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
           ".js": "text/javascript; charset=utf-8", ".json": "application/json",
           ".svg": "image/svg+xml", ".png": "image/png", ".woff2": "font/woff2"}

@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from ..files import atomic_write
 from ..media.kinds import VIDEOS
-from .answers import Refusal, text
-from .names import folder_name, free_name
+from .answers import Refusal, folder_name, free_name, text
 from .projects import Project
 from .styles import Style
 from .versions import Version, Versions
 
 if TYPE_CHECKING:
     from .desk import Desk
-
-__all__ = ["TAKEN", "batch_file", "study_command"]
 
 TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
          "index.html", "results.json")

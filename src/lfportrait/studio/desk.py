@@ -22,18 +22,13 @@ from .exports import (
     kind_of,
     quality_of,
 )
-from .job_state import JobState
-from .jobs import Jobs
-from .mixes import mix_arguments
+from .jobs import Jobs, JobState
 from .orders import Order
-from .photos import VIDEO_FRAME, check_key, sheet
+from .photos import VIDEO_FRAME, Uploads, check_key, sheet
 from .previews import Previews, Turn
 from .projects import Project, Projects
 from .styles import Styles
-from .uploads import Uploads
-from .versions import Version, Versions
-
-__all__ = ["Desk", "export_order"]
+from .versions import Version, Versions, mix_arguments
 
 _QUIET = 2.0
 """Seconds without another upload after which photos are checked."""
@@ -155,7 +150,7 @@ class Desk:
 
     def look(self, project: Project, style: str | None, mix: dict[str, Any],
              **more: Any) -> dict[str, Any]:
-        """What a preview shows (`lfportrait.studio.work.sitting.Look`)."""
+        """What a preview shows (`lfportrait.studio.work.resident.Look`)."""
         project.need("field")
         found: dict[str, Any] = {"job": str(project.job), "style": None, "mix": {}, **more}
         pixels = (project.settings().get("options") or {}).get("pixels")

@@ -15,11 +15,8 @@ from typing import Any
 from ..errors import UserError
 from ..files import atomic_write
 from ..lightfield import Display
-from .answers import Refusal, choice, number, text, truth, whole
-from .names import folder_name, free_name, id_of
+from .answers import Refusal, choice, folder_name, free_name, id_of, number, text, truth, whole
 from .projects import Project, Projects
-
-__all__ = ["KINDS", "Displays", "Panel", "corrected", "wizard_steps"]
 
 KINDS = ("views", "slant", "fringe", "depth")
 """Test patterns."""

@@ -1,20 +1,21 @@
-"""Events for the page: server-sent lines, numbered, replayed to a page that comes back.
+"""What the server hears and says: processes of its own, heard in its loop, and events for the page.
 
-A page that was away says the number of the last line that it saw and gets those after it. Only the
-last thousand are kept: a page that was away for longer gets ``reset`` and asks for the whole state.
-Progress is not numbered: only the newest counts.
+Events are server-sent lines, numbered, replayed to a page that comes back.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import threading
 from collections import deque
 from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import Any
 
-__all__ = ["Events"]
+from ..models import OFFLINE
+from ..runner import processes
 
 _KEPT = 1000
 _WAITING = 500
@@ -100,3 +101,45 @@ class Events:
         self._closed = True
         for page in list(self._pages):
             page.put_nowait(None)
+
+
+class Child(processes.Child):
+    """A process that has a group of its own, from now on.
+
+    Parameters
+    ----------
+    entry
+        Module and function, ``"lfportrait.studio.work.jobs:serve"``.
+    log
+        File for what it prints.
+    offline
+        Whether it may ask no network for anything.
+    """
+
+    def __init__(self, entry: str, log: Path, *, offline: bool = True) -> None:
+        super().__init__(entry, log, {OFFLINE: "1"} if offline else {}, group=True)
+        self._messages: asyncio.Queue[Any] = asyncio.Queue()
+        loop = asyncio.get_running_loop()
+
+        def heard(message: Any) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(self._messages.put_nowait, message)
+
+        self.listen(heard)
+
+    async def tell(self, message: Any) -> None:
+        """Send it a message; what it can't read any more is lost, and `hear` says so."""
+        with contextlib.suppress(OSError):
+            await asyncio.to_thread(self.send, message)
+
+    async def hear(self) -> Any:
+        """Its next message; None when it has ended."""
+        message = await self._messages.get()
+        if message is None:
+            await self.end()
+        return message
+
+    async def end(self) -> None:
+        """Kill it and all that it has started, and wait for its end."""
+        self.kill()
+        await asyncio.to_thread(self.close)

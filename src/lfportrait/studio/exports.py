@@ -12,15 +12,10 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
-from ..leftovers import MARK
 from ..share import Export, Option, exports
-from .answers import Refusal, choice, number, text, truth, whole
-from .names import folder_name, id_of
+from ..temporary import MARK
+from .answers import Refusal, choice, folder_name, id_of, number, text, truth, whole
 from .projects import Project
-
-__all__ = ["checked_options", "checked_placement", "entries", "find", "forget_unfinished", "keep",
-           "kind_of", "kinds", "quality_of", "remove", "target"]
-
 
 _BOUND = 1e9
 """Of numbers that have none."""

@@ -21,8 +21,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from .answers import Refusal
 
-__all__ = ["CSP", "HEADER", "Guard", "Keys"]
-
 HEADER = "x-lfportrait"
 CSP = ("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
        "connect-src 'self'; font-src 'self'; media-src 'self' blob:; frame-src 'self'; "

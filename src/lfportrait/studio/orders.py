@@ -18,8 +18,6 @@ from ..stages import fingerprint_files
 if TYPE_CHECKING:
     from ..job import MakeConfig
 
-__all__ = ["Order"]
-
 
 def _words(config: Any, usual: Any, start: str) -> Iterator[str]:
     """Arguments for the fields of a data class that differ from another one's."""

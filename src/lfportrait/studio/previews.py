@@ -18,10 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from .answers import Refusal
-from .child import Child
-from .events import Events
-
-__all__ = ["Previews", "Turn"]
+from .events import Child, Events
 
 _MOST = 64
 """Questions of one turn that wait."""

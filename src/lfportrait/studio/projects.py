@@ -34,13 +34,10 @@ from filelock import Timeout
 
 from ..errors import UserError
 from ..files import lock, read_json, write_json
-from ..leftovers import sweep_below
 from ..media.folders import visible
 from ..media.kinds import PHOTOS, VIDEOS
-from .answers import Refusal
-from .names import folder_name, free_name, id_of, is_id
-
-__all__ = ["OWN", "Project", "Projects"]
+from ..temporary import sweep_below
+from .answers import Refusal, folder_name, free_name, id_of, is_id
 
 OWN = ".studio"
 """Folder of the studio's own files, in the projects' folder and in each project."""

@@ -15,21 +15,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import UInt8
 from ..errors import UserError
-from ..files import atomic_path, atomic_write, read_json
+from ..files import atomic_path, atomic_write, file_state, read_json
 from ..labels import BY_HAND
 from ..media.folders import visible
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
-from ..states import file_state
-from .answers import Refusal
-from .names import file_name, folder_name, free_name, id_of
+from .answers import Refusal, file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects
-
-__all__ = ["GROUPS", "LINES", "MIRROR", "Style", "Styles"]
 
 LARGEST = 128 << 20
 """Bytes of a painting's file."""
@@ -260,7 +256,7 @@ def _check(data: bytes, target: Path) -> None:
                       "needs at least 64")
 
 
-def write_picture(source: Path | NDArray[np.uint8], size: int, target: Path) -> None:
+def write_picture(source: Path | UInt8, size: int, target: Path) -> None:
     """Write a painting, a file or what was read of one, with sides of at most ``size`` pixels.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Versions: a style and a mix under a name, in the project's folder.
+"""Versions: a style and a mix under a name, in the project's folder; mixes as the page sends them.
 
 A version is a folder ``versions/NAME/`` with ``version.json``; made fine, it also holds what
 ``lfportrait make`` writes. A job's folder that ``make`` itself filled is a version, too.
@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
-from .answers import Refusal
-from .names import folder_name, free_name, id_of
+from ..labels import GROUPS, MOST, SURFACE_LABELS
+from .answers import Refusal, folder_name, free_name, id_of, number, text, truth
 from .projects import Project
-
-__all__ = ["PORTRAIT", "Version", "Versions", "make_command"]
 
 PORTRAIT = "portrait"
 """Id of the version that `lfportrait make` wrote into the job's folder."""
@@ -54,7 +52,7 @@ class Version:
 
     @property
     def mix(self) -> dict[str, Any]:
-        """Its mix (`lfportrait.studio.mixes`)."""
+        """Its mix (`lfportrait.studio.versions`)."""
         return dict(self.data.get("mix") or {})
 
     @property
@@ -165,3 +163,86 @@ def make_command(project: Project, style: str | None, display: str,
     if display != "generic-4k":
         words += ["--display", display]
     return shlex.join([*words, *parameters])
+
+
+_REGIONS = (*SURFACE_LABELS, *GROUPS)
+_KNOWN = ("strength", "identity", "regions", "keep_colors", "keep")
+
+
+def checked_mix(mix: Any) -> dict[str, Any]:
+    """A mix without what is as usual.
+
+    Raises
+    ------
+    Refusal
+        If it is none.
+    """
+    if mix is None:
+        return {}
+    if not isinstance(mix, dict) or not set(mix) <= {*_KNOWN}:
+        raise Refusal("bad_request", f"a mix has {', '.join(_KNOWN)} and nothing else", field="mix")
+    found: dict[str, Any] = {}
+    for name, usual in (("strength", 1.0), ("identity", 0.0)):
+        value = number(mix, name, 0.0, 1.0, usual)
+        if value != usual:
+            found[name] = value
+    regions = mix.get("regions") or {}
+    if not isinstance(regions, dict):
+        raise Refusal("bad_request", "regions must be an object", field="regions")
+    chosen = {_region(name): _value(value) for name, value in regions.items()}
+    if chosen := {name: value for name, value in chosen.items() if value != 1.0}:
+        found["regions"] = chosen
+    if truth(mix, "keep_colors"):
+        found["keep_colors"] = True
+    keep = mix.get("keep") or []
+    if not isinstance(keep, list):
+        raise Refusal("bad_request", "keep must be a list of regions", field="keep")
+    if keep:
+        found["keep"] = sorted({_region(name) for name in keep})
+    return found
+
+
+def _region(name: Any) -> str:
+    if name not in _REGIONS:
+        raise Refusal("bad_request", f"a region is one of {', '.join(_REGIONS)}", field="regions")
+    return str(name)
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {"style": text(value, "style"), "strength": number(value, "strength", 0, MOST, 1.0)}
+    return number({"regions": value}, "regions", 0.0, MOST)
+
+
+def styles_of(mix: dict[str, Any]) -> list[str]:
+    """Ids of the styles that regions of a mix have of their own."""
+    return sorted({value["style"] for value in mix.get("regions", {}).values()
+                   if isinstance(value, dict)})
+
+
+def mix_arguments(mix: dict[str, Any], style: str, name_of: Callable[[str], str],
+                  ) -> tuple[dict[str, Any], dict[str, str]]:
+    """Arguments of `lfportrait.stylize.StyledField.mix`, and the paintings of regions.
+
+    Parameters
+    ----------
+    mix
+        As `checked_mix` gives it.
+    style
+        Id of the style of everything else.
+    name_of
+        Of a style's id: what the commands call ``--style``.
+
+    Returns
+    -------
+    arguments, styles
+        The styles by the names that the arguments use.
+    """
+    others = {one: name_of(one) for one in styles_of(mix) if one != style}
+    found = dict(mix)
+    if "regions" in mix:
+        found["regions"] = {
+            name: ((value["style"], value["strength"]) if value["style"] in others
+                   else value["strength"]) if isinstance(value, dict) else value
+            for name, value in mix["regions"].items()}
+    return found, others

@@ -19,8 +19,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from lfportrait.arrays import Int64, UInt8
 from lfportrait.device import device_name, gpu_adapter
 from lfportrait.field import VoxelField
 from lfportrait.gpu import Adapter, gpu_process
@@ -332,7 +332,7 @@ def bench_print(field: VoxelField, config: PrintConfig | None = None, *, repeats
 
 
 def _usual_way(field: VoxelField, sheet: PrintSheet, coding: EncodeConfig, path: Path,
-               ) -> tuple[dict[str, float], NDArray[np.uint8]]:
+               ) -> tuple[dict[str, float], UInt8]:
     """Seconds of each step, and the page uint8 [H, W, 3]."""
     display = sheet.display
     count = round(sheet.pixels_per_lens)
@@ -357,8 +357,8 @@ def _usual_way(field: VoxelField, sheet: PrintSheet, coding: EncodeConfig, path:
     return parts, np.asarray(page, np.uint8)
 
 
-def _interlaced(views: list[NDArray[np.uint8]], display: Display, count: int,
-                ) -> NDArray[np.uint8]:
+def _interlaced(views: list[UInt8], display: Display, count: int,
+                ) -> UInt8:
     """A whole number of columns a lens, each of one view."""
     width = round(display.width / display.pitch * 3.0 * count)
     place = (np.arange(width) + 0.5) * display.width / width - 0.5
@@ -372,8 +372,8 @@ def _interlaced(views: list[NDArray[np.uint8]], display: Display, count: int,
     return out
 
 
-def _seen(field: VoxelField, display: Display, coding: EncodeConfig, rows: NDArray[np.int64],
-          pages: dict[str, NDArray[np.uint8]]) -> dict[str, list[float]]:
+def _seen(field: VoxelField, display: Display, coding: EncodeConfig, rows: Int64,
+          pages: dict[str, UInt8]) -> dict[str, list[float]]:
     """PSNR of each page from each eye.
 
     A lens is as wide as its strip of ink; a view may be compared at the ink or at the lens's

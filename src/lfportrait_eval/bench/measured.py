@@ -27,8 +27,6 @@ from lfportrait.errors import UserError
 from lfportrait.files import atomic_write, read_json
 from lfportrait.simd.host import vector_unit
 
-__all__ = ["commit_of_checkout", "flat_figures", "read_measured", "record"]
-
 _CONDITIONS = ("machine", "vectors", "device", "failed", "repeats", "files", "stages", "totals")
 """Entries of a run's figures that are no figures of what was measured."""
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from lfportrait.arrays import UInt8
 from lfportrait.capture import Camera, Capture
 from lfportrait.device import gpu_adapter
 from lfportrait.example import Exemplar
@@ -110,7 +110,7 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
             "peak_memory_bytes": peak}
 
 
-def _curve_plot(curve: list[dict[str, Any]]) -> NDArray[np.uint8]:
+def _curve_plot(curve: list[dict[str, Any]]) -> UInt8:
     """PSNR of training rays and of held-out views over time, uint8 [H, W, 3]."""
     trained = [(point["seconds"], point["psnr"]) for point in curve]
     held_out = [(point["seconds"], point["held_out_psnr"]) for point in curve
@@ -262,7 +262,7 @@ _COLORS = ("#1f62b4", "#c85214", "#28824a", "#823c96")
 
 
 def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, across: str, up: str,
-              title: str = "", size: tuple[int, int] = (960, 600)) -> NDArray[np.uint8]:
+              title: str = "", size: tuple[int, int] = (960, 600)) -> UInt8:
     """Draw curves over a common axis.
 
     Parameters

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lfportrait.arrays import Float64, Int32, UInt8
 from lfportrait.example import Exemplar, MethodConfig, TransferConfig, prepare
 from lfportrait.progress import Progress
 
-from ..baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from ..baselines.config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 
 METHODS = ("styleblit", "faceblit", "facestyle", "network")
 """The methods of transfer that are compared: ours and the published ones."""
@@ -40,7 +41,7 @@ def say(progress: Progress | None, text: str) -> None:
         progress.update(progress.done, text)
 
 
-def bench_transfer(image: NDArray[np.uint8] | None = None,
+def bench_transfer(image: UInt8 | None = None,
                    landmarks: NDArray[np.floating] | None = None,
                    exemplar: Exemplar | None = None, *, repeats: int = 3,
                    methods: tuple[str, ...] = METHODS, network: NetworkConfig | None = None,
@@ -91,7 +92,7 @@ def bench_transfer(image: NDArray[np.uint8] | None = None,
     return {**figures, "size": [image.shape[1], image.shape[0]]}
 
 
-def _measured(image: NDArray[np.uint8], points: NDArray[np.float64], exemplar: Exemplar,
+def _measured(image: UInt8, points: Float64, exemplar: Exemplar,
               config: MethodConfig, repeats: int) -> dict[str, Any]:
     """Figures of one method."""
     from ..metrics.patches import patch_fidelity
@@ -119,7 +120,7 @@ def _measured(image: NDArray[np.uint8], points: NDArray[np.float64], exemplar: E
     return row
 
 
-def _exhaustive(appearance: NDArray[np.int32], config: FaceBlitConfig) -> float:
+def _exhaustive(appearance: Int32, config: FaceBlitConfig) -> float:
     """Seconds of FaceBlit's table searched as published, extrapolated from rows in its middle."""
     from ..baselines.transfer import STEPS, published_table
 
@@ -148,7 +149,7 @@ def transfer_table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _embedded_photo() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def _embedded_photo() -> tuple[UInt8, Float64]:
     """A frontal photo of the embedded head, 768 x 1024, and its landmarks."""
     from lfportrait.demo import demo_photo
 

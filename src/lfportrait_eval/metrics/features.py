@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait import models
+from lfportrait.arrays import Bool, Float64, UInt8
 from lfportrait.device import torch_device
 
 
@@ -59,7 +60,7 @@ def kernel_distance(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
     return within - 2.0 * float(kernel(a, b).mean())
 
 
-def style_distance(pictures: Sequence[NDArray[np.uint8]], exemplar: Sequence[NDArray[np.uint8]],
+def style_distance(pictures: Sequence[UInt8], exemplar: Sequence[UInt8],
                    device: str = "auto") -> dict[str, Any]:
     """FID of 64, 192 and 768 dimensions and KID-768 between two sets of pictures (or crops).
 
@@ -76,7 +77,7 @@ def style_distance(pictures: Sequence[NDArray[np.uint8]], exemplar: Sequence[NDA
     return {**figures, "pictures": len(ours["64"]), "exemplar_pictures": len(theirs["64"])}
 
 
-def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = None,
+def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None,
                      network: str = "auto", device: str = "auto") -> float:
     """Mean squared distance of unit-length features of two pictures.
 
@@ -151,7 +152,7 @@ def read_weights(path: Path, place: str = "cpu") -> dict[str, Any]:
     return {name: value.float().to(place) for name, value in weights.items()}
 
 
-Features = dict[str, NDArray[np.float64]]
+Features = dict[str, Float64]
 
 
 def _folded(weights: dict[str, Any], epsilon: float = 1e-3) -> dict[str, Any]:
@@ -262,7 +263,7 @@ class _Inception:
         return {**found, **({"2048": self.last(x).mean((2, 3))} if full else {})}
 
 
-def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8, *,
+def inception_features(pictures: Iterable[UInt8], batch: int = 8, *,
                        full: bool = False, device: str = "auto") -> Features:
     """Pooled features of the FID network.
 
@@ -292,7 +293,7 @@ def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8, *,
     place = torch_device(device).place
     network = _Inception(_inception_weights(
         models.fetch("inception-2048" if full else "inception"), place))
-    found: dict[str, list[NDArray[np.float64]]] = {}
+    found: dict[str, list[Float64]] = {}
     waiting: list[Any] = []
 
     def flush() -> None:
@@ -314,8 +315,8 @@ def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8, *,
     return {name: np.concatenate(values) for name, values in found.items()}
 
 
-def spread_crops(pictures: list[NDArray[np.uint8]], masks: list[NDArray[np.bool_]], size: int,
-                 count: int, seed: int) -> list[NDArray[np.uint8]]:
+def spread_crops(pictures: list[UInt8], masks: list[Bool], size: int,
+                 count: int, seed: int) -> list[UInt8]:
     """Square crops whose middles lie where the masks are set, spread evenly over the pictures.
 
     Parameters
@@ -404,7 +405,7 @@ _BACKBONES: dict[Backbone, Callable[[Weights, Any], list[Any]]] = {
     "vgg": _vgg_maps, "alex": _alex_maps}
 
 
-def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = None, *,
+def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
           network: Backbone = "vgg", device: str = "auto") -> float:
     """LPIPS v0.1 of two pictures.
 
@@ -453,7 +454,7 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = Non
 
 
 def _unit_maps(maps: Callable[[Weights, Any], list[Any]], weights: Weights, image: NDArray[Any],
-               mask: NDArray[np.bool_] | None, place: str) -> list[Any]:
+               mask: Bool | None, place: str) -> list[Any]:
     """Unit-length features of a picture [H, W, 3], black outside the mask."""
     import torch
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait import models
+from lfportrait.arrays import Bool, UInt8
 from lfportrait.capture import Camera, Capture
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
@@ -26,7 +27,7 @@ Wanted = Callable[[Camera, int], NDArray[Any]]
 """Cameras and a view -> what was painted seen in it, [H, W, 3], NaN where unknown."""
 
 
-def _bytes(image: NDArray[np.floating]) -> NDArray[np.uint8]:
+def _bytes(image: NDArray[np.floating]) -> UInt8:
     return (np.clip(image, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
@@ -161,7 +162,7 @@ def _sharpness(styled: VoxelField, wanted: Wanted, degrees: tuple[float, ...],
     return {**figures, "mean": float(np.mean(known)) if known else float("nan")}
 
 
-def _style(painted: Pictures, masks: list[NDArray[np.bool_]], exemplar: Exemplar, crops: int,
+def _style(painted: Pictures, masks: list[Bool], exemplar: Exemplar, crops: int,
            seed: int, device: str) -> dict[str, Any]:
     """Distances of the stylised views to the exemplar."""
     middle = len(painted) // 2

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels import nearest_patches
+from lfportrait.arrays import Bool, Float32, Int64
 
-Float32 = NDArray[np.float32]
+from .kernels import nearest_patches
 
 COMPONENTS = 15
 """Main components that a patch is known by."""
@@ -33,7 +33,7 @@ def lab(image: NDArray[Any]) -> Float32:
     return np.ascontiguousarray(rgb2lab(np.clip(values, 0.0, 1.0)), np.float32)
 
 
-def spread_places(allowed: NDArray[np.bool_], samples: int, seed: int = 0) -> NDArray[np.int64]:
+def spread_places(allowed: Bool, samples: int, seed: int = 0) -> Int64:
     """At least about ``samples`` places spread evenly over a mask: one in each of equal squares.
 
     Parameters
@@ -90,8 +90,8 @@ class PatchIndex:
         return np.lib.stride_tricks.sliding_window_view(picture, (self.size, self.size),
                                                         axis=(0, 1))
 
-    def _short(self, picture: Float32, rows: NDArray[np.int64],
-               columns: NDArray[np.int64]) -> Float32:
+    def _short(self, picture: Float32, rows: Int64,
+               columns: Int64) -> Float32:
         """Short vectors of patches: main components, and the length of what they leave out."""
         patches = self._patches(picture)
         out = np.empty((len(rows), COMPONENTS + 1), np.float32)
@@ -104,8 +104,8 @@ class PatchIndex:
             out[part, -1] = np.sqrt(np.maximum(left, 0))
         return out
 
-    def distances(self, image: NDArray[Any], rows: NDArray[np.int64],
-                  columns: NDArray[np.int64]) -> Float32:
+    def distances(self, image: NDArray[Any], rows: Int64,
+                  columns: Int64) -> Float32:
         """Distances of patches to the exemplar's nearest.
 
         Parameters
@@ -128,7 +128,7 @@ class PatchIndex:
                         self.low.ravel(), self.high.ravel(), out)
         return np.asarray(np.sqrt(out / self.size ** 2), np.float32)
 
-    def fidelity(self, image: NDArray[Any], mask: NDArray[np.bool_] | None = None, *,
+    def fidelity(self, image: NDArray[Any], mask: Bool | None = None, *,
                  samples: int = SAMPLES, seed: int = 0) -> float:
         """Mean of `distances`; see `patch_fidelity`."""
         half = self.size // 2
@@ -144,7 +144,7 @@ def _padded(picture: Float32) -> Float32:
     return np.concatenate([picture.ravel(), np.zeros(16, np.float32)])
 
 
-def _leaves(keys: Float32) -> tuple[Float32, NDArray[np.int64], NDArray[np.int64]]:
+def _leaves(keys: Float32) -> tuple[Float32, Int64, Int64]:
     """Vectors [N, C] in the order of a tree's leaves, that order, and each leaf's first.
 
     Every node is cut at the median of the component that spreads most.
@@ -163,7 +163,7 @@ def _leaves(keys: Float32) -> tuple[Float32, NDArray[np.int64], NDArray[np.int64
     return np.ascontiguousarray(keys[order]), order, np.asarray(borders, np.int64)
 
 
-def _boxes(keys: Float32, leaf: NDArray[np.int64]) -> tuple[Float32, Float32]:
+def _boxes(keys: Float32, leaf: Int64) -> tuple[Float32, Float32]:
     """Least and largest components of all nodes of a tree, float32 [2 L, C] each."""
     count = len(leaf) - 1
     low, high = (np.empty((2 * count, keys.shape[1]), np.float32) for _ in range(2))
@@ -179,7 +179,7 @@ def _boxes(keys: Float32, leaf: NDArray[np.int64]) -> tuple[Float32, Float32]:
 
 
 def patch_fidelity(image: NDArray[Any], exemplar: NDArray[Any],
-                   mask: NDArray[np.bool_] | None = None, *, size: int = 7,
+                   mask: Bool | None = None, *, size: int = 7,
                    samples: int = SAMPLES, seed: int = 0) -> float:
     """Mean distance of a picture's patches to their nearest patches of the exemplar.
 

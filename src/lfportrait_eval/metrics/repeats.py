@@ -53,14 +53,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy import fft, ndimage
 
+from lfportrait.arrays import Bool, Float32, Int64, UInt8
 from lfportrait.capture import Camera
 from lfportrait.example import Exemplar
 from lfportrait.field import C0, VoxelField
 from lfportrait.labels import PICTURE_LABELS
 
 from .views import arc_cameras, face_unit
-
-Float32 = NDArray[np.float32]
 
 COARSE = 0.2
 """Sigma in units of the blur that is taken away: strokes are up to twice as broad."""
@@ -102,8 +101,8 @@ def luma(picture: NDArray[Any]) -> Float32:
                       * np.float32(scale), np.float32)
 
 
-def masked_autocorrelation(values: NDArray[Any], mask: NDArray[np.bool_], *,
-                           least: float = LEAST_CONTRAST) -> tuple[Float32, NDArray[np.int64]]:
+def masked_autocorrelation(values: NDArray[Any], mask: Bool, *,
+                           least: float = LEAST_CONTRAST) -> tuple[Float32, Int64]:
     """Correlation of a region's values with themselves at every lag.
 
     Parameters
@@ -154,7 +153,7 @@ def masked_autocorrelation(values: NDArray[Any], mask: NDArray[np.bool_], *,
     return np.clip(correlation, -1.0, 1.0), common
 
 
-def _detail(plane: Float32, mask: NDArray[np.bool_], unit: float) -> Float32:
+def _detail(plane: Float32, mask: Bool, unit: float) -> Float32:
     """What lies between `FINE` and `COARSE`, of the region's own values alone."""
     # In the Fourier domain: broad blurs cost no more than narrow ones.
     shape = [fft.next_fast_len(side + int(np.ceil(3 * COARSE * unit)), real=True)
@@ -173,7 +172,7 @@ def _detail(plane: Float32, mask: NDArray[np.bool_], unit: float) -> Float32:
     return np.where(mask, blurred(FINE * unit) - blurred(COARSE * unit), np.float32(0))
 
 
-def strongest_repeat(picture: NDArray[Any], mask: NDArray[np.bool_], unit: float, *,
+def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
                      overlap: float = 0.25) -> Repeat:
     """The highest peak of a region's autocorrelation away from zero, and where it is.
 
@@ -232,14 +231,14 @@ def strongest_repeat(picture: NDArray[Any], mask: NDArray[np.bool_], unit: float
     return Repeat(peak, (int(place[0]) - middle[0], int(place[1]) - middle[1]), chance)
 
 
-def repeats(picture: NDArray[Any], mask: NDArray[np.bool_], unit: float, *,
+def repeats(picture: NDArray[Any], mask: Bool, unit: float, *,
             overlap: float = 0.25) -> float:
     """How much a region repeats itself, in [0, 1]: the peak of `strongest_repeat`; see there."""
     return strongest_repeat(picture, mask, unit, overlap=overlap).peak
 
 
-def repeat_ratio(picture: NDArray[Any], mask: NDArray[np.bool_], exemplar: NDArray[Any],
-                 exemplar_mask: NDArray[np.bool_], unit: float, *, overlap: float = 0.25) -> float:
+def repeat_ratio(picture: NDArray[Any], mask: Bool, exemplar: NDArray[Any],
+                 exemplar_mask: Bool, unit: float, *, overlap: float = 0.25) -> float:
     """How much a region repeats itself, over how much the exemplar does in the same material.
 
     Parameters
@@ -274,7 +273,7 @@ def over_exemplar(ours: Repeat, theirs: Repeat) -> float:
     return ours.peak / max(theirs.peak, ours.chance, LEAST_PEAK)
 
 
-Masks = dict[str, NDArray[np.bool_]]
+Masks = dict[str, Bool]
 
 DEGREES = (-20.0, 0.0, 20.0, 90.0, 180.0)
 """Yaws of the views: ends and middle of a display's arc, a profile, and from behind."""
@@ -299,7 +298,7 @@ class RowLabels:
         Names of the R regions, as in `lfportrait.example.PICTURE_LABELS`.
     """
 
-    weights: NDArray[np.uint8]
+    weights: UInt8
     names: tuple[str, ...]
 
     @staticmethod
@@ -309,7 +308,7 @@ class RowLabels:
         return None if weights is None else _with_body(weights, tuple(names))
 
     @staticmethod
-    def joined(weights: NDArray[np.uint8], names: Sequence[str]) -> RowLabels:
+    def joined(weights: UInt8, names: Sequence[str]) -> RowLabels:
         """From labels with separate parts of the body: adds the body as one region."""
         return _with_body(weights, tuple(names))
 
@@ -363,7 +362,7 @@ class RowLabels:
         return out
 
 
-def _with_body(weights: NDArray[np.uint8], names: tuple[str, ...]) -> RowLabels:
+def _with_body(weights: UInt8, names: tuple[str, ...]) -> RowLabels:
     """Labels, with the body as one region if its parts are separate."""
     parts = [names.index(name) for name in BODY if name in names]
     if "body" in names or not parts:
@@ -372,7 +371,7 @@ def _with_body(weights: NDArray[np.uint8], names: tuple[str, ...]) -> RowLabels:
     return RowLabels(np.column_stack([weights, body]), (*names, "body"))
 
 
-def _eroded(mask: NDArray[np.bool_], margin: float) -> NDArray[np.bool_]:
+def _eroded(mask: Bool, margin: float) -> Bool:
     """A mask without what is nearer than ``margin`` pixels to its border."""
     if margin <= 0 or mask.all():
         return mask
@@ -380,7 +379,7 @@ def _eroded(mask: NDArray[np.bool_], margin: float) -> NDArray[np.bool_]:
 
 
 def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
-                     margin: float = 0.0) -> tuple[NDArray[np.uint8], Masks]:
+                     margin: float = 0.0) -> tuple[UInt8, Masks]:
     """An exemplar resized to a face of ``unit`` pixels, and its regions.
 
     Parameters
@@ -406,7 +405,7 @@ def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
     scale = unit / exemplar.size
     size = max(round(width * scale), 1), max(round(height * scale), 1)
 
-    def resized(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def resized(image: UInt8) -> UInt8:
         return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.LANCZOS))
 
     return resized(exemplar.image), {
@@ -465,14 +464,14 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
     return figures
 
 
-def _repeat(picture: NDArray[Any], mask: NDArray[np.bool_] | None, unit: float) -> Repeat:
+def _repeat(picture: NDArray[Any], mask: Bool | None, unit: float) -> Repeat:
     """The strongest repeat of a region that is large enough."""
     if mask is None or mask.sum() < LEAST_AREA * unit ** 2:
         return Repeat(float("nan"), (0, 0), float("nan"))
     return strongest_repeat(picture, mask, unit)
 
 
-def _energy(plane: NDArray[np.float32], counts: NDArray[np.bool_]) -> float:
+def _energy(plane: Float32, counts: Bool) -> float:
     """Mean squared gradient over the pixels that count together with their next two."""
     here = counts[:-1, :-1] & counts[1:, :-1] & counts[:-1, 1:]
     if not here.any():
@@ -482,7 +481,7 @@ def _energy(plane: NDArray[np.float32], counts: NDArray[np.bool_]) -> float:
     return float((right.astype(np.float64) ** 2 + down.astype(np.float64) ** 2).mean())
 
 
-def gradient_energy(picture: NDArray[Any], mask: NDArray[np.bool_]) -> float:
+def gradient_energy(picture: NDArray[Any], mask: Bool) -> float:
     """Mean squared gradient of a picture's luma over a mask.
 
     Parameters
@@ -509,7 +508,7 @@ def gradient_energy(picture: NDArray[Any], mask: NDArray[np.bool_]) -> float:
     return _energy(plane, np.asarray(mask, bool) & np.isfinite(plane))
 
 
-def sharpness(rendered: NDArray[Any], wanted: NDArray[Any], mask: NDArray[np.bool_], *,
+def sharpness(rendered: NDArray[Any], wanted: NDArray[Any], mask: Bool, *,
               margin: int = 3) -> float:
     """Gradient energy of a rendered view over that of what was painted, seen in the same view.
 

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
+from lfportrait.arrays import Bool, Float32, Float64, UInt8
 from lfportrait.capture import Camera
 from lfportrait.example import face_size
 from lfportrait.field import Rendering, VoxelField
@@ -35,13 +36,13 @@ from lfportrait.share import sweep_cameras
 
 from .patches import PatchIndex
 
-Comparison = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]], float]
+Comparison = Callable[[Float32, Float32, Bool], float]
 """Two pictures [H, W, 3], and the pixels that count -> a distance of them there, such as LPIPS."""
 
 _TOLERANCE = 0.01
 
 
-def _smooth(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _smooth(depth: Float32) -> Bool:
     """Pixels away from depth edges: all eight neighbours covered, and no step between them.
 
     A step shows in the second difference; a slanted surface does not.
@@ -56,8 +57,8 @@ def _smooth(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def warp(image: NDArray[Any], cameras: Camera, source: int, target: int,
-         depth_source: NDArray[np.float32], depth_target: NDArray[np.float32],
-         ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+         depth_source: Float32, depth_target: Float32,
+         ) -> tuple[Float32, Bool]:
     """Warp a view backwards into another by depth.
 
     Parameters
@@ -104,7 +105,7 @@ def warp(image: NDArray[Any], cameras: Camera, source: int, target: int,
     return warped, kept
 
 
-def pair_error(target: NDArray[Any], warped: NDArray[Any], valid: NDArray[np.bool_],
+def pair_error(target: NDArray[Any], warped: NDArray[Any], valid: Bool,
                ) -> tuple[float, float]:
     """RMSE of a pair over the valid pixels, and the same over the target's contrast.
 
@@ -187,13 +188,13 @@ def _group(pairs: list[tuple[int, int]], stylised: Sequence[NDArray[Any]],
     return {**dict(zip(names, map(float, means))), "pairs": len(pairs)}
 
 
-Detector = Callable[[NDArray[np.uint8]], NDArray[np.float64] | None]
+Detector = Callable[[UInt8], Float64 | None]
 
 _OUTER_EYES = (36, 45)
 _INNER = slice(17, 68)
 
 
-def face_region(shape: tuple[int, ...], landmarks: NDArray[np.floating]) -> NDArray[np.bool_]:
+def face_region(shape: tuple[int, ...], landmarks: NDArray[np.floating]) -> Bool:
     """The face between jaw and brows, which every method paints; bool [H, W]."""
     outline = np.concatenate([landmarks[:17], landmarks[17:27][::-1]])
     return np.asarray(polygon2mask(shape[:2], outline[:, ::-1]), bool)
@@ -211,7 +212,7 @@ def landmark_error(found: NDArray[np.floating], wanted: NDArray[np.floating]) ->
     return float(np.linalg.norm(found[_INNER] - wanted[_INNER], axis=1).mean()) / max(eyes, 1e-9)
 
 
-def identity(stylised: Sequence[NDArray[np.uint8]], real: Sequence[NDArray[np.uint8]],
+def identity(stylised: Sequence[UInt8], real: Sequence[UInt8],
              detect: Detector) -> dict[str, float]:
     """Landmark error between stylised and real pictures of the same views.
 
@@ -242,7 +243,7 @@ def identity(stylised: Sequence[NDArray[np.uint8]], real: Sequence[NDArray[np.ui
             "detected": len(errors) / views if views else float("nan"), "views": views}
 
 
-def contour_correlation(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_]) -> float:
+def contour_correlation(a: NDArray[Any], b: NDArray[Any], mask: Bool) -> float:
     """Correlation in [-1, 1] of the gradient magnitudes (grey, sigma 1.5) of two pictures.
 
     Parameters
@@ -259,7 +260,7 @@ def contour_correlation(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_
     return float(np.corrcoef(strengths)[0, 1])
 
 
-Pictures = list[NDArray[np.float32]]
+Pictures = list[Float32]
 
 FACE = 0.145
 """Size of a face (`lfportrait.example.face_size`) in a view framed like a sweep, over the width of
@@ -379,7 +380,7 @@ class Arc:
         return Arc(cameras, real)
 
     @property
-    def masks(self) -> list[NDArray[np.bool_]]:
+    def masks(self) -> list[Bool]:
         """Where the head is, bool [H, W] each."""
         return [shot.alpha > 0.5 for shot in self.real]
 

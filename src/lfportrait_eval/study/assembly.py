@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from lfportrait.arrays import UInt8
 from lfportrait.errors import UserError
 from lfportrait.files import atomic_write, read_json, write_json
 from lfportrait.progress import Progress
@@ -227,7 +227,7 @@ class Clip:
     size: tuple[int, int]
 
 
-def _frames(container: Any) -> Iterator[NDArray[np.uint8]]:
+def _frames(container: Any) -> Iterator[UInt8]:
     for frame in container.decode(video=0):
         yield frame.to_ndarray(format="rgb24")
 
@@ -267,7 +267,7 @@ def clip_of(path: Path) -> Clip:
     return Clip(data, kind, count / rate, size)
 
 
-def picture_bytes(image: NDArray[np.uint8], longest: int = 640) -> bytes:
+def picture_bytes(image: UInt8, longest: int = 640) -> bytes:
     """A picture as WebP, its longer side at most ``longest`` pixels.
 
     Parameters

@@ -33,8 +33,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lfportrait.arrays import UInt8
 from lfportrait.errors import UserError
 from lfportrait.files import read_json
 from lfportrait.media.pictures import read_image
@@ -145,8 +145,8 @@ class Entry:
     sitter: str
     style: str
     video: Path
-    painting: NDArray[np.uint8] | None = field(default=None, compare=False, repr=False)
-    photo: NDArray[np.uint8] | None = field(default=None, compare=False, repr=False)
+    painting: UInt8 | None = field(default=None, compare=False, repr=False)
+    photo: UInt8 | None = field(default=None, compare=False, repr=False)
 
     @property
     def group(self) -> tuple[str, str]:
@@ -154,14 +154,14 @@ class Entry:
         return self.sitter, self.style
 
 
-def _on_white(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _on_white(image: UInt8) -> UInt8:
     if image.shape[2] == 3:
         return image
     alpha = image[..., 3:] / 255.0
     return np.asarray(image[..., :3] * alpha + 255.0 * (1.0 - alpha) + 0.5, np.uint8)
 
 
-def _picture(folders: Iterable[Path], name: str) -> NDArray[np.uint8] | None:
+def _picture(folders: Iterable[Path], name: str) -> UInt8 | None:
     """The first picture of this name in some folders."""
     for folder in folders:
         for suffix in _PICTURES:
@@ -170,7 +170,7 @@ def _picture(folders: Iterable[Path], name: str) -> NDArray[np.uint8] | None:
     return None
 
 
-def _frontal(job: Path) -> NDArray[np.uint8]:
+def _frontal(job: Path) -> UInt8:
     """The job's photo that shows the face most from the front, on white."""
     from lfportrait.capture import Capture
 
@@ -181,7 +181,7 @@ def _frontal(job: Path) -> NDArray[np.uint8]:
     return np.asarray(np.clip(capture.image_float(view), 0, 1) * 255 + 0.5, np.uint8)
 
 
-def _built_in(style: str) -> NDArray[np.uint8] | None:
+def _built_in(style: str) -> UInt8 | None:
     """The painting of a style that is installed."""
     from lfportrait.example import Exemplar
     from lfportrait.plugins import provided_styles

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import binomtest, norm
 
+from lfportrait.arrays import Bool, Float64
+
 _Z = float(norm.ppf(0.975))
 
 
@@ -170,15 +172,15 @@ class Ranking:
         [methods] share of choices that a method would win against each of the others in turn.
     """
 
-    strength: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    expected: NDArray[np.float64]
+    strength: Float64
+    low: Float64
+    high: Float64
+    expected: Float64
 
 
-def bradley_terry(wins: NDArray[np.floating], compared: NDArray[np.bool_] | None = None,
+def bradley_terry(wins: NDArray[np.floating], compared: Bool | None = None,
                   prior: float = 0.5, steps: int = 20000,
-                  tolerance: float = 1e-9) -> NDArray[np.float64]:
+                  tolerance: float = 1e-9) -> Float64:
     """One scale for all methods, from choices between two (Bradley and Terry 1952).
 
     Method i is preferred to method j with probability p_i / (p_i + p_j). The strengths p are those
@@ -210,7 +212,7 @@ def bradley_terry(wins: NDArray[np.floating], compared: NDArray[np.bool_] | None
     ValueError
         If the methods fall into groups that have never met.
     """
-    met: NDArray[np.bool_] = np.asarray(wins + np.swapaxes(wins, -1, -2) > 0)
+    met: Bool = np.asarray(wins + np.swapaxes(wins, -1, -2) > 0)
     if compared is None:
         compared = np.logical_or.reduce(met.reshape(-1, *met.shape[-2:]), axis=0)
     if connected_components(compared, directed=False, return_labels=False) > 1:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from lfportrait.arrays import UInt8
 from lfportrait.errors import UserError
 from lfportrait.files import atomic_write, write_json
 from lfportrait.share import Picture, Report, Section, Table, write_report
@@ -167,7 +167,7 @@ Rows = dict[str, dict[str, Spread]]
 def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
                     floors: dict[str, dict[str, Any]], speed: dict[str, Any],
                     study: dict[str, Any] | None, failures: Sequence[dict[str, str]],
-                    paintings: dict[str, NDArray[np.uint8]] | None) -> dict[str, Any]:
+                    paintings: dict[str, UInt8] | None) -> dict[str, Any]:
     """Write ``tables.md``, ``tables.csv``, ``tables.json`` and, with pictures, ``index.html``.
 
     Parameters
@@ -428,7 +428,7 @@ def _chart(name: str, rows: Rows, base: Rows) -> str | None:
 
 def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], rows: Rows,
                       base: Rows, tables: Sequence[Grid], notes: Sequence[str],
-                      paintings: dict[str, NDArray[np.uint8]]) -> None:
+                      paintings: dict[str, UInt8]) -> None:
     """Write ``index.html``.
 
     Parameters
@@ -468,7 +468,7 @@ def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], r
 
 
 def _pictures(out: Path, sitter: str, style: str, cells: Sequence[Cell],
-              painting: NDArray[np.uint8]) -> Section:
+              painting: UInt8) -> Section:
     """All methods for one sitter in one style, at -45, 0 and 45 degrees."""
     folder = out / "pictures" / sitter
     pictures = [Picture(_on_strip(painting), f"{style}, the painting", width=768),
@@ -479,7 +479,7 @@ def _pictures(out: Path, sitter: str, style: str, cells: Sequence[Cell],
                    "At -45, 0 and 45 degrees.", pictures, layout="grid")
 
 
-def _on_strip(painting: NDArray[np.uint8], height: int = 256) -> NDArray[np.uint8]:
+def _on_strip(painting: UInt8, height: int = 256) -> UInt8:
     """A painting in the middle of a white strip, three times as wide as high like all others."""
     picture = Image.fromarray(painting)
     picture.thumbnail((3 * height, height), Image.Resampling.LANCZOS)

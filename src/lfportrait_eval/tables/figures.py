@@ -16,6 +16,7 @@ from PIL import Image
 from scipy import ndimage
 
 from lfportrait import models
+from lfportrait.arrays import Bool, Float32, Float64, UInt8
 from lfportrait.capture import Camera, Capture
 from lfportrait.example import Exemplar
 from lfportrait.face import detect_landmarks
@@ -100,7 +101,7 @@ class Target:
                         for name, mask in masks.items()}
 
     @functools.cached_property
-    def features(self) -> dict[str, NDArray[np.float64]]:
+    def features(self) -> dict[str, Float64]:
         """Inception features of the exemplar's crops."""
         exemplar = self.exemplar
         width = float(np.ptp(exemplar.landmarks[:, 0]))
@@ -115,14 +116,14 @@ class Target:
             full=models.available("inception-2048"), device=self.sitter.device)
 
     @functools.cached_property
-    def regions(self) -> list[dict[str, NDArray[np.bool_]]]:
+    def regions(self) -> list[dict[str, Bool]]:
         """Where the sitter's regions are in the close views."""
         labels = RowLabels.joined(*row_labels(self.sitter.skin))
         return labels.masks(self.sitter.field, self.sitter.close_cameras, REGIONS,
                             MARGIN * self.sitter.unit)
 
 
-def _repeat(picture: NDArray[Any], mask: NDArray[np.bool_], unit: float) -> Repeat:
+def _repeat(picture: NDArray[Any], mask: Bool, unit: float) -> Repeat:
     """The strongest repeat of a region, NaN if the region is too small."""
     if mask.sum() < unit ** 2:
         return Repeat(float("nan"), (0, 0), float("nan"))
@@ -163,7 +164,7 @@ def measure(views: Views, target: Target, example: Views | None = None,
             for name, value in figures.items()}
 
 
-def _floats(pictures: list[NDArray[np.uint8]]) -> list[NDArray[np.float32]]:
+def _floats(pictures: list[UInt8]) -> list[Float32]:
     return [picture.astype(np.float32) / np.float32(255) for picture in pictures]
 
 
@@ -199,7 +200,7 @@ def agreement(views: Views, sitter: Sitter) -> Figures:
     return figures
 
 
-def _inside(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _inside(mask: Bool) -> Bool:
     """A mask without its outline, which is no paint."""
     return np.asarray(ndimage.binary_erosion(mask, np.ones((3, 3), bool), 3, border_value=1), bool)
 
@@ -353,7 +354,7 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
     return figures
 
 
-def _known_means(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _known_means(rows: Float64) -> Float64:
     known = np.isfinite(rows)
     return np.where(known.any(axis=0), np.where(known, rows, 0).sum(axis=0)
                     / np.maximum(known.sum(axis=0), 1), np.nan)
@@ -365,7 +366,7 @@ def _angle(cameras: Camera, first: int, second: int) -> float:
         a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1, 1))))
 
 
-def _photo(capture: Capture, cameras: Camera, view: int) -> NDArray[np.float32]:
+def _photo(capture: Capture, cameras: Camera, view: int) -> Float32:
     """A photo on white at the cameras' size."""
     picture = (capture.image_float(view) * 255 + 0.5).astype(np.uint8)
     size = int(cameras.width[view]), int(cameras.height[view])
@@ -374,7 +375,7 @@ def _photo(capture: Capture, cameras: Camera, view: int) -> NDArray[np.float32]:
 
 
 def _pair(cameras: Camera, shots: dict[int, Rendering], first: int, second: int,
-          target: NDArray[np.float32], source: NDArray[np.float32], device: str) -> list[Any]:
+          target: Float32, source: Float32, device: str) -> list[Any]:
     """Errors of one pair."""
     warped, valid = warp(source, cameras, second, first, shots[second].depth, shots[first].depth)
     return [*pair_error(target, warped, valid),

@@ -25,6 +25,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lfportrait.arrays import Float64, UInt8
 from lfportrait.capture import Camera, Capture
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
@@ -47,7 +48,7 @@ from lfportrait.progress import Progress
 from lfportrait.stages import fingerprint_files
 from lfportrait.stylize import StylizeConfig, kept_skin, stylize_with_figures
 
-from ..baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from ..baselines.config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 from ..metrics.views import Arc, head_cameras
 
 
@@ -249,7 +250,7 @@ Opener = Callable[[Path], Capture]
 """Makes a capture of what a user named."""
 
 
-def bytes_of(image: NDArray[Any]) -> NDArray[np.uint8]:
+def bytes_of(image: NDArray[Any]) -> UInt8:
     """A picture in [0, 1] as uint8; uint8 as it is."""
     if image.dtype == np.uint8:
         return np.asarray(image, np.uint8)
@@ -257,7 +258,7 @@ def bytes_of(image: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def landmarks_in(cameras: Camera, view: int, landmarks: NDArray[np.floating],
-                 ) -> NDArray[np.float64]:
+                 ) -> Float64:
     """Landmarks [68, 3] in space as pixels [68, 2] of a view."""
     pixels, _ = cameras[view].project(np.asarray(landmarks, np.float64))
     return np.asarray(pixels[0], np.float64)
@@ -403,7 +404,7 @@ def field_of(capture: Capture, target: Path, config: ReconstructConfig,
     return figures
 
 
-Pictures = list[NDArray[np.uint8]]
+Pictures = list[UInt8]
 
 
 @dataclass(frozen=True)
@@ -516,7 +517,7 @@ def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, see
                    "peak_memory_bytes": max(once.peak_memory_bytes, cost.peak_memory_bytes)}
 
 
-def _single(prepared: Any, shot: Rendering, landmarks: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _single(prepared: Any, shot: Rendering, landmarks: Float64) -> UInt8:
     """One view painted by itself and cut out by the field's opacity, on white."""
     photo = bytes_of(shot.color)
     if isinstance(prepared, Transfer):

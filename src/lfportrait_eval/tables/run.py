@@ -31,7 +31,7 @@ from lfportrait.runner import Costs, Need, failure_of
 from lfportrait.stages import StageFolder, check_writable, finished_record
 from lfportrait.version import __version__
 
-from ..baselines.transfer import NetworkConfig
+from ..baselines.config import NetworkConfig
 from ..bench import METHODS as TRANSFERS
 from ..bench import bench_masks, bench_transfer
 from .documents import Cell, write_documents

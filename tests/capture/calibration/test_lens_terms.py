@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture.calibration.lens_terms import adjust, starting_model
-from lfportrait.capture.distortion import Lens
+from lfportrait.capture.lenses import Lens
 
 
 def scene(pycolmap, model, parameters, noise=0.3, views=14, points=400):

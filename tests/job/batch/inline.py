@@ -1,6 +1,6 @@
 """Tasks of a batch in this process."""
 
-from lfportrait.job.batch.work import do_task
+from lfportrait.job.batch.runners import do_task
 
 
 class Inline:

@@ -6,8 +6,8 @@ from PIL import Image
 
 from lfportrait.errors import UserError
 from lfportrait.job.batch import load_jobs
-from lfportrait.job.batch.settings import checked, overlaid
-from lfportrait.job.steps import MakeConfig
+from lfportrait.job.batch.jobs_file import checked, overlaid
+from lfportrait.job.graph import MakeConfig
 
 HEAD = '[[style]]\npainting = "charcoal"\n[[display]]\npanel = "generic-4k"\n'
 

@@ -10,12 +10,10 @@ import pytest
 
 from lfportrait import models
 from lfportrait.errors import UserError
+from lfportrait.files import tells_changes
 from lfportrait.job.batch import load_jobs, prepare_batch
-from lfportrait.job.batch.fingerprints import Fingerprints
-from lfportrait.job.batch.plan import cores_of_a_task, draw_plan
-from lfportrait.job.graph import STAGES
-from lfportrait.job.steps import source_key
-from lfportrait.states import tells_changes
+from lfportrait.job.batch.plan import Fingerprints, cores_of_a_task, draw_plan
+from lfportrait.job.graph import STAGES, source_key
 
 
 def planned(folder, text, name="changed.toml"):
@@ -138,7 +136,7 @@ def test_heads_are_fitted_to_faces_where_the_file_does_not_say_otherwise(studio,
 
 
 def test_photos_are_read_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("lfportrait.states._SOON", -1)  # as if they had been here for long
+    monkeypatch.setattr("lfportrait.files._SOON", -1)  # as if they had been here for long
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "one.jpg").write_bytes(b"one")
     read = []
@@ -167,7 +165,7 @@ def test_a_photo_whose_size_and_time_are_kept_is_another(tmp_path, monkeypatch):
     os.utime(photo, ns=times)
     second = prints(photo.parent)
     assert second != just_now
-    monkeypatch.setattr("lfportrait.states._SOON", -1)
+    monkeypatch.setattr("lfportrait.files._SOON", -1)
     assert prints(photo.parent) == second
     time.sleep(0.05)
     photo.write_bytes(b"six")

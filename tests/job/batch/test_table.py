@@ -8,8 +8,7 @@ from urllib.parse import unquote
 from rich.console import Console
 
 from lfportrait.job.batch import BatchTable, JsonLines
-from lfportrait.job.batch.journal import read_events
-from lfportrait.job.batch.table import duration
+from lfportrait.job.batch.journal import duration, read_events
 
 
 def test_durations():

@@ -15,7 +15,7 @@ from lfportrait.lightfield import Display
 from lfportrait.lightfield.prints import PrintConfig
 from lfportrait.media.pictures import read_image
 from lfportrait.stylize import StylizeConfig
-from lfportrait_eval.baselines.transfer import NetworkConfig
+from lfportrait_eval.baselines.config import NetworkConfig
 from lfportrait_eval.bench import (
     METHODS,
     bench,

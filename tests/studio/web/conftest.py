@@ -18,7 +18,7 @@ pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 
 from lfportrait.face import write_landmarks
-from lfportrait.face.generic_head import GENERIC_LANDMARKS
+from lfportrait.face.landmarks import GENERIC_LANDMARKS
 from lfportrait.field import save_field
 from tests.conftest import DATA
 from tests.share.page.browser import CONTEXTS

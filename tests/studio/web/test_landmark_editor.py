@@ -175,7 +175,7 @@ def test_steps_are_undone_and_redone(editor):
 
 
 def test_one_side_is_mirrored_onto_the_other(editor):
-    from lfportrait.face.generic_head import MIRRORED
+    from lfportrait.face.landmarks import MIRRORED
 
     mirror = np.asarray(MIRRORED)
     drag(editor, 36, [-9, 6])
@@ -196,7 +196,7 @@ def test_one_side_is_mirrored_onto_the_other(editor):
 
 @pytest.mark.parametrize("degrees", [-25, 25])
 def test_a_turned_face_is_mirrored_onto_its_far_or_near_side(page, degrees):
-    from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED
+    from lfportrait.face.landmarks import GENERIC_LANDMARKS, MIRRORED
 
     angle = np.radians(degrees)
     turned = GENERIC_LANDMARKS @ [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0],

@@ -17,7 +17,7 @@ PACKAGE = Path(lfportrait.__file__).parent
 STUDIO = Path(studio.__file__).parent
 GERMAN = json.loads((STUDIO / "web/strings.server.de.json").read_text("utf-8"))
 
-FINDINGS = ("job/photo_check.py", "job/style_check.py", "job/style_findings.py", "health.py",
+FINDINGS = ("job/photo_check.py", "job/style_check.py", "job/style_check.py", "health.py",
             "lightfield/placement.py", "lightfield/screens/bridge.py")
 """Every sentence in these is shown: advice, what a painting will give, the machine, the depth."""
 FILES = ("lightfield/prints/sheet.py", "lightfield/prints/depth.py", "lightfield/prints/files.py",

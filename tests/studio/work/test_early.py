@@ -6,7 +6,7 @@ from PIL import Image
 
 pytest.importorskip("starlette")
 
-from lfportrait.job.specimens import ball_capture, ball_field, drawn_exemplar
+from lfportrait.job.warmup import ball_capture, ball_field, drawn_exemplar
 from lfportrait.progress import Progress
 from lfportrait.studio.orders import Order
 from lfportrait.studio.projects import Project

@@ -7,7 +7,7 @@ pytest.importorskip("starlette")
 
 from lfportrait.face import read_landmarks
 from lfportrait.files import write_image
-from lfportrait.studio.work.paintings import PAINTING_ANSWERS, usual_face
+from lfportrait.studio.work.resident import PAINTING_ANSWERS, usual_face
 
 
 @pytest.mark.parametrize("place", [(150, 200), (60, 90), (240, 300), (3, 3), (299, 399)])

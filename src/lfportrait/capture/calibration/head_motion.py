@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from ...simd.threads import side_by_side
 from ...temporary import temporary_folder
-from ..camera import Camera
+from ..camera import Camera, pose_corrections, without_drift
 from ..capture import Capture
-from ..frame import pose_corrections, without_drift
 from .database import Scene, room_for
 from .features import (
     Features,

@@ -1,12 +1,20 @@
 """Readers of calibrated data sets, one for each format, and the detection of the format.
 
-A format is a class above `CaptureFormat`; `registry` lists them and finds the one of a folder.
+A format is a class above `CaptureFormat`, of ours or of another package (entry points).
 `transforms` reads NeRF's, instant-ngp's and nerfstudio's, and keeps captures of our own; `colmap`
 reads COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin (by
 `placed`), `datasets` LLFF, NSVF, and what Polycam and Record3D export. All end in `assembly`, which
 also decides which way up a picture is.
 """
 
+from __future__ import annotations
+
+import warnings
+from itertools import chain
+from pathlib import Path
+
+from ...errors import UserError
+from ...plugins import blamed, gathered
 from .assembly import (
     CaptureFormat,
     DataSet,
@@ -18,9 +26,98 @@ from .assembly import (
     read_shots,
     turned_upright,
 )
-from .colmap import ColmapImage, lens_of, read_model
-from .registry import capture_formats, find_views, is_calibrated, load_views, save_views
+from .colmap import Colmap, ColmapImage, lens_of, read_model
+from .datasets import Llff, Nsvf, Polycam, Record3d
+from .programs import Bundler, CameraTable, Meshroom, Metashape, OpenMvg, VisualSfm
+from .transforms import Own, Transforms
 
 __all__ = ["CaptureFormat", "ColmapImage", "DataSet", "Shot", "Views", "assemble",
            "capture_formats", "find_views", "held_out_views", "is_calibrated", "lens_of",
            "load_views", "mask_of", "read_model", "read_shots", "save_views", "turned_upright"]
+
+FORMATS = "lfportrait.formats"
+"""Group of entry points with classes above `CaptureFormat`."""
+_OWN: tuple[type[CaptureFormat], ...] = (
+    Own, Transforms, Colmap, Llff, Nsvf, Polycam, Record3d, Metashape, Bundler, VisualSfm, Meshroom,
+    OpenMvg, CameraTable)
+"""The first that recognises a folder reads it."""
+
+
+def capture_formats() -> dict[str, CaptureFormat]:
+    """All formats of captures by their names, ours first.
+
+    A broken one of another package is left out with a warning.
+    """
+    return gathered(FORMATS, CaptureFormat, _OWN)  # type: ignore[type-abstract]
+
+
+def _format_of(path: Path) -> CaptureFormat | None:
+    """The format of a folder or file; entry points are read only where it is none of ours."""
+    for one in chain((kind() for kind in _OWN), (one for one in capture_formats().values()
+                                                 if type(one) not in _OWN)):
+        try:
+            with blamed(one):
+                if one.recognises(path):
+                    return one
+        except UserError as error:
+            if type(one) in _OWN:
+                raise
+            warnings.warn(f"{error}; left out", stacklevel=3)
+    return None
+
+
+def is_calibrated(path: Path) -> bool:
+    """Whether a folder or file is a data set with cameras (and not plain photos or a video)."""
+    return _format_of(path) is not None
+
+
+def load_views(path: Path, holdout: int) -> Views:
+    """Read any calibrated data set (see `Capture.load`).
+
+    Raises
+    ------
+    UserError
+        If ``path`` is no data set, or a damaged one.
+    """
+    with blamed(found := _known(path)):
+        return found.load(path, holdout)
+
+
+def save_views(views: Views, path: Path, format: str = "") -> None:
+    """Write a capture (see `Capture.save`)."""
+    known = {name: one for name, one in capture_formats().items() if one.writes} if format else {}
+    if format and format not in known:
+        raise UserError(f"captures are not written as {format!r}, but as {', '.join(known)}")
+    with blamed(writer := known.get(format) or Own()):
+        writer.write(views, path)
+
+
+def find_views(path: Path, holdout: int = 0) -> DataSet:
+    """The shots of any calibrated data set; no picture is decoded.
+
+    Parameters
+    ----------
+    path
+        As in `Capture.load`.
+    holdout
+        Every ``holdout``-th picture becomes a test view where the format's custom says which.
+
+    Raises
+    ------
+    UserError
+        If ``path`` is no data set, or a damaged one.
+    """
+    with blamed(found := _known(path)):
+        return found.read(path, holdout)
+
+
+def _known(path: Path) -> CaptureFormat:
+    """The format of a data set, which must be one."""
+    if not path.exists():
+        raise UserError(f"there is no folder or file {path}; name the folder of a capture")
+    found = _format_of(path)
+    if found is None:
+        files = list(dict.fromkeys(one.files for one in capture_formats().values()))
+        raise UserError(f"{path} is not a calibrated capture: it has no {', '.join(files[:-1])} or "
+                        f"{files[-1]}; run `lfportrait calibrate` on plain photos")
+    return found

@@ -23,21 +23,17 @@ from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import Bool, Float64, UInt8
 from ...errors import UserError
 from ...media.depth import DepthMap, read_depth
 from ...media.folders import Finder
 from ...media.masks import mask_places, read_mask
 from ...media.pictures import open_picture, read_images
-from ..camera import Camera
-from ..depths import some_depth, straightened
-from ..distortion import Lens, undistort
-from ..exif import noted
-from ..frame import looks_normalised, portrait_frame_from_cameras
-
-Float64 = NDArray[np.float64]
+from ..camera import Camera, looks_normalised, portrait_frame_from_cameras
+from ..lenses import Lens, some_depth, straightened, undistort
+from ..photos import noted
 
 # The camera's axes after its picture was turned clockwise by a quarter turn.
 _QUARTER = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0],
@@ -105,7 +101,7 @@ def turns_by_up(pose: Float64, up: Float64) -> int:
     return best if heights[best] > 0.5 * float(np.linalg.norm(up)) else 0
 
 
-def mask_for(picture: NDArray[np.uint8], place: Path, turns: int) -> NDArray[np.uint8]:
+def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
     """A mask file as it lies on an upright picture, uint8 [H, W].
 
     A mask of another size, for a reduced picture, is resized. One that lies as the stored pixels do
@@ -141,18 +137,18 @@ def mask_for(picture: NDArray[np.uint8], place: Path, turns: int) -> NDArray[np.
     return max(turned, key=lambda one: _outline_contrast(picture, one))
 
 
-def _size(array: NDArray[np.uint8]) -> tuple[int, int]:
+def _size(array: UInt8) -> tuple[int, int]:
     return array.shape[1], array.shape[0]
 
 
-def _resized(mask: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+def _resized(mask: UInt8, width: int, height: int) -> UInt8:
     if mask.shape == (height, width):
         return np.ascontiguousarray(mask)
     picture = Image.fromarray(np.ascontiguousarray(mask))
     return np.asarray(picture.resize((width, height), Image.Resampling.BOX))
 
 
-def _outline_contrast(picture: NDArray[np.uint8], mask: NDArray[np.uint8]) -> float:
+def _outline_contrast(picture: UInt8, mask: UInt8) -> float:
     """How much a picture changes on average along a mask's outline."""
     factor = min(1.0, 512 / max(mask.shape))
     grey = cv2.resize(np.ascontiguousarray(picture[..., :3].mean(axis=2).astype(np.float32)), None,
@@ -196,14 +192,14 @@ class Shot:
 
     path: Path
     name: str
-    pose: NDArray[np.float64]
+    pose: Float64
     lens: Callable[[int, int], Lens]
     size: tuple[int, int] | None = None
     masks: tuple[Path, ...] = ()
     mask_name: str = ""
     mask: Path | None = None
     test: bool | None = None
-    up: NDArray[np.float64] | None = None
+    up: Float64 | None = None
 
 
 class DataSet(NamedTuple):
@@ -224,7 +220,7 @@ class DataSet(NamedTuple):
     format: str
     shots: list[Shot]
     source: Path
-    box: NDArray[np.float64] | None = None
+    box: Float64 | None = None
 
 
 class Views(NamedTuple):
@@ -253,17 +249,17 @@ class Views(NamedTuple):
     """
 
     cameras: Camera
-    images: Sequence[NDArray[np.uint8]]
-    alphas: Sequence[NDArray[np.uint8]] | None
+    images: Sequence[UInt8]
+    alphas: Sequence[UInt8] | None
     names: list[str]
-    held_out: NDArray[np.bool_]
-    frame: NDArray[np.float64]
-    landmarks: NDArray[np.float64] | None = None
+    held_out: Bool
+    frame: Float64
+    landmarks: Float64 | None = None
     figures: dict[str, Any] | None = None
     depths: Sequence[DepthMap | None] | None = None
 
 
-def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
+def held_out_views(count: int, holdout: int) -> Bool:
     """Which views are held out, bool [V]: every ``holdout``-th; none if there are too few."""
     held_out = np.zeros(count, bool)
     if holdout > 1 and count >= 2 * holdout:
@@ -271,7 +267,7 @@ def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
     return held_out
 
 
-def _rigid(poses: NDArray[np.float64], names: list[str]) -> NDArray[np.float64]:
+def _rigid(poses: Float64, names: list[str]) -> Float64:
     """Poses whose rotations are exact; a common scale in them, as some exporters leave, goes."""
     u, sizes, vt = np.linalg.svd(np.where(np.isfinite(poses), poses, 0.0)[:, :3, :3])
     rotation = u @ vt
@@ -293,10 +289,10 @@ def _check(lens: Lens, name: str) -> None:
                         f"{lens.center[0]:g}, {lens.center[1]:g}")
 
 
-def assemble(poses: NDArray[np.float64], lenses: list[Lens],
-             pictures: Iterable[NDArray[np.uint8]], names: list[str],
-             held_out: NDArray[np.bool_] | None, holdout: int,
-             box: NDArray[np.float64] | None = None,
+def assemble(poses: Float64, lenses: list[Lens],
+             pictures: Iterable[UInt8], names: list[str],
+             held_out: Bool | None, holdout: int,
+             box: Float64 | None = None,
              depths: Sequence[DepthMap | None] | None = None) -> Views:
     """Views in the portrait frame from poses, lenses and photos.
 
@@ -326,8 +322,8 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
         If a pose or a lens makes no sense.
     """
     poses = _rigid(poses, names)
-    images: list[NDArray[np.uint8]] = []
-    alphas: list[NDArray[np.uint8]] = []
+    images: list[UInt8] = []
+    alphas: list[UInt8] = []
     transparent = 0
     for picture, lens, name in zip(pictures, lenses, names):
         _check(lens, name)
@@ -411,8 +407,8 @@ def mask_of(shot: Shot, finder: Finder) -> Path | None:
     return mask_places(finder, shot.masks, shot.mask_name or shot.path.name)
 
 
-def _upright(shot: Shot, picture: NDArray[np.uint8], noted: int,
-             ) -> tuple[NDArray[np.float64], Lens, NDArray[np.uint8], int]:
+def _upright(shot: Shot, picture: UInt8, noted: int,
+             ) -> tuple[Float64, Lens, UInt8, int]:
     """Pose, lens and picture of a shot, upright, and how often it was turned for that.
 
     Clockwise quarter turns of the picture as it was read.

@@ -16,14 +16,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...errors import UserError
 from ...media.folders import Finder
-from ..distortion import Lens
+from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
-
-Float = NDArray[np.float64]
 
 # Name and number of parameters, at COLMAP's own model ids.
 _MODELS = (
@@ -46,7 +44,7 @@ class ColmapImage:
 
     name: str
     camera: int
-    pose: Float
+    pose: Float64
 
 
 def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) -> Lens:
@@ -97,7 +95,7 @@ def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) ->
     return Lens(width, height, focal, center, "opencv", tuple(rest))
 
 
-def _pose(quaternion: Iterable[float], translation: Iterable[float]) -> Float:
+def _pose(quaternion: Iterable[float], translation: Iterable[float]) -> Float64:
     """Camera-to-world [4, 4] from COLMAP's world-to-camera quaternion and translation."""
     w, x, y, z = np.array(list(quaternion)) / np.linalg.norm(list(quaternion))
     rotation = np.array([

@@ -18,13 +18,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...errors import UserError
 from ...files import UNREADABLE_ARRAYS, read_json
 from ...media.folders import list_pictures, stem_key, visible
 from ...media.pictures import open_picture
-from ..distortion import Lens
+from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
 from .placed import resizable, warn_unmatched
 
@@ -105,7 +105,7 @@ class Llff(CaptureFormat):
         return DataSet(self.name, shots, source)
 
 
-def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
+def _nsvf_intrinsics(file: Path) -> Float64:
     """(fx, fy, cx, cy) from either form of ``intrinsics.txt``: a 4x4 matrix, or "f cx cy 0"."""
     try:
         rows = [[float(value) for value in line.split()]
@@ -117,7 +117,7 @@ def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
         raise UserError(f"can't read the camera in {file}: {error}") from error
 
 
-def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
+def _nsvf_box(file: Path) -> Float64 | None:
     """The subject's box [2, 3] from ``bbox.txt``: lowest corner, highest corner, voxel size."""
     if not file.is_file():
         return None
@@ -180,7 +180,6 @@ class Nsvf(CaptureFormat):
         return DataSet(self.name, shots, rgb, box)
 
 
-Float64 = NDArray[np.float64]
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 _UP = np.array([0.0, 1.0, 0.0])

@@ -18,12 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...files import read_json
-from ..distortion import Lens
-
-Float64 = NDArray[np.float64]
+from ..lenses import Lens
 
 
 @dataclass(frozen=True)

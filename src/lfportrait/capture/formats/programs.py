@@ -34,16 +34,14 @@ from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64
 from ...errors import UserError
 from ...media.folders import folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
-from ..distortion import Lens
+from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
 from .placed import Placed, brown, centred, fisheye, is_graph, read_graph, warn_left_out
-
-Float64 = NDArray[np.float64]
 
 
 def read_metashape(file: Path) -> list[Placed]:

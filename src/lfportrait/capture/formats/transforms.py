@@ -23,8 +23,7 @@ from ...media.folders import Finder, visible
 from ...media.pictures import read_image
 from ...simd.threads import side_by_side
 from ..camera import Camera
-from ..depths import load_depth, save_depth, some_depth
-from ..distortion import Lens
+from ..lenses import Lens, load_depth, save_depth, some_depth
 from .assembly import CaptureFormat, DataSet, Shot, Views
 from .placed import brown, fisheye, is_graph
 

@@ -36,7 +36,7 @@ from ..head_fit import (
     unfit,
 )
 from ..head_prior import HeadPrior, generic_prior, head_prior
-from ..limits import FIT, PORTRAIT_CONE
+from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .depth import Sensed, sensed_depth
 from .lattice import Shell, shell_of

@@ -14,29 +14,38 @@ that nothing else needs; a task before them is only done if one of them is not t
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...cache import hash_of
 from ...errors import UserError
+from ...files import file_state, tells_changes, write_json
 from ...lightfield import Display, EncodeConfig
-from ...measure import usable_cores
-from ...runner import Plan
+from ...measure import free_disk_bytes, usable_cores
+from ...runner import Costs, Need, Plan
 from ..graph import (
+    STAGES,
+    MakeConfig,
     Task,
     capture_key,
     code_key,
     field_key,
+    fitted,
+    look_at,
     page_key,
     skin_key,
+    source_files,
+    source_key,
     style_key,
     sweep_key,
 )
-from ..steps import MakeConfig, fitted, look_at, source_key
 from .jobs_file import Jobs, Panel, Sitter
 
-__all__ = ["cores_of_a_task", "draw_plan"]
 
 def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
               fingerprint: Callable[[Path], str] = source_key) -> Plan[Task]:
@@ -176,3 +185,132 @@ class _Portraits:
         """The display whose cone the sweep goes over."""
         names = self.sitter.displays
         return self.jobs.panels[names[0]].display if names else None
+
+
+class Fingerprints:
+    """Hash of a sitter's photos, from the file of those that are known or computed.
+
+    Parameters
+    ----------
+    file
+        Where they are kept.
+    compute
+        The hash of a folder or file by its contents.
+    """
+
+    def __init__(self, file: Path, compute: Callable[[Path], str]) -> None:
+        self._file, self._compute = file, compute
+        self._known: dict[str, str] = {}
+        with suppress(OSError, ValueError):
+            self._known = dict(json.loads(file.read_text(encoding="utf-8")))
+
+    def __call__(self, source: Path) -> str:
+        """The hash of a sitter's photos.
+
+        Raises
+        ------
+        UserError
+            If one can't be read.
+        """
+        try:
+            states = [(str(path), file_state(path)) for path in sorted(source_files(source))]
+        except OSError as error:
+            raise UserError(f"can't read the photos in {source}: {error.strerror}") from error
+        key = hash_of(*states)
+        if key in self._known:
+            return self._known[key]
+        found = self._compute(source)
+        if all(tells_changes(state) for _, state in states):
+            self._known[key] = found
+        return found
+
+    def keep(self) -> None:
+        """Write what is known."""
+        with suppress(UserError):
+            write_json(self._file, self._known)
+
+
+@dataclass
+class Batch:
+    """A file of jobs made ready: its plan, and what of it is done.
+
+    Attributes
+    ----------
+    jobs, plan
+        What is wanted, and the graph of it.
+    results
+        Folder of all results.
+    done
+        Names of the tasks that are done.
+    failed
+        Why tasks failed, by name.
+    lost
+        Tasks that can't be done as one before them failed: the name of that one.
+    costs
+        What tasks of each stage take.
+    prints
+        Hashes of the photos, to be kept.
+    """
+
+    jobs: Jobs
+    plan: Plan[Task]
+    results: Path
+    done: set[str]
+    failed: dict[str, str] = field(default_factory=dict)
+    lost: dict[str, str] = field(default_factory=dict)
+    costs: Costs = field(default_factory=lambda: Costs(
+        {name: stage.need for name, stage in STAGES.items()}))
+    prints: Fingerprints | None = None
+
+    def learn(self, stage: str, figures: dict[str, Any]) -> None:
+        """Take the figures of a task that is done into account."""
+        if "cost" in figures:
+            self.costs.learn(stage, Need.of(figures["cost"]))
+
+    def summary(self) -> dict[str, Any]:
+        """The figures for ``--json``: tasks by stage, and their estimated needs."""
+        left = self.plan.to_do(self.done)
+        stages = {}
+        for stage in STAGES:
+            every = [task for task in self.plan.tasks.values() if task.stage == stage]
+            if every:
+                need = self.costs.need(stage)
+                count = sum(task.stage == stage for task in left)
+                stages[stage] = {"tasks": len(every), "to_do": count,
+                                 "core_seconds": round(count * need.seconds, 1),
+                                 "memory_bytes": need.memory, "disk_bytes": count * need.disk}
+        return {"sitters": len(self.jobs.sitters), "styles": len(self.jobs.styles),
+                "displays": len(self.jobs.panels), "tasks": len(self.plan.tasks),
+                "to_do": len(left), "stages": stages,
+                "core_seconds": round(sum(one["core_seconds"] for one in stages.values()), 1),
+                "disk_bytes": sum(one["disk_bytes"] for one in stages.values()),
+                "refused": dict(self.plan.refused)}
+
+    def failures(self) -> dict[str, str]:
+        """Sitters and tasks that failed, and why."""
+        return {**self.plan.refused, **self.failed}
+
+    def jobs_table(self) -> list[dict[str, Any]]:
+        """One entry per requested output: its place, or why it is missing."""
+        rows = []
+        for task in self.plan.wanted():
+            row = {"sitter": task.sitter, "style": task.folder.partition("/")[2],
+                   "output": task.label, "file": f"{task.folder}/{task.outputs[0]}"}
+            if task.name in self.done:
+                row["state"] = "done"
+            else:
+                cause = self.lost.get(task.name, task.name)
+                row["state"] = "failed" if cause in self.failed else "waiting"
+                row["why"] = self.failed.get(cause, "")
+            rows.append(row)
+        rows += [{"sitter": name, "style": "", "output": "", "file": "", "state": "failed",
+                  "why": why} for name, why in self.plan.refused.items()]
+        return rows
+
+
+def dry_figures(found: Batch) -> dict[str, Any]:
+    """Figures of ``--dry-run``: the summary, the graph, and the free space."""
+    left = {task.name for task in found.plan.to_do(found.done)}
+    return {**found.summary(), "free_disk_bytes": free_disk_bytes(found.results),
+            "graph": [{"task": task.name, "stage": task.stage, "needs": list(task.needs),
+                       "to_do": task.name in left} for task in found.plan.tasks.values()]}

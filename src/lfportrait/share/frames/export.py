@@ -21,6 +21,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
 from ...color import linear_light
 from ...errors import UserError
 from ...field import Rendering, VoxelField
@@ -35,7 +36,7 @@ from ...lightfield import (
     view_camera,
 )
 from ...temporary import temporary_folder
-from ..exporter import ExportContext
+from ..kinds import ExportContext
 from ..video import ENCODERS, Codec, has_encoder, write_video
 from .files import (
     VIDEOS,
@@ -119,7 +120,7 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
         shift_x=encode.shift_x - usual.shift_x, shift_y=shift + encode.shift_y - usual.shift_y)
 
 
-def _outline(field: VoxelField) -> tuple[NDArray[np.float64], float]:
+def _outline(field: VoxelField) -> tuple[Float64, float]:
     """Solid points of a field, float64 [N, 3], and the size of its voxels."""
     solid = field.density > _SOLID
     points: NDArray[Any] = field.lattice_points()[solid] if solid.any() else field.bounds
@@ -129,7 +130,7 @@ def _outline(field: VoxelField) -> tuple[NDArray[np.float64], float]:
     return np.asarray(points[::len(points) // _MOST_POINTS + 1], np.float64), voxel
 
 
-def _room(points: NDArray[np.float64], scale: float, voxel: float, window: Display,
+def _room(points: Float64, scale: float, voxel: float, window: Display,
           encode: EncodeConfig, margins: Margins, eyes: Sequence[float],
           ) -> tuple[float, float] | None:
     """Lowest and highest shift upwards with which a head of this scale lies within the margins."""
@@ -218,14 +219,14 @@ class TwoEyes:
         return [round(100 * float(value), 2) for value in shift]
 
     def both(self, field: VoxelField, encode: EncodeConfig,
-             ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], list[float]]:
+             ) -> tuple[UInt8, UInt8, list[float]]:
         """The left and the right picture, uint8 [H, W, 3], and their `parallax`."""
         ground = window_ground(field, self.window, encode)
         left, right = (self.look(field, encode, eye, ground) for eye in (-1.0, 1.0))
         return _bytes(left.color), _bytes(right.color), self.parallax(left, encode)
 
     def with_depth(self, field: VoxelField, encode: EncodeConfig,
-                   ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+                   ) -> tuple[UInt8, dict[str, Any]]:
         """A picture, and its depth right of it: white is near; uint8 [H, 2 W, 3].
 
         The nearest point is 255, the farthest 1, where there is nothing 0. ``covered`` of the
@@ -247,11 +248,11 @@ def window_ground(field: VoxelField, window: Display, encode: EncodeConfig) -> G
     return ground_of(field, window, replace(encode, ground_blur=0.0))
 
 
-def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _bytes(color: Float32) -> UInt8:
     return (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-def anaglyph_of(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def anaglyph_of(left: UInt8, right: UInt8) -> UInt8:
     """Two pictures as one for glasses with a red left and a cyan right side: uint8 [H, W, 3]."""
     light = linear_light(np.arange(256) / 255.0).astype(np.float32)
     mixed = light[left] @ _RED.T.astype(np.float32) + light[right] @ _CYAN.T.astype(np.float32)
@@ -302,13 +303,13 @@ def codec_for(path: Path, size: tuple[int, int], asked: Literal["auto", "h264", 
                     "in PyAV): install the av package from PyPI, or choose another --codec")
 
 
-def _turns(config: FrameConfig) -> NDArray[np.float64]:
+def _turns(config: FrameConfig) -> Float64:
     """Turn of the head in each frame of a loop without a seam, in degrees."""
     count = config.frames or _FRAMES
     return config.sway * np.sin(2 * math.pi * np.arange(count) / count)
 
 
-def write_moving(path: Path, picture: Callable[[EncodeConfig], NDArray[np.uint8]],
+def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
                  size: tuple[int, int], encode: EncodeConfig, config: FrameConfig, *,
                  flat: bool = False, comment: str = "",
                  step: Callable[[int, int], None] = lambda at, count: None) -> dict[str, Any]:
@@ -341,7 +342,7 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], NDArray[np.uint8]
     codec = codec_for(path, size, config.codec, flat)
     turns = _turns(config)
 
-    def frames() -> Iterator[NDArray[np.uint8]]:
+    def frames() -> Iterator[UInt8]:
         for number, turn in enumerate(turns):
             step(number, len(turns))
             yield picture(dataclasses.replace(encode, turn=encode.turn + float(turn)))
@@ -383,7 +384,7 @@ class Flat:
         size = self.window.width, self.window.height
         return size[::-1] if self.turned else size
 
-    def picture(self, field: VoxelField, encode: EncodeConfig) -> NDArray[np.uint8]:
+    def picture(self, field: VoxelField, encode: EncodeConfig) -> UInt8:
         """A frame, uint8 [H, W, 3]."""
         camera = view_camera(self.window, encode, 0.0, width=self.window.width,
                              height=self.window.height)
@@ -394,7 +395,6 @@ class Flat:
         return np.ascontiguousarray(np.rot90(frame)) if self.turned else frame
 
 
-Bytes = NDArray[np.uint8]
 
 _WHITE = 1.0
 
@@ -488,7 +488,7 @@ def write_with_depth(field: VoxelField, path: Path, config: FrameConfig,
 
 
 def _two_eyes(field: VoxelField, path: Path, config: FrameConfig, context: ExportContext,
-              joined: Callable[[Bytes, Bytes], Bytes], wide: int) -> dict[str, Any]:
+              joined: Callable[[UInt8, UInt8], UInt8], wide: int) -> dict[str, Any]:
     """Pictures of both eyes, joined to one that is so many times as wide."""
     eyes = TwoEyes.of(config)
     moving = path.suffix.lower() in VIDEOS
@@ -497,7 +497,7 @@ def _two_eyes(field: VoxelField, path: Path, config: FrameConfig, context: Expor
     size = wide * eyes.window.width, eyes.window.height
     seen: list[list[float]] = []
 
-    def picture(place: EncodeConfig) -> Bytes:
+    def picture(place: EncodeConfig) -> UInt8:
         left, right, parallax = eyes.both(field, place)
         seen.append(parallax)
         return joined(left, right)

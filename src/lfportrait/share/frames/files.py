@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import UInt8
 from ...errors import UserError
 from ...files import atomic_write
 from ...lightfield import QuiltHint, QuiltLayout, quilt_part
@@ -226,7 +225,7 @@ def check_picture(path: Path, width: int, height: int) -> None:
                         f"{width * height * 3 / 2 ** 30:.1f} GiB; make it smaller with --pixels")
 
 
-def picture_bytes(suffix: str, image: NDArray[np.uint8], exif: Image.Exif | None = None) -> bytes:
+def picture_bytes(suffix: str, image: UInt8, exif: Image.Exif | None = None) -> bytes:
     """A picture [H, W, 3] as the contents of a file with this suffix."""
     suffix = suffix.lower()
     buffer = io.BytesIO()
@@ -241,7 +240,7 @@ def picture_bytes(suffix: str, image: NDArray[np.uint8], exif: Image.Exif | None
     return buffer.getvalue()
 
 
-def write_picture(path: Path, image: NDArray[np.uint8], exif: Image.Exif | None = None) -> None:
+def write_picture(path: Path, image: UInt8, exif: Image.Exif | None = None) -> None:
     """Write a picture [H, W, 3]; it appears when it is complete."""
     check_picture(path, image.shape[1], image.shape[0])
     contents = picture_bytes(path.suffix, image, exif)

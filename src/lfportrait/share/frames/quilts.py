@@ -22,9 +22,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ...arrays import UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ...files import atomic_path, atomic_write
@@ -112,7 +110,7 @@ class QuiltPlan:
         """Width and height of the quilt in pixels."""
         return self.display.quilt_size
 
-    def picture(self, field: VoxelField, encode: EncodeConfig) -> NDArray[np.uint8]:
+    def picture(self, field: VoxelField, encode: EncodeConfig) -> UInt8:
         """The quilt of a field, uint8 [H, W, 3]; view 0, the leftmost, is at the bottom left."""
         return quilt_of(field, self.display, encode, name=f"x{self.layout.suffix()}")[0]
 
@@ -143,7 +141,7 @@ def _size(display: Display, layout: QuiltLayout) -> tuple[int, int]:
             layout.rows * max(1, int(tile[1] * factor)))
 
 
-def write_quilt(path: Path, quilt: NDArray[np.uint8], layout: QuiltLayout, *,
+def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
                 seconds: float = SECONDS, beside: bool = True) -> dict[str, Any]:
     """Write a quilt as PNG, JPEG or WebP with its EXIF block, and its side file ``PATH.json``.
 

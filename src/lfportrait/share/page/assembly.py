@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import Bool
 from ...browsing import open_browser
 from ...capture import Camera
 from ...errors import UserError
@@ -47,8 +47,8 @@ from ...lightfield import (
     world_ground,
 )
 from ...version import __version__
+from ..kinds import PageConfig
 from ..paths import DISTANCE, head_extent
-from .config import PageConfig
 from .packing import ColorSet, Lattice, PageTexture, code_values, color_sets, fit
 
 _HEIGHT = 1000
@@ -186,8 +186,8 @@ class OpenPage:
         Texels per world unit; 0 without a texture.
     """
 
-    filled: NDArray[np.bool_]
-    kept: NDArray[np.bool_] | None = field(default=None, repr=False)
+    filled: Bool
+    kept: Bool | None = field(default=None, repr=False)
     pixels: float = 0.0
 
     @staticmethod
@@ -206,7 +206,7 @@ class OpenPage:
                         _bits(streams[b"texels"], (height, width)), float(texture["pixels"]))
 
 
-def _bits(text: bytes, shape: Any) -> NDArray[np.bool_]:
+def _bits(text: bytes, shape: Any) -> Bool:
     bits = np.unpackbits(np.frombuffer(zlib.decompress(base64.b64decode(text)), np.uint8))
     return bits[:int(np.prod(shape))].astype(np.bool_).reshape(shape)
 

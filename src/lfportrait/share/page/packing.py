@@ -44,6 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...errors import UserError
 from ...field import C0, SurfaceTexture, VoxelField
 from ...stylize import StyledField
@@ -69,11 +70,11 @@ class ColorSet:
 
     name: str
     kind: str
-    sh: NDArray[np.float32] = field(repr=False)
+    sh: Float32 = field(repr=False)
     texels: NDArray[np.int8] | None = field(default=None, repr=False)
 
 
-def _plain(colors: NDArray[np.float32]) -> NDArray[np.float32]:
+def _plain(colors: Float32) -> Float32:
     """Colors [N, 3] as coefficients of degree 0, float32 [N, 3, 1]."""
     return ((colors - np.float32(0.5)) * np.float32(1 / C0))[:, :, None]
 
@@ -147,28 +148,28 @@ class Lattice:
         uint8 [N], chart of the texture that shows each row's place, 255 for none; or None.
     """
 
-    filled: NDArray[np.bool_]
-    density: NDArray[np.float32]
+    filled: Bool
+    density: Float32
     sets: list[ColorSet]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    charts: NDArray[np.uint8] | None = None
+    center: Float64
+    radius: Float64
+    charts: UInt8 | None = None
 
     @property
     def voxel(self) -> float:
         """Mean distance of lattice points in world units."""
         return float((2.0 * self.radius / self.filled.shape[::-1]).mean())
 
-    def dense(self, values: NDArray[Any]) -> NDArray[np.float32]:
+    def dense(self, values: NDArray[Any]) -> Float32:
         """Values of the rows [N] at their lattice points, float32 [Z, Y, X], 0 elsewhere."""
         out = np.zeros(self.filled.shape, np.float32)
         out[self.filled] = values
         return out
 
     @staticmethod
-    def of(links: NDArray[np.int32], density: NDArray[np.float32], sets: list[ColorSet],
-           center: NDArray[np.float64], radius: NDArray[np.float64],
-           charts: NDArray[np.uint8] | None = None) -> Lattice:
+    def of(links: Int32, density: Float32, sets: list[ColorSet],
+           center: Float64, radius: Float64,
+           charts: UInt8 | None = None) -> Lattice:
         """Rows in the lattice's order, without those that no sample meets.
 
         Raises
@@ -211,7 +212,7 @@ class Packed:
         return sum(4 * -(-len(data) // 3) for data in self.streams.values())
 
 
-def _largest_around(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def _largest_around(values: Float32) -> Float32:
     """The largest among each value and its 26 neighbours, float32 [Z, Y, X].
 
     It is `scipy.ndimage.maximum_filter` by a cube, in a tenth of the time.
@@ -226,8 +227,8 @@ def _largest_around(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return out
 
 
-def code_values(filled: NDArray[np.bool_], values: NDArray[np.uint8],
-                tolerance: NDArray[np.uint8]) -> tuple[bytes, NDArray[np.uint8]]:
+def code_values(filled: Bool, values: UInt8,
+                tolerance: UInt8) -> tuple[bytes, UInt8]:
     """Values [N, C] as a deflated stream, and as they are read back; see `code_rows`."""
     # One column of a larger array, or one in another order, would have a kernel of its own.
     values = np.ascontiguousarray(values)
@@ -288,8 +289,8 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     return Packed(header, streams, replace(lattice, density=density, sets=shown))
 
 
-def _density_codes(density: NDArray[np.float32], top: float, hollow: float,
-                   ) -> tuple[NDArray[np.uint8], int]:
+def _density_codes(density: Float32, top: float, hollow: float,
+                   ) -> tuple[UInt8, int]:
     """Bytes of densities from ``-hollow`` to ``top``, and the byte of a density of zero."""
     lowest = np.sqrt(min(max(-float(density.min(initial=0.0)), 0.0), hollow) / top)
     zero = int(np.ceil(255.0 * lowest / (1.0 + lowest)))
@@ -297,7 +298,7 @@ def _density_codes(density: NDArray[np.float32], top: float, hollow: float,
     return (np.clip(zero + root * (255 - zero), 0.0, 255.0) + 0.5).astype(np.uint8), zero
 
 
-def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,
+def _range(values: Float32, taken: Float32, band: int,
            ) -> tuple[float, float]:
     """Range of the stored values: all of a painting's, nearly all of a photo's.
 
@@ -339,7 +340,7 @@ class PageTexture:
     """
 
     texels: list[NDArray[np.int8] | None] = field(repr=False)
-    projections: NDArray[np.float64]
+    projections: Float64
     pixels: float
 
     @property
@@ -349,7 +350,7 @@ class PageTexture:
         return height, width
 
     @staticmethod
-    def of(texture: SurfaceTexture, sets: list[ColorSet], points: NDArray[np.float64],
+    def of(texture: SurfaceTexture, sets: list[ColorSet], points: Float64,
            cell: float) -> PageTexture:
         """The texture of the color sets, of which one has some, with its charts close together.
 
@@ -436,7 +437,7 @@ def with_texels(packed: Packed, texels: PackedTexels | None) -> Packed:
                    streams={**packed.streams, **texels.streams})
 
 
-def _blocks(some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _blocks(some: Bool) -> Bool:
     """Whole blocks of texels in which there is something."""
     height, width = some.shape
     down, across = -(-height // _BLOCK), -(-width // _BLOCK)
@@ -446,8 +447,8 @@ def _blocks(some: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return any_there.repeat(_BLOCK, 0).repeat(_BLOCK, 1)[:height, :width]
 
 
-def _chart_boxes(texture: SurfaceTexture, points: NDArray[np.float64], margin: int,
-                 ) -> NDArray[np.int64]:
+def _chart_boxes(texture: SurfaceTexture, points: Float64, margin: int,
+                 ) -> Int64:
     """Where the rows of each chart lie in the atlas, int64 [C, 4]: left, top, right, bottom.
 
     Of a chart that shows no row nothing is kept.
@@ -467,14 +468,14 @@ def _chart_boxes(texture: SurfaceTexture, points: NDArray[np.float64], margin: i
     return boxes
 
 
-def _shelves(sizes: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[int, int]]:
+def _shelves(sizes: Int64) -> tuple[Int64, tuple[int, int]]:
     """Places for boxes [C, 2] (width, height) side by side, the tallest first, and the area's size.
 
     Of all widths of the area the one that wastes least, with sides that devices take.
     """
     whole = -(-sizes // _ALIGN) * _ALIGN
     order = np.argsort(-whole[:, 1], kind="stable")
-    found: tuple[tuple[bool, int], NDArray[np.int64], tuple[int, int]] | None = None
+    found: tuple[tuple[bool, int], Int64, tuple[int, int]] | None = None
     for width in range(int(whole[:, 0].max()), int(whole[:, 0].sum()) + _ALIGN, _ALIGN):
         places = np.zeros_like(whole)
         x, y, tall = 0, 0, 0
@@ -591,7 +592,7 @@ def coarser(lattice: Lattice, shrink: float) -> Lattice:
     ratio = [n / m for n, m in zip(lattice.filled.shape, shape, strict=True)]
     blur = [0.25 * (r - 1.0) for r in ratio]
 
-    def resampled(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def resampled(values: Float32) -> Float32:
         # Lattice point i of m lies at (i + 1/2) / m of the cube.
         smooth = ndimage.gaussian_filter(values, blur, mode="constant", truncate=3.0)
         place = [(np.arange(m) + 0.5) * r - 0.5 for m, r in zip(shape, ratio, strict=True)]

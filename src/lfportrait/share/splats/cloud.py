@@ -14,13 +14,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, Int32, Int64
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, camera_row
-from ..exporter import METRES, Up
+from ..kinds import METRES, Up
 from .kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
-
-Float = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -42,22 +41,22 @@ class Splats:
         max(0, coefficients . basis + 0.5), sRGB, for the direction from the camera to the splat.
     """
 
-    positions: Float
-    scales: Float
-    turns: Float
-    opacity: Float
-    sh: Float
+    positions: Float32
+    scales: Float32
+    turns: Float32
+    opacity: Float32
+    sh: Float32
 
     def __len__(self) -> int:
         return len(self.positions)
 
     @cached_property
-    def axes(self) -> Float:
+    def axes(self) -> Float32:
         """Directions of the splats' axes as columns, float32 [N, 3, 3]."""
         return axes_of(self.turns)
 
     @property
-    def normals(self) -> Float:
+    def normals(self) -> Float32:
         """Direction of the thin axis, the third one, float32 [N, 3]."""
         return np.ascontiguousarray(self.axes[:, :, 2])
 
@@ -83,17 +82,17 @@ class Splats:
             turns=quaternions_of((turn @ self.axes).astype(np.float32)),
             sh=(self.sh @ mixed.T).astype(np.float32))
 
-    def colors(self, eye: NDArray[np.float64]) -> Float:
+    def colors(self, eye: Float64) -> Float32:
         """Colors from an eye [3] in the world, float32 [N, 3], not below 0."""
         return np.maximum(np.einsum("ncb,nb->nc", self.sh, self.bases(eye)) + np.float32(0.5), 0)
 
-    def bases(self, eye: NDArray[np.float64]) -> Float:
+    def bases(self, eye: Float64) -> Float32:
         """The basis in the direction from an eye [3] to each splat, float32 [N, B]."""
         away = self.positions - eye
         return sh_bases(away / np.linalg.norm(away, axis=1, keepdims=True), self.sh.shape[2])
 
 
-def sh_bases(directions: NDArray[np.floating], count: int) -> Float:
+def sh_bases(directions: NDArray[np.floating], count: int) -> Float32:
     """Spherical harmonics of unit directions [K, 3], float32 [K, count], in the field's order."""
     out = np.full((len(directions), count), C0, np.float32)
     if count == 1:
@@ -108,7 +107,7 @@ def sh_bases(directions: NDArray[np.floating], count: int) -> Float:
     return out
 
 
-def axes_of(turns: Float) -> Float:
+def axes_of(turns: Float32) -> Float32:
     """Rotation matrices of unit quaternions [N, 4] (w, x, y, z), float32 [N, 3, 3]."""
     w, x, y, z = turns.astype(np.float32).T
     rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -117,7 +116,7 @@ def axes_of(turns: Float) -> Float:
     return np.ascontiguousarray(np.moveaxis(np.array(rows, np.float32), 2, 0))
 
 
-def quaternions_of(axes: Float) -> Float:
+def quaternions_of(axes: Float32) -> Float32:
     """Unit quaternions (w, x, y, z), w >= 0, of rotation matrices [N, 3, 3], float32 [N, 4]."""
     from scipy.spatial.transform import Rotation
 
@@ -135,11 +134,11 @@ class Slopes:
     pixels, 0 where it is hidden.
     """
 
-    colors: Float
-    opacity: Float
-    scales: Float
-    positions: Float
-    weights: Float
+    colors: Float32
+    opacity: Float32
+    scales: Float32
+    positions: Float32
+    weights: Float32
 
 
 @dataclass(frozen=True)
@@ -154,16 +153,16 @@ class SplatView:
         int64 [M], splats in the picture, from front to back.
     """
 
-    image: Float
-    order: NDArray[np.int64]
+    image: Float32
+    order: Int64
     _splats: Splats
-    _camera: NDArray[np.float64]
-    _colors: Float
-    _flat: Float
-    _starts: NDArray[np.int64]
-    _members: NDArray[np.int32]
+    _camera: Float64
+    _colors: Float32
+    _flat: Float32
+    _starts: Int64
+    _members: Int32
 
-    def slopes(self, slope: Float) -> Slopes:
+    def slopes(self, slope: Float32) -> Slopes:
         """Derivatives of a loss.
 
         Parameters
@@ -209,7 +208,7 @@ def splat_view(splats: Splats, cameras: Camera, view: int = 0) -> SplatView:
 
 
 def render_splats(splats: Splats, cameras: Camera, view: int = 0,
-                  background: float = 1.0) -> Float:
+                  background: float = 1.0) -> Float32:
     """A picture of splats.
 
     Parameters

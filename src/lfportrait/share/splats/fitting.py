@@ -21,15 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, Rendering, VoxelField
-from ..exporter import SplatConfig
+from ..kinds import SplatConfig
 from ..paths import orbit_cameras
 from .cloud import Splats, quaternions_of, render_splats, splat_view
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 LOOKS = ((0.0, 8), (40.0, 6), (-30.0, 6), (75.0, 3), (-65.0, 3))
 """Pitch in degrees and number of cameras on each ring around the head."""
@@ -126,7 +124,7 @@ def _seen(field: VoxelField, ball: Ball, pixels: int, low: Float64, fine: float,
     return _merged(_joined(solid), low, fine), _merged(_joined(thin), low, fine)
 
 
-def _points(places: Float64, normals: Float32, shot: Rendering, wanted: NDArray[np.bool_],
+def _points(places: Float64, normals: Float32, shot: Rendering, wanted: Bool,
             ) -> _Points:
     """Those of the points of a picture [H, W] that are wanted."""
     there = wanted & np.isfinite(places[..., 0]) & (shot.alpha > FAINT)
@@ -152,7 +150,7 @@ def _joined(parts: list[_Points]) -> _Points:
                      for name in ("places", "normals", "colors", "opacity")))
 
 
-def _cells(points: _Points, low: Float64, side: float) -> tuple[NDArray[np.int64], int]:
+def _cells(points: _Points, low: Float64, side: float) -> tuple[Int64, int]:
     """Which cell each point lies in, int64 [K], and how many cells hold any.
 
     Cells are square columns, `DEEP` times as deep, along the axis that a normal is nearest to: a
@@ -313,7 +311,7 @@ class _Adam:
         self.mean, self.square = np.zeros_like(values), np.zeros_like(values)
         self.seen = np.zeros(len(values), np.float32)
 
-    def step(self, rows: NDArray[np.int64], slope: Float32, share: float) -> None:
+    def step(self, rows: Int64, slope: Float32, share: float) -> None:
         """Move ``rows`` against the derivatives ``slope`` [M, ...], by a share of the rate."""
         self.seen[rows] += 1
         mean = FIRST * self.mean[rows] + (1 - FIRST) * slope

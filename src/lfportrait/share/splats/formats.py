@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import Float32, Int64, UInt8
 from ...color import linear_light
 from ...errors import UserError
 from ...field import C0
@@ -26,21 +27,19 @@ from ...version import __version__
 from ..gltf import Glb
 from .cloud import Splats
 
-Float = NDArray[np.float32]
 
-
-def logit(opacity: Float) -> Float:
+def logit(opacity: Float32) -> Float32:
     """The logit of opacities [N]; finite, as 0 and 1 are moved inwards a little."""
     value = np.clip(opacity.astype(np.float64), 1e-4, 1 - 1e-4)
     return np.log(value / (1 - value)).astype(np.float32)
 
 
-def to_bytes(values: NDArray[np.floating]) -> NDArray[np.uint8]:
+def to_bytes(values: NDArray[np.floating]) -> UInt8:
     """The nearest whole numbers from 0 to 255."""
     return np.asarray(np.clip(np.rint(values), 0, 255), np.uint8)
 
 
-def smallest_three(turns: Float) -> tuple[NDArray[np.int64], Float]:
+def smallest_three(turns: Float32) -> tuple[Int64, Float32]:
     """Quaternions without their largest component, which is made positive and follows from these.
 
     Parameters
@@ -107,7 +106,6 @@ def write_ply(stream: BinaryIO, splats: Splats) -> None:
     stream.write(columns.astype("<f4").tobytes())
 
 
-Bytes = NDArray[np.uint8]
 
 PALETTE = 4096
 """Sets of coefficients above degree 0 that a file holds at most."""
@@ -152,7 +150,7 @@ def write_sog(stream: BinaryIO, splats: Splats) -> None:
             _add(archive, f"{name}.webp", _webp(pixels))
 
 
-def _along_a_curve(positions: NDArray[np.float32]) -> NDArray[np.int64]:
+def _along_a_curve(positions: Float32) -> Int64:
     """An order along a Z-curve (Morton), int64 [N]."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     cells = ((positions - low) / max(float((high - low).max()), 1e-9) * 1023).astype(np.uint64)
@@ -163,7 +161,7 @@ def _along_a_curve(positions: NDArray[np.float32]) -> NDArray[np.int64]:
     return np.argsort(code, kind="stable")
 
 
-def _indexed(values: NDArray[np.float32]) -> tuple[Bytes, list[float]]:
+def _indexed(values: Float32) -> tuple[UInt8, list[float]]:
     """Values [N, 3] as indices uint8 [N, 3] into 256 numbers, chosen by Lloyd's iteration."""
     flat = np.sort(values.reshape(-1).astype(np.float64))
     # Half of the numbers where values are many, half evenly: a few odd ones are kept, too.
@@ -181,7 +179,7 @@ def _indexed(values: NDArray[np.float32]) -> tuple[Bytes, list[float]]:
             [float(number) for number in book.astype(np.float32)])
 
 
-def _palette(rest: NDArray[np.float32], degree: int) -> tuple[dict[str, Any], dict[str, Bytes]]:
+def _palette(rest: Float32, degree: int) -> tuple[dict[str, Any], dict[str, UInt8]]:
     """Coefficients [N, 3, K] as a palette (k-means) and an index for each splat."""
     from scipy.cluster.vq import kmeans2
     from scipy.spatial import cKDTree
@@ -206,7 +204,7 @@ def _palette(rest: NDArray[np.float32], degree: int) -> tuple[dict[str, Any], di
     return meta, {"shN_centroids": picture.reshape(-1, width, 3), "shN_labels": _picture(label)}
 
 
-def _picture(pixels: Bytes) -> Bytes:
+def _picture(pixels: UInt8) -> UInt8:
     """Rows of pixels [N, C] as a nearly square picture [H, W, C]; the last ones are repeated."""
     width = 4 * int(np.ceil(np.sqrt(len(pixels)) / 4))
     height = -(-len(pixels) // width)
@@ -215,7 +213,7 @@ def _picture(pixels: Bytes) -> Bytes:
         height, width, -1)
 
 
-def _webp(pixels: Bytes) -> bytes:
+def _webp(pixels: UInt8) -> bytes:
     """A lossless WebP file; also the colors of transparent pixels are kept."""
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "WEBP", lossless=True, exact=True, method=4, quality=80)

@@ -24,8 +24,6 @@ from ..desk import Desk
 from ..previews import Turn
 from ..projects import Project
 
-__all__ = ["Call", "Table", "attachment", "picture", "query_number", "shown_page"]
-
 _SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 
 Handler = Callable[["Call"], Any]

@@ -14,7 +14,6 @@ from .call import Call, Table, picture, query_number, shown_page
 from .start import heavy, options_of
 
 TABLE = Table()
-__all__ = ["TABLE"]
 
 
 @TABLE.add("POST", "/api/projects/{project}/uploads")

@@ -11,7 +11,6 @@ from ...errors import UserError
 from ...files import read_json
 from ...labels import BY_HAND
 from ..answers import Refusal, number, numbers, points, text, whole
-from ..mixes import checked_mix
 from ..previews import Turn
 from ..projects import Project
 from ..styles import (
@@ -24,10 +23,10 @@ from ..styles import (
     write_picture,
     write_regions,
 )
+from ..versions import checked_mix
 from .call import Call, Table, picture, query_number
 
 TABLE = Table()
-__all__ = ["TABLE", "cameras_of"]
 
 _SIZES = (320, 0)
 _FRONT = [(0.0, 0.0, 1.0)]

@@ -12,15 +12,13 @@ from starlette.responses import Response
 
 from ...files import read_json
 from ..answers import Refusal, text, whole
-from ..mixes import checked_mix, styles_of
 from ..previews import Turn
 from ..projects import Project
-from ..versions import Version, Versions
+from ..versions import Version, Versions, checked_mix, styles_of
 from .call import Call, Table, picture, shown_page
 from .painting import cameras_of
 
 TABLE = Table()
-__all__ = ["TABLE"]
 
 _PAGES = 24
 """Pages of the viewer that are kept for a project."""

@@ -20,7 +20,6 @@ from ..versions import Versions
 from .call import Call, Table, attachment, picture
 
 TABLE = Table()
-__all__ = ["TABLE"]
 
 
 def _panel(call: Call) -> Panel:

@@ -19,7 +19,6 @@ from ..versions import Versions, make_command
 from .call import Call, Table, picture
 
 TABLE = Table()
-__all__ = ["TABLE"]
 
 
 @TABLE.add("GET", "/api/state")

@@ -12,8 +12,6 @@ from ..projects import Project
 from .pictures import head_picture
 from .telling import Teller
 
-__all__ = ["EarlyPicture"]
-
 _EVERY = 1.0
 """Seconds after which it is looked again whether a painting was chosen."""
 

@@ -8,13 +8,11 @@ from typing import Any
 from ...lightfield import EncodeConfig
 from ...share import ExportContext
 from ...stylize import load_styled
+from ..answers import id_of
 from ..exports import forget_unfinished, kind_of
-from ..names import id_of
 from ..orders import Order
-from .sitting import Look, Sitting
+from .resident import Look, Sitting
 from .telling import Teller
-
-__all__ = ["export"]
 
 
 def export(order: Order, teller: Teller) -> dict[str, Any]:

@@ -36,8 +36,6 @@ from .jobs import do_task, expected
 from .pictures import coded_picture, head_picture
 from .telling import Teller
 
-__all__ = ["fine", "mixed_file"]
-
 
 def fine(order: Order, teller: Teller) -> dict[str, Any]:
     """Paint, mix, code, and write the page, the video and the report."""

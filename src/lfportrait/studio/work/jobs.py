@@ -40,9 +40,6 @@ from ..photos import VIDEO_FRAME
 from .pictures import cameras_picture, head_picture, photo_picture, turned
 from .telling import Teller
 
-__all__ = ["do_task", "serve"]
-
-
 _FITTED = {"capture": 2.5, "reconstruct": 7.5}
 """Seconds of a head that is fitted to a face."""
 

@@ -7,22 +7,18 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from ...arrays import UInt8
 from ...capture import Camera, Capture, font
 from ...field import VoxelField
 from ...lightfield import eight_bit, render_views
-
-__all__ = ["cameras_picture", "coded_picture", "head_picture",
-           "photo_picture", "views_of"]
 
 _PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
 _MARGIN = 1.12
 """Of a head in its picture."""
 _DISTANCE = 4.0
 
-Uint8 = NDArray[np.uint8]
 
 
 def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], size: int) -> Camera:
@@ -51,7 +47,7 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
 
 
 def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-40.0, 0.0, 40.0),
-                 ) -> Uint8:
+                 ) -> UInt8:
     """A head from some sides, side by side: uint8 [size, size * views, 3].
 
     From no further aside than it can be looked at.
@@ -62,7 +58,7 @@ def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-4
         field, cameras, background=1.0)], axis=1)
 
 
-def cameras_picture(capture: Capture, size: int = 480) -> Uint8:
+def cameras_picture(capture: Capture, size: int = 480) -> UInt8:
     """The placed cameras from above, beside the photos of some of them.
 
     Returns
@@ -98,7 +94,7 @@ def cameras_picture(capture: Capture, size: int = 480) -> Uint8:
     return np.asarray(sheet, np.uint8)
 
 
-def photo_picture(capture: Capture, size: int = 480) -> Uint8:
+def photo_picture(capture: Capture, size: int = 480) -> UInt8:
     """The photos that a head was fitted to, cut out, side by side: uint8 [size, W, 3]."""
     shown = []
     for view in range(len(capture)):
@@ -124,7 +120,7 @@ def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:
         sheet.paste(small, (size + column * cell + 3, row * cell + 3))
 
 
-def coded_picture(coded: Uint8, size: int = 320) -> Uint8:
+def coded_picture(coded: UInt8, size: int = 320) -> UInt8:
     """The whole coded picture, small, beside a piece of it enlarged four times."""
     height, width = coded.shape[:2]
     wide = round(size * width / height)
@@ -136,7 +132,7 @@ def coded_picture(coded: Uint8, size: int = 320) -> Uint8:
     return np.concatenate([np.asarray(whole), np.asarray(piece)], axis=1)
 
 
-def pieces(images: Sequence[Any]) -> Uint8:
+def pieces(images: Sequence[Any]) -> UInt8:
     """Pictures of one height side by side."""
     return np.concatenate([np.asarray(one, np.uint8) for one in images], axis=1)
 

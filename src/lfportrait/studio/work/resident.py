@@ -1,7 +1,6 @@
 """The process that answers at once: previews, viewers, faces, regions, what an eye sees.
 
-It gets ``(number, name, facts)`` and answers ``(number, "ok", result)`` or, of an error, ``(number,
-code, text)``, one after the other. It imports what takes long when it starts, before anybody asks.
+Heads stay in memory (`Sitting`), to show paintings and mixes on them at once.
 """
 
 from __future__ import annotations
@@ -10,47 +9,326 @@ import io
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ... import models
+from ...arrays import Float64, UInt8
+from ...cache import hash_of, tried
+from ...capture import FAIR, GOOD
 from ...errors import UserError
-from ...files import atomic_path, write_json
+from ...example import Exemplar, known_ground
+from ...face import GENERIC_LANDMARKS, detect_faces, write_landmarks
+from ...field import Backdrop, VoxelField, head_points
+from ...files import atomic_path, file_state, write_image, write_json
+from ...job import Session, check_style, chosen_face
+from ...labels import BY_HAND
 from ...lightfield import (
     DepthReport,
     Display,
     EncodeConfig,
     ViewMask,
     composed,
+    eight_bit,
     encode,
     layout_of_file,
     pattern,
+    render_views,
     simulate,
     write_coded,
 )
 from ...lightfield.screens import Bridge
+from ...media.pictures import read_image
 from ...runner import Pipe
 from ...share import OpenPage, PageConfig, recolored, write_page
-from ...stylize import StyledField
+from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from ..answers import failed
 from ..styles import write_picture
-from .paintings import PAINTING_ANSWERS
-from .sitting import Look, Sitting
+from .pictures import views_of
 
-__all__ = ["serve"]
+Value = TypeVar("Value")
+
+
+class _Kept(Generic[Value]):
+    """The things that were used last, by their keys."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._things: OrderedDict[str, Value] = OrderedDict()
+
+    def get(self, key: str, make: Callable[[], Value]) -> Value:
+        """A thing, made where it is not there."""
+        if key not in self._things:
+            # Made before an older one is let go: the new one may need its parts.
+            self._things[key] = make()
+        self._things.move_to_end(key)
+        while len(self._things) > self._most:
+            self._things.popitem(last=False)
+        return self._things[key]
+
+
+class _Few(Painters):
+    """Painters of few paintings: they share the memory with jobs."""
+
+    MOST = 3
+
+
+class Look:
+    """What is shown: a sitter in a style and a mix.
+
+    Parameters
+    ----------
+    request
+        ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's file);
+        with ``job`` also ``style`` (a picture or a built-in name, None for the photographed head),
+        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``.
+        ``mix``: arguments of `StyledField.mix`.
+    """
+
+    def __init__(self, request: Mapping[str, Any]) -> None:
+        self.job = Path(request["job"]) if request.get("job") else None
+        self.styled = Path(request["styled"]) if request.get("styled") else None
+        self.style: str | None = request.get("style")
+        self.landmarks: Sequence[Sequence[float]] | None = request.get("landmarks")
+        self.others: dict[str, str] = dict(request.get("styles") or {})
+        self.pixels: float | None = request.get("pixels")
+        self.mix: dict[str, Any] = dict(request.get("mix") or {})
+
+    def _stamps(self) -> list[tuple[str, tuple[int, ...] | None]]:
+        """All files that it depends on, with their times."""
+        paths: list[Path] = []
+        if self.styled is not None:
+            paths = [self.styled]
+        elif self.job is not None:
+            paths = [self.job / "field.npz", self.job / "capture" / "transforms.json"]
+            for style in (self.style, *self.others.values()):
+                if style:
+                    path = Path(style)
+                    paths += [path, *(path.with_suffix(f".{end}") for end in
+                                      ("landmarks.txt", "mask.png", "regions.png"))]
+        return [(str(path), file_state(path) if path.is_file() else None) for path in paths]
+
+    def painted_key(self) -> str:
+        """Changes with whatever the painted head depends on."""
+        points = None if self.landmarks is None else np.asarray(self.landmarks, float).tolist()
+        return hash_of(str(self.job), str(self.styled), self.style, sorted(self.others.items()),
+                       points, self.pixels, self._stamps())[:32]
+
+    def key(self) -> str:
+        """Changes with whatever is shown, the mix included."""
+        return hash_of(self.painted_key(), sorted(self.mix.items(), key=lambda one: one[0]))[:32]
+
+
+class Sitting:
+    """The heads, paintings and painted heads that are in memory."""
+
+    def __init__(self) -> None:
+        self._sessions: _Kept[Session] = _Kept(2)
+        self._painted: _Kept[VoxelField] = _Kept(4)
+        self._mixed: _Kept[VoxelField] = _Kept(2)
+        self._exemplars: _Kept[Exemplar] = _Kept(12)
+        self._grounds: _Kept[Backdrop] = _Kept(2)
+        # With landmarks that are moved at this moment: the next ones are others.
+        self._tried: _Kept[VoxelField] = _Kept(1)
+
+    def session(self, job: Path) -> Session:
+        """A head with all that previews need."""
+        key = f"{job} {file_state(job / 'field.npz')}"
+        return self._sessions.get(key, lambda: Session(job / "field.npz", job / "capture",
+                                                       painters=_Few()))
+
+    def exemplar(self, style: str, landmarks: Any = None) -> Exemplar:
+        """A painting, with landmarks that may not be saved yet."""
+        path = Path(style)
+        beside = [file_state(one) if one.is_file() else None
+                  for one in (path, *(path.with_suffix(f".{end}") for end in
+                                      ("landmarks.txt", "mask.png", "regions.png")))]
+        saved = f"{style} {beside}"
+        if landmarks is None:
+            return self._exemplars.get(saved, lambda: Exemplar.load(style))
+        points = np.asarray(landmarks, np.float64)
+
+        def moved() -> Exemplar:
+            if not path.is_file():
+                return replace(self.exemplar(style), landmarks=points)
+            # Read once: the picture is the same, and no face must be found in it.
+            base = self._exemplars.get(f"{saved} picture", lambda: Exemplar.load(path, points))
+            return replace(base, landmarks=points)
+
+        return moved()
+
+    def field(self, look: Look) -> VoxelField:
+        """What is shown."""
+        kept = self._painted if look.landmarks is None else self._tried
+        base = kept.get(look.painted_key(), lambda: self._made(look))
+        if not look.mix:
+            return base
+        if not isinstance(base, StyledField):
+            raise UserError("the photographed head has no painting to mix with")
+        styled = base
+        return self._mixed.get(look.key(), lambda: styled.mix(**look.mix))
+
+    def on_panel(self, look: Look) -> VoxelField:
+        """What is shown, with the painted ground behind it, which a preview is made without."""
+        field = self.field(look)
+        if look.job is None or look.style is None or field.backdrop is not None:
+            return field
+        session, exemplar = self.session(look.job), self.exemplar(look.style, look.landmarks)
+        backdrop = self._grounds.get(look.painted_key(), lambda: Backdrop(
+            *known_ground(exemplar, seed=session.config.seed), head_points(field)))
+        # The field itself stays as it is: its page has no ground.
+        grounded = replace(field, backdrop=backdrop)
+        grounded.take_layouts(field)
+        return grounded
+
+    def _made(self, look: Look) -> VoxelField:
+        """The painted head, at full strength."""
+        if look.styled is not None:
+            return load_styled(look.styled)
+        assert look.job is not None
+        session = self.session(look.job)
+        if look.style is None:
+            return session.field
+        config = session.config if look.pixels is None else StylizeConfig(pixels=look.pixels)
+        exemplars = [self.exemplar(look.style, look.landmarks),
+                     *(replace(self.exemplar(path), name=name)
+                       for name, path in look.others.items())]
+        if look.landmarks is not None and len(exemplars) == 1:
+            with tried():  # the next landmarks are others: the user's cache need not keep these
+                return session.preview(exemplars[0], config, keep=False)
+        if len(exemplars) == 1:
+            return session.preview(exemplars[0], config)
+        return session.preview_all(exemplars, config)
+
+    def picture(self, look: Look, cameras: Sequence[tuple[float, float, float]], size: int,
+                background: float = 1.0) -> UInt8:
+        """What is shown from some cameras, side by side: uint8 [size, size * cameras, 3]."""
+        field = self.field(look)
+        return np.concatenate([eight_bit(seen.color) for seen in render_views(
+            field, views_of(field, cameras, size), background=background)], axis=1)
+
 
 Facts = Mapping[str, Any]
+_NOSE = 30
+"""Its tip among the 68."""
+
+
+def _faces(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """All faces of a picture, kept in a file."""
+    path = Path(facts["style"])
+    if path.is_file():
+        image = np.ascontiguousarray(read_image(path)[..., :3])
+        if not models.available("face-landmarker"):  # all points are set by hand
+            return {"width": image.shape[1], "height": image.shape[0], "faces": []}
+        found = detect_faces(image)
+    else:
+        exemplar = sitting.exemplar(str(path))
+        image, found = exemplar.image, [exemplar.landmarks]
+    data = {"width": image.shape[1], "height": image.shape[0],
+            "faces": [np.round(points, 2).tolist() for points in found]}
+    write_json(facts["file"], data)
+    return data
+
+
+def _choose(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """Write the landmarks of the face that is meant beside the painting."""
+    path = Path(facts["style"])
+    image = np.ascontiguousarray(read_image(path)[..., :3])
+    at = facts.get("at")
+    if at is None:
+        points, _ = chosen_face(path, image, int(facts.get("face", 0)))
+    else:
+        place = float(at[0]), float(at[1])
+        try:
+            points, _ = chosen_face(path, image, 0, place)
+        except UserError:  # not even there: then all points are set by hand, from a usual face
+            points = usual_face(place, image.shape[1], image.shape[0])
+    write_landmarks(path.with_suffix(".landmarks.txt"), points)
+    return {"points": points.tolist()}
+
+
+def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
+    """Landmarks of a usual face with the tip of its nose at a place, to be corrected by hand.
+
+    Parameters
+    ----------
+    place
+        x and y in pixels.
+    width, height
+        Of the picture: the face takes two fifths of the shorter side, or less near the border.
+
+    Returns
+    -------
+    points
+        float64 [68, 2], in the picture as far as the place allows it.
+    """
+    nose = np.clip(place, 0, [width - 1, height - 1])
+    face = (GENERIC_LANDMARKS[:, :2] - GENERIC_LANDMARKS[_NOSE, :2]) * [1, -1]
+    reach = np.array([-face.min(0), face.max(0)])
+    room = np.array([nose, [width - 1, height - 1] - nose]) / reach
+    scale = 0.4 * min(width, height) / np.ptp(face[:, 1])
+    points: Float64 = nose + face * max(min(scale, room.min()), 0.25 * scale)
+    return points
+
+
+def _check(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """What a painting will give, without a preview."""
+    found = check_style(facts["style"], preview=False)
+    return {"facts": [{"grade": "good" if color == GOOD else "fair" if color == FAIR else "bad",
+                       "text": text} for color, text in found.facts],
+            "pose": found.figures["pose"], "face_pixels": found.figures["face_pixels"]}
+
+
+def _regions(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """Write what the detectors see in a painting as a picture of regions."""
+    style = facts["style"]
+    path = Path(style)
+    exemplar = sitting.exemplar(style)
+    if path.is_file():
+        # Without what was painted over by hand.
+        exemplar = Exemplar(exemplar.image, exemplar.landmarks, exemplar.name)
+    regions = exemplar.regions()
+    value = {name: number for number, name in enumerate(BY_HAND)}
+    picture = np.full(exemplar.image.shape[:2], value["background"], np.uint8)
+    person = regions.person > 0.5
+    picture[person] = value["skin"]
+    height, width = exemplar.image.shape[:2]
+    _, down = regions.frame.local((height, width))
+    picture[person & (down > 1.02)] = value["neck"]
+    if regions.hair is not None:
+        picture[person & (regions.hair > 0.5)] = value["hair"]
+    write_image(facts["file"], picture)
+    return {"width": width, "height": height}
+
+
+def _copy(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """Copy a style as a picture with its landmarks beside it."""
+    exemplar = sitting.exemplar(facts["style"])
+    target = Path(facts["file"])
+    write_image(target, exemplar.image)
+    write_landmarks(target.with_suffix(".landmarks.txt"), exemplar.landmarks)
+    if exemplar.mask is not None:
+        write_image(target.with_suffix(".mask.png"), exemplar.mask)
+    return {}
+
+
+PAINTING_ANSWERS: dict[str, Callable[[Sitting, Facts], dict[str, Any]]] = {
+    "faces": _faces, "choose": _choose, "check_style": _check, "regions": _regions,
+    "copy_style": _copy}
+
+
 _BRIDGE = 3.0
 """Seconds that Bridge has to answer."""
 
 
-def jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
+def jpeg(image: UInt8, quality: int = 88) -> bytes:
     """A picture as JPEG."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "JPEG", quality=quality)
@@ -62,7 +340,7 @@ class _Resident:
 
     def __init__(self) -> None:
         self.sitting = Sitting()
-        self._coded: tuple[str, NDArray[np.uint8]] | None = None
+        self._coded: tuple[str, UInt8] | None = None
 
     def preview(self, facts: Facts) -> dict[str, Any]:
         """A picture of a look, JPEG."""
@@ -117,7 +395,7 @@ class _Resident:
                 "placement": {name: getattr(config, name) for name in (
                     "size", "shift_x", "shift_y", "focus", "depth_scale")}}
 
-    def coded(self, facts: Facts) -> NDArray[np.uint8]:
+    def coded(self, facts: Facts) -> UInt8:
         """A look, coded for a panel; the last one is kept."""
         look = Look(facts["look"])
         field, panel, config = self._placed(facts)

@@ -17,17 +17,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ...arrays import UInt8
 from ...field import VoxelField
 from ...files import write_image
 from ...job import STAGES, Tools
 from ...progress import Progress
 from ...share import PageConfig, write_page
 from ...simd.host import watched_compilations
-
-__all__ = ["Teller", "Told"]
 
 _SIZE = 2.0
 """Of a page in MB, at most."""
@@ -52,7 +48,7 @@ class Teller:
     tell: Callable[..., None]
     pictures: Path
 
-    def picture(self, stage: str, image: NDArray[np.uint8]) -> None:
+    def picture(self, stage: str, image: UInt8) -> None:
         """A stage's picture, uint8 [H, W, 3]."""
         self.pictures.mkdir(parents=True, exist_ok=True)
         write_image(self.pictures / f"{stage}.jpg", image, quality=88)
@@ -65,7 +61,7 @@ class Teller:
         self.tell("page", stage)
 
     @contextmanager
-    def stage(self, name: str, draw: Callable[[Any], NDArray[np.uint8]] | None = None,
+    def stage(self, name: str, draw: Callable[[Any], UInt8] | None = None,
               ) -> Iterator[Progress]:
         """A stage of the work, with its progress, its warnings and its time.
 
@@ -92,7 +88,7 @@ class Teller:
             yield progress
         self.tell("done", name, round(time.perf_counter() - begun, 3))
 
-    def tools(self, stage: str, draw: Callable[[Any], NDArray[np.uint8]] | None = None,
+    def tools(self, stage: str, draw: Callable[[Any], UInt8] | None = None,
               **more: Any) -> Tools:
         """Tools whose progress is a stage's (`lfportrait.job.do_stage`)."""
         teller = self
@@ -112,7 +108,7 @@ class Told(Progress):
     """Progress that goes to the server."""
 
     def __init__(self, teller: Teller, stage: str,
-                 draw: Callable[[Any], NDArray[np.uint8]] | None = None) -> None:
+                 draw: Callable[[Any], UInt8] | None = None) -> None:
         super().__init__(stage, enabled=False)
         self.compiled = 0
         self._teller, self._stage, self._draw = teller, stage, draw

@@ -4,6 +4,6 @@ All work on the same field, whose density is frozen, and are shown the same phot
 Each module says what it does otherwise than its original.
 """
 
-from .config import ArfConfig, RefNprConfig, StylizedNerfConfig
+from ..config import ArfConfig, RefNprConfig, StylizedNerfConfig
 
 __all__ = ["ArfConfig", "RefNprConfig", "StylizedNerfConfig"]

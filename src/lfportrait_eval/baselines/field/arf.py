@@ -33,6 +33,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from lfportrait.arrays import Float32, Float64
 from lfportrait.device import device_name, torch_device
 from lfportrait.example import Exemplar
 from lfportrait.stylize import FieldTask
@@ -45,7 +46,7 @@ from lfportrait.stylize.losses import (
     total_variation,
 )
 
-from .config import ArfConfig
+from ..config import ArfConfig
 from .photo_views import (
     COLOR_SMOOTHNESS,
     IMAGE_SMOOTHNESS,
@@ -61,7 +62,6 @@ from .photo_views import (
     tensor,
 )
 
-Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]
 
 LEARNING_RATE = 0.1
@@ -201,7 +201,6 @@ class _Losses:
                     for name, value in terms.items()}}
 
 
-Float64 = NDArray[np.float64]
 
 LEAST = 1e-8
 """Eigenvalues of a covariance are not taken as smaller than this."""

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lfportrait.arrays import Float32
 from lfportrait.stylize import FieldMethod, FieldTask
 
-from .config import ArfConfig, RefNprConfig, StylizedNerfConfig
+from ..config import ArfConfig, RefNprConfig, StylizedNerfConfig
 
-Painted = tuple[NDArray[np.float32], dict[str, Any]]
+Painted = tuple[Float32, dict[str, Any]]
 
 
 def _arf(task: FieldTask, config: ArfConfig) -> Painted:

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import maximum_filter, minimum_filter
 from torch.nn import functional
 
 from lfportrait import models
+from lfportrait.arrays import Bool, Float32, Float64, Int32, Int64
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.field import C0, VoxelField
@@ -28,9 +28,7 @@ from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel, StyleView, facing
 from lfportrait.stylize.losses import FeatureNetwork, load_network, stacked
 
-from .kernels import rmsprop_step
-
-Float32 = NDArray[np.float32]
+from ..kernels import rmsprop_step
 
 
 @dataclass
@@ -52,7 +50,7 @@ class PhotoView(StyleView):
     depth: Any = None
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Bool:
         """Pixels that show nothing but the head, bool [h, w]."""
         return self.alpha > 0.9
 
@@ -193,7 +191,7 @@ class Correspondence:
 
     grid: torch.Tensor
     visible: torch.Tensor
-    cosine: NDArray[np.float32]
+    cosine: Float32
 
     def warped(self, picture: torch.Tensor) -> torch.Tensor:
         """A picture of the other view [1, C, H, W] as this view would show it, [1, C, h, w]."""
@@ -226,15 +224,15 @@ def seen_from(view: PhotoView, other: PhotoView, tolerance: float = TOLERANCE,
                           _cosine(points, view, other).reshape(height, width))
 
 
-def _depths_around(view: PhotoView) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _depths_around(view: PhotoView) -> tuple[Float32, Float32]:
     """Least and largest depth of a pixel and its eight neighbours, places without one left out."""
     known = np.isfinite(view.depth)
     return (minimum_filter(np.where(known, view.depth, np.inf), 3),
             maximum_filter(np.where(known, view.depth, -np.inf), 3))
 
 
-def _cosine(points: NDArray[np.float64], view: PhotoView, other: PhotoView,
-            ) -> NDArray[np.float32]:
+def _cosine(points: Float64, view: PhotoView, other: PhotoView,
+            ) -> Float32:
     """Cosine of the angle at points [N, 3] between the directions to two cameras."""
     first, second = (one.camera.position[0] - points for one in (view, other))
     length = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
@@ -341,7 +339,7 @@ class ColorDescent:
         rmsprop_step(self.model.colors, self._gradient, self._square, self.rate)
 
 
-def following_rows(links: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+def following_rows(links: Int32, count: int) -> Int32:
     """Row of the next lattice point along x, y and z, int32 [N, 3]; a row itself where none is."""
     following = np.repeat(np.arange(count, dtype=np.int32)[:, None], 3, axis=1)
     for axis in range(3):
@@ -352,8 +350,8 @@ def following_rows(links: NDArray[np.int32], count: int) -> NDArray[np.int32]:
     return following
 
 
-def total_variation_slope(colors: Float32, following: NDArray[np.int32],
-                          scale: NDArray[np.float64], rows: NDArray[np.int64], weight: float,
+def total_variation_slope(colors: Float32, following: Int32,
+                          scale: Float64, rows: Int64, weight: float,
                           gradient: Float32) -> None:
     """Add the slope of the total variation of some rows to a gradient, as svox2 does.
 

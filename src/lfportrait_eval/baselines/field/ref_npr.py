@@ -32,11 +32,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, maximum_filter, minimum_filter
 from torch.nn import functional
 
 from lfportrait import models
+from lfportrait.arrays import Bool, Float32
 from lfportrait.capture import Camera
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
@@ -51,7 +51,7 @@ from lfportrait.stylize.losses import (
     total_variation,
 )
 
-from .config import RefNprConfig
+from ..config import RefNprConfig
 from .photo_views import (
     COLOR_SMOOTHNESS,
     IMAGE_SMOOTHNESS,
@@ -69,7 +69,6 @@ from .photo_views import (
     view_of,
 )
 
-Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]
 
 STEEPEST = 0.3
@@ -185,7 +184,7 @@ def painted_view(task: FieldTask, size: int) -> PhotoView:
     return view
 
 
-def steady_places(view: PhotoView) -> NDArray[np.bool_]:
+def steady_places(view: PhotoView) -> Bool:
     """Pixels of a view away from its outlines, bool [h, w].
 
     An outline is where the head ends, or where the depth jumps from a pixel to the next ones: by

@@ -32,16 +32,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from safetensors.torch import load
 from torch.nn import functional
 
 from lfportrait import models
+from lfportrait.arrays import Float32
 from lfportrait.device import device_name, torch_device
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
 
-from .config import StylizedNerfConfig
+from ..config import StylizedNerfConfig
 from .photo_views import Correspondence, PhotoView, dump_views, photo_views, seen_from, tensor
 
 Weights = dict[str, torch.Tensor]
@@ -147,7 +147,6 @@ def normalised_to(features: torch.Tensor, inside: torch.Tensor, wanted: Statisti
     return (features - mean) / spread * target_spread + target_mean
 
 
-Float32 = NDArray[np.float32]
 
 NEIGHBOURS = 3
 """A view is compared with views up to this many places away in their order around the head."""

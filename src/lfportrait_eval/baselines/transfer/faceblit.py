@@ -17,15 +17,13 @@ from PIL import Image
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
+from lfportrait.arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from lfportrait.example.exemplar import Exemplar
 from lfportrait.example.guides.position import pixel_centres, position_guide
 from lfportrait.example.styleblit import elect, pack_colors, shift_planes, vote
 
-from .config import FaceBlitConfig, Painted
-from .kernels import NOWHERE, flood, search_windows, sweep_windows
-
-Float32 = NDArray[np.float32]
-Int32 = NDArray[np.int32]
+from ..config import FaceBlitConfig, Painted
+from ..kernels import NOWHERE, flood, search_windows, sweep_windows
 
 THRESHOLD, GROUND_THRESHOLD = 50, 10
 """Largest guide error inside a chunk of the face, and of the rest; all as published."""
@@ -41,7 +39,7 @@ STEPS = 256
 """Steps of the position guide along each axis, and of the appearance."""
 
 
-def appearance_levels(image: NDArray[np.uint8]) -> Int32:
+def appearance_levels(image: UInt8) -> Int32:
     """Half of grey minus its blur, about 128; the blur is three halvings, enlarged bilinearly."""
     grey = np.asarray(Image.fromarray(image).convert("L"))
     small = grey
@@ -103,7 +101,7 @@ def published_table(appearance: Int32, config: FaceBlitConfig,
     return table
 
 
-def published_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64]) -> NDArray[np.bool_]:
+def published_mask(image: UInt8, landmarks: Float64) -> Bool:
     """Mask of the face: the jaw's hull, an ellipse, and the forehead by three samples of skin."""
     height, width = image.shape[:2]
     left, right = landmarks[0], landmarks[16]
@@ -133,7 +131,7 @@ def published_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64]) -> 
     return mask
 
 
-def _head_box(landmarks: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.int64]:
+def _head_box(landmarks: Float64, shape: tuple[int, ...]) -> Int64:
     """The published rectangle about the head (left, top, right, bottom), inside the picture."""
     (x0, y0), (x16, y16) = landmarks[0], landmarks[16]
     width = x16 - x0
@@ -164,7 +162,7 @@ class FaceBlit:
         self.seconds = time.perf_counter() - start
         self._colors = pack_colors(exemplar.image.astype(np.float32) / np.float32(255))
 
-    def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
+    def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
         """Stylise one photo.
 
         Parameters
@@ -206,7 +204,7 @@ class FaceBlit:
                         "synthesis": np.nan_to_num(face), "mask": soft[..., 0]})
 
     def _position(self, shape: tuple[int, ...],
-                  landmarks: NDArray[np.float64]) -> tuple[Int32, Int32]:
+                  landmarks: Float64) -> tuple[Int32, Int32]:
         """Position guide of a photo: x and y steps, int32 [H, W] each."""
         style_height, style_width = self.appearance.shape
         ours, theirs = landmarks, self.exemplar.landmarks
@@ -218,7 +216,7 @@ class FaceBlit:
                 warped_gradient(places[..., 1], style_height))
 
     def _synthesise(self, red: Int32, green: Int32, appearance: Int32, seeds: Int32,
-                    box: NDArray[np.int64], look: int, threshold: int) -> Float32:
+                    box: Int64, look: int, threshold: int) -> Float32:
         """Flood fill and voting; NaN where no chunk has come. float32 [H, W, 3]."""
         style_height, style_width = self.appearance.shape
         index = np.empty(red.shape, np.int32)

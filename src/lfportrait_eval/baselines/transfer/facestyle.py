@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lfportrait.arrays import Float32, UInt8
 from lfportrait.example.exemplar import Exemplar, face_size
 from lfportrait.example.guides.appearance import Distribution, grey, match_histogram
 from lfportrait.example.guides.control_points import match_regions
@@ -37,9 +38,7 @@ from lfportrait.example.patches import (
 )
 from lfportrait.labels import PICTURE_LABELS
 
-from .config import FaceStyleConfig, Painted
-
-Float32 = NDArray[np.float32]
+from ..config import FaceStyleConfig, Painted
 
 APPEARANCE, SEGMENT, POSITION = 0.3, 1.5, 12.0
 """Weights of the guides: more appearance keeps the sitter's features, above 1 the photo shows
@@ -87,7 +86,7 @@ class FaceStyle:
         self._source(1.0)
         self.seconds = time.perf_counter() - start
 
-    def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
+    def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
         """Stylise one photo.
 
         Parameters
@@ -140,7 +139,7 @@ class FaceStyle:
         self._sources[scale] = source
         return source
 
-    def _guides(self, image: NDArray[np.uint8], regions: Regions, position: Float32,
+    def _guides(self, image: UInt8, regions: Regions, position: Float32,
                 shape: tuple[int, ...], source: _Source | None) -> Float32:
         """Guides of a picture, float32 [H, W, 5]: appearance, position (2), segmentation (2)."""
         labels = regions.labels(source.like if source is not None else frozenset())
@@ -172,7 +171,7 @@ class FaceStyle:
         return image, occupancy(places, size) / np.float32(even)
 
 
-def _head(labels: NDArray[np.uint8]) -> Float32:
+def _head(labels: UInt8) -> Float32:
     """Head and hair against body and background, float32 [H, W] in [0, 1]."""
     other = labels[..., PICTURE_LABELS.index("body")].astype(np.float32)
     other += labels[..., PICTURE_LABELS.index("background")]

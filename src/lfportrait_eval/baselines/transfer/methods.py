@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lfportrait.example import Exemplar, PhotoMethod, Sitting
 
-from .config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from ..config import FaceBlitConfig, FaceStyleConfig, NetworkConfig
 from .faceblit import FaceBlit
 from .facestyle import FaceStyle
 from .network import StyleNetwork

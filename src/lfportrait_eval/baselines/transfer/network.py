@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lfportrait.arrays import Float32, UInt8
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example.exemplar import Exemplar, face_size
@@ -27,7 +28,7 @@ from lfportrait.files import atomic_write
 from lfportrait.media.pictures import read_image
 from lfportrait.plugins import Sitting, provided_sittings
 
-from .config import NetworkConfig, Painted
+from ..config import NetworkConfig, Painted
 from .facestyle import FaceStyle
 
 FORMAT = "lfportrait style network 1"
@@ -83,7 +84,7 @@ class StyleNetwork:
         """Width, steps, loss, number of pairs, seconds of teacher and training."""
         return dict(self._trained.facts)
 
-    def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
+    def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
         """Stylise one photo; the landmarks only give the size of the face.
 
         Parameters
@@ -133,7 +134,7 @@ class StyleNetwork:
             "device": device_name(self._device)})
 
     def _examples(self, own: list[Sitting],
-                  ) -> tuple[list[tuple[NDArray[np.uint8], NDArray[np.float32]]], float]:
+                  ) -> tuple[list[tuple[UInt8, Float32]], float]:
         """Photos and their paintings, and the mean size of the faces."""
         config = self.config
         random = np.random.default_rng(config.seed)

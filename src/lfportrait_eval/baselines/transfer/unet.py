@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
+from lfportrait.arrays import Float32, UInt8
+
 STRIDE = 8
 """Sides of a picture are padded to multiples of this."""
 BLOCKS = 4
@@ -99,7 +101,7 @@ def _edges(image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return image[..., 1:] - image[..., :-1], image[..., 1:, :] - image[..., :-1, :]
 
 
-def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int, *,
+def train(pairs: list[tuple[UInt8, Float32]], width: int, *,
           steps: int, seconds: float, rate: float, adversarial: float, seed: int,
           place: str = "cpu") -> tuple[Painter, int, float]:
     """Train a painter on photos and their paintings.
@@ -169,7 +171,7 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
 
 
 @torch.no_grad()
-def run(painter: Painter, photo: NDArray[np.uint8]) -> NDArray[np.float32]:
+def run(painter: Painter, photo: UInt8) -> Float32:
     """Painting float32 [H, W, 3] in [0, 1] of a photo uint8 [H, W, 3]."""
     height, width = photo.shape[:2]
     place = next(painter.parameters()).device

@@ -10,14 +10,14 @@ from lfportrait.errors import UserError
 from lfportrait.field import C0
 from lfportrait.stylize import FieldTask, StylizeConfig, stylize_with_figures
 from lfportrait.stylize.losses import total_variation
+from lfportrait_eval.baselines.config import ArfConfig
 from lfportrait_eval.baselines.field.arf import ColorMap
-from lfportrait_eval.baselines.field.config import ArfConfig
-from lfportrait_eval.baselines.field.kernels import rmsprop_step
 from lfportrait_eval.baselines.field.photo_views import (
     following_rows,
     photo_views,
     total_variation_slope,
 )
+from lfportrait_eval.baselines.kernels import rmsprop_step
 from tests.fields import shell_field
 
 SMALL = StylizeConfig(method="arf", parameters=(

@@ -10,7 +10,7 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.stylize import FieldTask, StylizeConfig, load_network, stylize_with_figures
 from lfportrait.stylize.losses import _vgg19_se_deep
-from lfportrait_eval.baselines.field.config import RefNprConfig
+from lfportrait_eval.baselines.config import RefNprConfig
 from lfportrait_eval.baselines.field.photo_views import nearest_places, view_of
 from lfportrait_eval.baselines.field.ref_npr import painted_view, registered, steady_places
 from lfportrait_eval.baselines.field.stylized_nerf import ENCODER

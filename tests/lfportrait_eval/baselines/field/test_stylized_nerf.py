@@ -10,8 +10,8 @@ from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.stylize import FieldTask, StylizeConfig, stylize_with_figures
 from lfportrait.stylize.fit import ColorModel
+from lfportrait_eval.baselines.config import StylizedNerfConfig
 from lfportrait_eval.baselines.field import stylized_nerf
-from lfportrait_eval.baselines.field.config import StylizedNerfConfig
 from lfportrait_eval.baselines.field.photo_views import photo_views, seen_from, tensor
 from lfportrait_eval.baselines.field.stylized_nerf import (
     DECODER,

@@ -6,7 +6,9 @@ from PIL import Image
 from scipy import ndimage
 
 from lfportrait.example import Exemplar, paint, photo_method
-from lfportrait_eval.baselines.transfer import FaceBlit, FaceBlitConfig, faceblit
+from lfportrait_eval.baselines.config import FaceBlitConfig
+from lfportrait_eval.baselines.kernels import NOWHERE, flood, search_windows, sweep_windows
+from lfportrait_eval.baselines.transfer import FaceBlit, faceblit
 from lfportrait_eval.baselines.transfer.faceblit import (
     appearance_levels,
     matched_levels,
@@ -14,7 +16,6 @@ from lfportrait_eval.baselines.transfer.faceblit import (
     stretched,
     warped_gradient,
 )
-from lfportrait_eval.baselines.transfer.kernels import NOWHERE, flood, search_windows, sweep_windows
 from tests.portraits import drawn_face
 
 

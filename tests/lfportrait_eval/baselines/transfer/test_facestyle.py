@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from lfportrait.example import paint, photo_method
-from lfportrait_eval.baselines.transfer import FaceStyle, FaceStyleConfig
+from lfportrait_eval.baselines.config import FaceStyleConfig
+from lfportrait_eval.baselines.transfer import FaceStyle
 from lfportrait_eval.metrics import patch_fidelity
 from tests.portraits import drawn_face
 

@@ -16,7 +16,8 @@ from lfportrait.example import paint
 from lfportrait.face import write_landmarks
 from lfportrait.files import read_json, write_image
 from lfportrait.media.pictures import read_image
-from lfportrait_eval.baselines.transfer import NetworkConfig, StyleNetwork
+from lfportrait_eval.baselines.config import NetworkConfig
+from lfportrait_eval.baselines.transfer import StyleNetwork
 from lfportrait_eval.baselines.transfer.network import folder_sittings, varied
 from lfportrait_eval.bench import METHODS
 from tests.other_memory import PLACE

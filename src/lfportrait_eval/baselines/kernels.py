@@ -1,9 +1,4 @@
-"""Hot loops of FaceBlit as published (Texler et al. 2021): window-searched table, flood fill.
-
-All guides are 8 bit. The table's cell (g, r, a) holds the flat index of the exemplar's pixel with
-the least error, place * (|dr| + |dg|) + look * |da|, among those of a window about the cell's
-place; the first in scan order wins among equals.
-"""
+"""Hot loops of the baselines: RMSProp on colors (ARF), FaceBlit's table and flood fill."""
 
 from __future__ import annotations
 
@@ -12,6 +7,29 @@ import numpy as np
 
 from lfportrait.simd.decorators import kernel, lean_kernel
 from lfportrait.simd.threads import share_out, shared
+
+
+@shared("colors")
+@lean_kernel
+def rmsprop_step(since, until, colors, gradient, square, rate):
+    """RMSProp as in svox2 on colors [N, 3] with gradient [3, N], where it is not zero.
+
+    A color's first slope is its own mean square. Colors stay in [0, 1]; the gradient is set to
+    zero.
+    """
+    keep = np.float32(0.95)
+    for row in range(since, until):
+        for channel in range(3):
+            slope = gradient[channel, row]
+            if slope != 0:
+                mean = slope * slope
+                if square[row, channel] != 0:
+                    mean += keep * (square[row, channel] - mean)
+                square[row, channel] = mean
+                value = colors[row, channel] - rate * slope / (np.sqrt(mean) + np.float32(1e-20))
+                colors[row, channel] = min(max(value, np.float32(0)), np.float32(1))
+                gradient[channel, row] = np.float32(0)
+
 
 NOWHERE = np.int32(-1)
 """Marks a pixel that the synthesis has not reached."""

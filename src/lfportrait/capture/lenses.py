@@ -12,25 +12,27 @@ With normalised image coordinates (x, y) = (X/Z, Y/Z), r^2 = x^2 + y^2:
 - ``fov``: r' = atan(2 r tan(w/2)) / w with w = k1, (x', y') = r'/r (x, y).
 
 A straightened picture shows nothing that the photo does not: where a lens pulls the corners inwards
-its focal length is a little longer, so that the photo covers it all.
+its focal length is a little longer, so that the photo covers it all. Depth maps are straightened
+with their pictures, saved beside them and read again.
 """
 
 from __future__ import annotations
 
 import functools
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float32, Float64
+from ..files import UNREADABLE_ARRAYS
 from ..media.colors import premultiplied, straight
-
-__all__ = ["Lens", "undistort"]
-
-Float = NDArray[np.float64]
-
+from ..media.depth import DepthMap
 
 # A straightened picture may be this much larger than the photo to leave no uncovered corners.
 _LARGEST_ZOOM = 1.5
@@ -84,7 +86,7 @@ class Lens:
                        center=(self.height - self.center[1], self.center[0]),
                        p=(self.p[1], -self.p[0]), s=(-self.s[1], self.s[0]))
 
-    def _radial(self, r: Float) -> Float:
+    def _radial(self, r: Float64) -> Float64:
         """Distance from the centre on the sensor over the pinhole's, without the other terms."""
         if self.model == "fov":
             angle = self.k[0] if self.k else 0.0
@@ -107,10 +109,10 @@ class Lens:
         bent = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
         return np.where(r > 1e-12, bent / np.maximum(r, 1e-12), 1.0)
 
-    def distort(self, points: Float) -> Float:
+    def distort(self, points: Float64) -> Float64:
         """Normalised pinhole coordinates [..., 2] -> normalised coordinates on the sensor."""
         r = np.sqrt((points * points).sum(-1))
-        found: Float = points * self._radial(r)[..., None]
+        found: Float64 = points * self._radial(r)[..., None]
         if self.model == "thin_prism":
             points = points * np.where(r > 1e-12, np.arctan(r) / np.maximum(r, 1e-12),
                                        1.0)[..., None]
@@ -130,7 +132,7 @@ class Lens:
         return Lens(self.width, self.height, (self.focal[0] * zoom, self.focal[1] * zoom),
                     self.center)
 
-    def source_pixels(self, size: tuple[int, int] | None = None) -> Float:
+    def source_pixels(self, size: tuple[int, int] | None = None) -> Float64:
         """For each pixel of the pinhole picture, where it lies in the photo: [H, W, 2] (x, y).
 
         NaN where the lens' formula folds back, which no photo shows. ``size``, (width, height):
@@ -142,7 +144,7 @@ class Lens:
         return _source(self, np.stack([x, y], -1), self.pinhole().focal)
 
 
-def _source(lens: Lens, pixels: Float, focal: tuple[float, float]) -> Float:
+def _source(lens: Lens, pixels: Float64, focal: tuple[float, float]) -> Float64:
     """Where pixels [..., 2] of a pinhole picture with this focal length lie in the photo."""
     flat = (pixels - np.array(lens.center)) / np.array(focal)
     r = np.sqrt((flat * flat).sum(-1))
@@ -155,7 +157,7 @@ def _source(lens: Lens, pixels: Float, focal: tuple[float, float]) -> Float:
     return place
 
 
-def _covered(lens: Lens, place: Float) -> NDArray[np.bool_]:
+def _covered(lens: Lens, place: Float64) -> Bool:
     """Which places [..., 2] lie in the photo; not the unknown ones."""
     return np.asarray((place[..., 0] >= 0) & (place[..., 0] <= lens.width)
                       & (place[..., 1] >= 0) & (place[..., 1] <= lens.height))
@@ -181,7 +183,7 @@ def _zoom(lens: Lens) -> float:
     return high
 
 
-def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], Bool]:
     """Resample a photo as a pinhole camera sees it.
 
     Parameters
@@ -211,7 +213,7 @@ def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np
 
 
 @functools.lru_cache(maxsize=1)
-def _map(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+def _map(lens: Lens) -> tuple[Float32, Float32, Bool]:
     """Columns and rows [H, W] of the photo for each pixel, and where the photo covers it.
 
     Photos of one camera follow each other, so the last one's is kept.
@@ -221,3 +223,75 @@ def _map(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[
     place = np.nan_to_num(place, nan=-1.0) - 0.5
     return (np.ascontiguousarray(place[..., 0], np.float32),
             np.ascontiguousarray(place[..., 1], np.float32), inside)
+
+
+_TOLD = ("kind", "metric", "along", "near", "far", "source")
+
+
+def some_depth(depths: Sequence[DepthMap | None]) -> list[DepthMap | None] | None:
+    """The depth maps of views, or None where no view has one."""
+    return list(depths) if any(depth is not None for depth in depths) else None
+
+
+def straightened(depth: DepthMap, lens: Lens) -> DepthMap:
+    """A depth map as it lies over the picture that `undistort` makes of its photo.
+
+    The numbers are moved alone: z along the axis and the distance along the ray are of a point, not
+    of the lens. Between pixels they are blended from those that are known; unknown is what lies
+    nearer to an unknown one, or outside the photo.
+
+    Parameters
+    ----------
+    depth
+        Over the upright photo.
+    lens
+        The photo's lens.
+    """
+    if not lens.distorts:
+        return depth
+    height, width = depth.values.shape
+    place = lens.source_pixels((width, height))
+    outside = ~((place >= 0) & (place <= (lens.width, lens.height))).all(-1)
+    place = np.nan_to_num(place * (width / lens.width, height / lens.height), nan=-1.0) - 0.5
+    columns = np.ascontiguousarray(place[..., 0], np.float32)
+    rows = np.ascontiguousarray(place[..., 1], np.float32)
+
+    def moved(numbers: Float32) -> Float32:
+        return np.asarray(cv2.remap(np.ascontiguousarray(numbers), columns, rows,
+                                    cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+    known = np.isfinite(depth.values).astype(np.float32)
+    weight = moved(known)
+    values = moved(np.where(known > 0, depth.values, np.float32(0.0)))
+    values = np.where((weight >= 0.5) & ~outside, values / np.maximum(weight, np.float32(1e-6)),
+                      np.float32(np.nan))
+    confidence = None
+    if depth.confidence is not None:
+        confidence = np.where(outside, np.float32(0.0), moved(depth.confidence))
+    return replace(depth, values=np.asarray(values, np.float32), confidence=confidence)
+
+
+def save_depth(folder: Path, name: str, depth: DepthMap) -> dict[str, Any]:
+    """Write a map's arrays to ``folder/name`` (.npz); the entry for ``transforms.json``."""
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, Any] = {"values": depth.values}
+    if depth.confidence is not None:
+        arrays["confidence"] = depth.confidence
+    np.savez_compressed(path, **arrays)
+    return {"file_path": name} | {key: getattr(depth, key) for key in _TOLD}
+
+
+def load_depth(folder: Path, entry: Any) -> DepthMap | None:
+    """The map of an entry that `save_depth` made; a damaged one is left out with a warning."""
+    if entry is None:
+        return None
+    try:
+        with np.load(folder / entry["file_path"], allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name], np.float32) for name in file.files}
+        return DepthMap(arrays["values"], confidence=arrays.get("confidence"),
+                        **{key: entry[key] for key in _TOLD})
+    except UNREADABLE_ARRAYS as error:
+        warnings.warn(f"a depth map in {folder} can't be read and is left out: {error}",
+                      stacklevel=2)
+        return None

@@ -1,0 +1,199 @@
+"""The embedded data: a modelled head as photos, as a field and painted; other portraits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ..arrays import Float64, UInt8
+from ..capture import Capture
+from ..errors import UserError
+from ..example import Exemplar, Sitting
+from ..face import read_landmarks
+from ..field import C0, VoxelField
+from ..files import read_json
+from ..media.pictures import read_image
+from .styles import demo_styles
+
+DATA = Path(__file__).parent / "data"
+"""The folder of them; `scripts/make_demo_data.py` writes it."""
+
+
+def resized(picture: NDArray[Any], width: int, height: int) -> NDArray[Any]:
+    """A picture at another size; colors of an alpha picture count by their alpha.
+
+    Parameters
+    ----------
+    picture
+        [H, W], [H, W, 3] or, with straight alpha, [H, W, 4].
+    width, height
+        Of the result in pixels.
+    """
+    if picture.shape[:2] == (height, width):
+        return picture
+    smaller = height < picture.shape[0]
+    kind = Image.Resampling.BOX if smaller else Image.Resampling.BICUBIC
+    return np.array(Image.fromarray(picture).resize((width, height), kind))
+
+
+SIZE, VIEWS = 384, 60
+"""Width and height of the photos in pixels, and their number."""
+LEAST_SIZE, LEAST_VIEWS = 16, 4
+
+
+def demo_landmarks() -> Float64:
+    """The 68 landmarks of the embedded capture's head, float64 [68, 3], in its world."""
+    return np.array(read_json(DATA / "capture" / "transforms.json")["landmarks"])
+
+
+def demo_capture(size: int = SIZE, views: int = VIEWS) -> Capture:
+    """The embedded capture.
+
+    Its cameras stand on four arcs about the head, from below to far above; the one at eye level
+    reaches from yaw -105 to 105 degrees. Fewer views are spread evenly over all arcs.
+
+    Parameters
+    ----------
+    size
+        Width and height of the pictures in pixels, at most 384.
+    views
+        Number of cameras, at most 60; every 8th is held out.
+
+    Returns
+    -------
+    capture
+        With straight alpha and the 68 landmarks; its frame is the portrait frame (identity).
+
+    Raises
+    ------
+    UserError
+        If there are no such photos.
+    """
+    if not LEAST_VIEWS <= views <= VIEWS:
+        raise UserError(f"the demo has {VIEWS} photos; give a number from {LEAST_VIEWS} to {VIEWS} "
+                        f"with --views, not {views}")
+    if not LEAST_SIZE <= size <= SIZE:
+        raise UserError(f"the demo's photos are {SIZE} pixels wide; give a size from {LEAST_SIZE} "
+                        f"to {SIZE} with --size, not {size}")
+    whole = Capture.load(DATA / "capture")
+    assert whole.alphas is not None
+    chosen = ((np.arange(views) + 0.5) * VIEWS / views).astype(int)
+    images, alphas = [], []
+    for view in chosen:
+        picture = resized(np.dstack([whole.images[view], whole.alphas[view]]), size, size)
+        alphas.append(np.ascontiguousarray(picture[..., 3]))
+        images.append(picture[..., :3] * (picture[..., 3:] > 0))
+    return replace(whole, cameras=whole.cameras[chosen].scaled(size / SIZE), images=images,
+                   alphas=alphas, names=[Path(whole.names[view]).stem for view in chosen],
+                   held_out=np.arange(views) % 8 == 4)
+
+
+HEAD = DATA / "head.npz"
+"""The file of `demo_head`."""
+
+
+def demo_head() -> VoxelField:
+    """The head of the embedded capture as a field of degree 0, made of its exact distances.
+
+    Returns
+    -------
+    field
+        In the portrait frame: a shell of five layers of voxels, the outermost clear.
+    """
+    with np.load(HEAD, allow_pickle=False) as data:
+        side = int(data["side"])
+        filled = np.unpackbits(data["filled"], count=side ** 3).reshape(side, side, side) > 0
+        density = data["density"] * (np.float32(data["highest"]) / np.float32(255))
+        color = data["color"] / 255.0
+        radius = np.asarray(data["radius"], np.float64)
+    links = np.full(filled.shape, -1, np.int32)
+    links[filled] = np.arange(len(density), dtype=np.int32)
+    return VoxelField(links, density, ((color - 0.5) / C0)[:, :, None].astype(np.float32),
+                      np.zeros(3), radius)
+
+
+def demo_exemplar(name: str = "", width: int = 768, height: int = 1024) -> Exemplar:
+    """A painted portrait with its 68 landmarks.
+
+    Parameters
+    ----------
+    name
+        One of `lfportrait.demo.demo_styles`; empty = the first.
+    width, height
+        Size of the picture in pixels; it was painted 768 x 1024.
+
+    Returns
+    -------
+    exemplar
+        Picture, landmarks (projected from the model) and the mask of the person.
+
+    Raises
+    ------
+    UserError
+        If there is no such style.
+    """
+    names = demo_styles()
+    name = name or names[0]
+    if name not in names:
+        raise UserError(f"no built-in style {name!r}; there are: {', '.join(names)}")
+    painted = Exemplar.load(DATA / "paintings" / f"{name}.jpg")
+    assert painted.mask is not None
+    rows, columns = painted.image.shape[:2]
+    return replace(painted, image=resized(painted.image, width, height),
+                   landmarks=painted.landmarks * (width / columns, height / rows),
+                   mask=np.clip(resized(painted.mask, width, height), 0, 1))
+
+
+def _portrait(path: Path, height: int) -> tuple[UInt8, Float64]:
+    """A cut-out photo, uint8 [H, 3/4 H, 4], and its landmarks."""
+    picture = read_image(path)
+    points = np.asarray(read_landmarks(path.with_suffix(".landmarks.txt")), np.float64)
+    width = height * 3 // 4
+    scale = width / picture.shape[1], height / picture.shape[0]
+    return resized(picture, width, height), points * scale
+
+
+def demo_photo(height: int = 1024) -> tuple[UInt8, Float64]:
+    """The head of the embedded capture, seen from eight degrees to its left.
+
+    Parameters
+    ----------
+    height
+        Of the photo in pixels, of which it has 1024; it is three quarters as wide.
+
+    Returns
+    -------
+    photo, landmarks
+        uint8 [H, W, 4] with straight alpha; float64 [68, 2], in pixels.
+    """
+    return _portrait(DATA / "people" / "sitter.webp", height)
+
+
+def embedded_sittings(count: int, height: int, seed: int) -> list[Sitting]:
+    """Photos of modelled heads with landmarks: 16 people in turn, backgrounds at random.
+
+    Parameters
+    ----------
+    count
+        Number of photos.
+    height
+        Of a photo in pixels; it is three quarters as wide.
+    seed
+        Of all choices.
+    """
+    random = np.random.default_rng(seed)
+    files = sorted((DATA / "people").glob("person_*.webp"))
+    order = random.permutation(len(files))
+    made = []
+    for number in range(count):
+        picture, points = _portrait(files[order[number % len(order)]], height)
+        alpha = picture[..., 3:].astype(np.float32) / 255
+        ground = random.uniform(40, 240, 3) + random.normal(0, 4, picture[..., :3].shape)
+        photo = np.clip(picture[..., :3] * alpha + ground * (1 - alpha), 0, 255).astype(np.uint8)
+        made.append((photo, points))
+    return made
