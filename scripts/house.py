@@ -23,8 +23,8 @@ LABORATORY = ROOT / "src" / "lfportrait_eval"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
-          "gpu", "graphics", "health", "labels", "leftovers", "measure",
+GROUND = ("arrays", "browsing", "cache", "color", "containers", "device", "download", "errors",
+          "files", "gpu", "graphics", "health", "labels", "leftovers", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "runner", "simd", "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
