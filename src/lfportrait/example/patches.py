@@ -23,13 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.atlas import exchange
-from .kernels.patch_levels import finer_places, level_places
 from .kernels.patches import (
     ACTIVE,
     CELL,
     CHANNELS,
     MARGIN,
     count_uses,
+    finer_places,
+    level_places,
     patch_errors,
     search_pass,
     vote_patches,

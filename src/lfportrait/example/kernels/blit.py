@@ -21,8 +21,21 @@ import numpy as np
 from ...simd.decorators import lean_kernel
 from ...simd.interleaved import gather_signed, pairs, singles, store_bytes
 from ...simd.threads import share_out
-from ...simd.vectors import LANES
-from .lookup import ask, flattened, label_difference
+from .lookup import (
+    _absolute,
+    _bits,
+    _floats,
+    _ints,
+    _lane,
+    _load,
+    _maximum,
+    _minimum,
+    _store,
+    _where,
+    ask,
+    flattened,
+    label_difference,
+)
 from .seeds import seed_correction
 
 __all__ = ["TILE", "blit"]
@@ -30,10 +43,6 @@ __all__ = ["TILE", "blit"]
 TILE = 8
 """Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near."""
 _MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
-_floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
-_load, _store, _bits = LANES.load, LANES.store, LANES.bits
-_absolute, _lane = LANES.absolute, LANES.lane
-_minimum, _maximum = LANES.minimum, LANES.maximum
 
 
 @numba.njit(cache=True, inline="always")

@@ -20,7 +20,7 @@ __all__ = ["ask", "flattened", "label_difference", "look_up"]
 AHEAD = 48
 """Pixels that the reading of exemplar and table is asked for in advance."""
 _floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
-_store, _bits = LANES.store, LANES.bits
+_load, _store, _bits = LANES.load, LANES.store, LANES.bits
 _floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
 _minimum, _maximum = LANES.minimum, LANES.maximum
 

@@ -24,8 +24,7 @@ from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.appearance import grey
-from ..kernels.patch_levels import finer_places
-from ..kernels.patches import ACTIVE, MARGIN, vote_patches
+from ..kernels.patches import ACTIVE, MARGIN, finer_places, vote_patches
 from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
 from .ground_pieces import first_places
 from .kept import known_shares
