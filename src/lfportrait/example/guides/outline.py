@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.outline import distances, snap
+from ..kernels.guides import distances, snap
 from .blurs import gaussian_blur, shrunk
 
 __all__ = ["EdgeMatch", "signed_distance", "signed_distances"]
