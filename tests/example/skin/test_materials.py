@@ -9,7 +9,7 @@ from scipy.ndimage import binary_erosion
 
 from lfportrait import cache
 from lfportrait.example import Exemplar, Regions
-from lfportrait.example.kernels.materials import move_into
+from lfportrait.example.kernels.labels import move_into
 from lfportrait.example.painter import kept as storage
 from lfportrait.example.painter.kept import known_shares
 from lfportrait.example.painter.materials import (

@@ -1,4 +1,4 @@
-"""Hot loops of the soft region labels and of the guides' weights.
+"""Hot loops of soft labels and materials, and of the guides' weights.
 
 Features (brows, eyes, nose, lips, and all that is below the jaw) are soft and come as block means
 of the picture; person and hair come at full size. Both loops interpolate the former on the fly,
@@ -15,7 +15,8 @@ from ...simd.interleaved import gather_signed, pairs, singles, store_pairs
 from ...simd.threads import shared
 from ...simd.vectors import LANES
 
-__all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
+__all__ = ["largest_share", "luma", "move_into", "own_body", "pixel_weights", "shrink_label",
+           "soft_labels"]
 
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
 _floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
@@ -255,3 +256,41 @@ def own_body(since, until, position, style, top, labels, person):
                 labels[y, x, 0], labels[y, x, 1] = style[j, i, 0], style[j, i, 1]
                 ground = (style[j, i, 1] >> 24) & byte
                 person[y, x] = np.float32(byte - ground) * np.float32(1 / 255)
+
+
+@shared("shares")
+@lean_kernel
+def largest_share(since, until, shares, out):
+    """The first of each row's largest values, float32 [N, M], into ``out`` int64 [N]."""
+    for n in range(since, until):
+        best = 0
+        for m in range(1, shares.shape[1]):
+            if shares[n, m] > shares[n, best]:
+                best = m
+        out[n] = best
+
+
+@shared("position")
+@lean_kernel
+def move_into(since, until, position, material, nearest, out):
+    """Positions [N, 2], moved to the nearest pixel of each place's material, into ``out``.
+
+    Parameters
+    ----------
+    position, material
+        float32 [N, 2] (x, y) and int64 [N].
+    nearest
+        int32 [M, h, w], flat index of the nearest pixel of each material.
+    out
+        float32 [N, 2]; a position in its own material stays as it is.
+    """
+    height, width = nearest.shape[1], nearest.shape[2]
+    for n in range(since, until):
+        x = np.int64(min(max(position[n, 0], np.float32(0)), np.float32(width - 1)))
+        y = np.int64(min(max(position[n, 1], np.float32(0)), np.float32(height - 1)))
+        near = nearest[material[n], y, x]
+        if near == y * width + x:
+            out[n, 0], out[n, 1] = position[n, 0], position[n, 1]
+        else:
+            out[n, 0] = np.float32(near % width) + np.float32(0.5)
+            out[n, 1] = np.float32(near // width) + np.float32(0.5)

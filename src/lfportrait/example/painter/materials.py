@@ -19,7 +19,7 @@ from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
-from ..kernels.materials import largest_share, move_into
+from ..kernels.labels import largest_share, move_into
 from ..patches import SCALE
 from .looks import BLUR
 from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN

@@ -7,7 +7,7 @@ import numpy as np
 from ...labels import MATERIALS
 from ..back_of_head import Sites
 from ..kernels.atlas import exchange, sample_nodes
-from ..kernels.materials import largest_share, move_into
+from ..kernels.labels import largest_share, move_into
 from ..kernels.patches import ACTIVE, OUTSIDE
 from ..kernels.sites import nearest_sites
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
