@@ -19,8 +19,7 @@ from .exemplar import Exemplar
 from .guides.appearance import grey
 from .guides.blurs import broad_blur
 from .guides.regions import Regions
-from .kernels.seeds import seed_points
-from .kernels.sites import nearest_sites
+from .kernels.seeds import nearest_sites, seed_points
 
 __all__ = ["Patchwork", "Sites"]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...labels import MATERIALS
 from ..back_of_head import Sites
-from ..kernels.sites import nearest_sites
+from ..kernels.seeds import nearest_sites
 from .materials import ExemplarMaterials, into
 
 __all__ = ["pieces"]

@@ -9,7 +9,7 @@ from ..back_of_head import Sites
 from ..kernels.atlas import exchange, sample_nodes
 from ..kernels.labels import largest_share, move_into
 from ..kernels.patches import ACTIVE, OUTSIDE
-from ..kernels.sites import nearest_sites
+from ..kernels.seeds import nearest_sites
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from .canvas import Canvas
 from .sitter import Skin
