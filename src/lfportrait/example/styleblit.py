@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .guides.maps import Guides, anchor_scale
-from .kernels.blit import blit
-from .kernels.lookup import look_up
+from .kernels.blit import blit, look_up
 from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.vote import elect, pack, vote
 from .table import LookUpTable
