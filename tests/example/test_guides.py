@@ -8,9 +8,13 @@ from scipy.ndimage import map_coordinates
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, SurfaceGuide, position_guide
-from lfportrait.example.guides.appearance import appearance_guide, match_histogram
-from lfportrait.example.guides.blurs import enlarged, gaussian_blur
 from lfportrait.example.guides.face_frame import FaceFrame
+from lfportrait.example.guides.filters import (
+    appearance_guide,
+    enlarged,
+    gaussian_blur,
+    match_histogram,
+)
 from lfportrait.example.guides.labels import without_hair
 from lfportrait.example.guides.maps import anchor_scale, relative_stretch
 from lfportrait.example.guides.position import fold_inside, mls_similarity, pixel_centres

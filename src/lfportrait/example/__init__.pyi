@@ -1,6 +1,6 @@
 from .exemplar import Exemplar, face_size
-from .guides.appearance import appearance_guide
 from .guides.face_frame import FaceFrame
+from .guides.filters import appearance_guide
 from .guides.maps import Guides
 from .guides.position import position_guide
 from .guides.regions import Regions, find_regions

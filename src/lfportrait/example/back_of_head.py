@@ -16,8 +16,7 @@ from scipy.ndimage import distance_transform_edt
 
 from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar
-from .guides.appearance import grey
-from .guides.blurs import broad_blur
+from .guides.filters import broad_blur, grey
 from .guides.regions import Regions
 from .kernels.seeds import nearest_sites, seed_points
 

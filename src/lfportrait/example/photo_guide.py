@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
-from .guides.appearance import grey
 from .guides.control_points import lay_body, lengthen_neck, match_regions, plain_neck
+from .guides.filters import grey
 from .guides.labels import missing_labels
 from .guides.outline import EdgeMatch, signed_distances
 from .guides.position import fold_inside, folded_position_guide

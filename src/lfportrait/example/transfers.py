@@ -14,8 +14,14 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from .exemplar import Exemplar, face_size
-from .guides.appearance import Distribution, appearance_guide, match_histogram
-from .guides.blurs import broad_blur, gaussian_blur, shrunk
+from .guides.filters import (
+    Distribution,
+    appearance_guide,
+    broad_blur,
+    gaussian_blur,
+    match_histogram,
+    shrunk,
+)
 from .guides.labels import missing_labels, soft_face, without_hair
 from .guides.maps import Guides, anchor_scale, relative_stretch, sample_labels
 from .guides.position import pixel_centres

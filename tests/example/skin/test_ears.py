@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.guides.appearance import grey
+from lfportrait.example.guides.filters import grey
 from lfportrait.example.skin.canvas import canvas_of
 from lfportrait.example.skin.ears import shade_ears
 

@@ -8,7 +8,7 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
-from lfportrait.example.guides.appearance import grey, skin_distance
+from lfportrait.example.guides.filters import grey, skin_distance
 from lfportrait.example.skin import Skin
 from lfportrait.example.skin.sitter import _as_a_whole, _clothes, _told_apart
 from lfportrait.field.surface_graph import SurfaceGraph

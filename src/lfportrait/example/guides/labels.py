@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw
 
 from ...labels import PICTURE_LABELS
 from ..kernels.labels import soft_labels
-from .blurs import broad_blur, gaussian_blur, shrunk
 from .face_frame import FaceFrame
+from .filters import broad_blur, gaussian_blur, shrunk
 
 __all__ = ["PICTURE_LABELS", "missing_labels", "polygon", "region_labels", "soft_face",
            "without_hair"]

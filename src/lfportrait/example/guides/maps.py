@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.guides import stretch
-from .blurs import enlarged, gaussian_blur
+from .filters import enlarged, gaussian_blur
 
 __all__ = ["Guides", "anchor_scale", "relative_stretch", "sample_labels"]
 

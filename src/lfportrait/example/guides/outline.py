@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.guides import distances, snap
-from .blurs import gaussian_blur, shrunk
+from .filters import gaussian_blur, shrunk
 
 __all__ = ["EdgeMatch", "signed_distance", "signed_distances"]
 

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from ...labels import PICTURE_LABELS
-from .appearance import grey
-from .blurs import broad_blur
 from .color_segmentation import overlap
 from .face_frame import FaceFrame
+from .filters import broad_blur, disk, grey
 from .regions import Regions, find_regions
-from .shapes import disk
 
 __all__ = ["is_scalp", "photo_regions"]
 

@@ -23,7 +23,7 @@ from ... import models
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey
+from ..guides.filters import grey
 from ..kernels.patches import ACTIVE, MARGIN, finer_places, vote_patches
 from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
 from .ground_pieces import first_places

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..guides.blurs import gaussian_blur
+from ..guides.filters import gaussian_blur
 from .small_picture import FEATURES, GROUND, HAIR, SmallPicture
 
 __all__ = ["has_two_hues", "part_headwear"]

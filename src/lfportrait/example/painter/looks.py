@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.filters import broad_blur, gaussian_blur
 
 __all__ = ["BLUR", "contours"]
 

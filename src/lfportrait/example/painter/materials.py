@@ -17,8 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.appearance import Distribution, grey, match_histogram
-from ..guides.blurs import broad_blur
+from ..guides.filters import Distribution, broad_blur, grey, match_histogram
 from ..kernels.labels import largest_share, move_into
 from ..patches import SCALE
 from .looks import BLUR

@@ -24,13 +24,11 @@ from PIL import Image
 
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
-from ..guides.appearance import grey
-from ..guides.blurs import broad_blur, enlarged, gaussian_blur
+from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
 from ..guides.labels import soft_face
 from ..guides.maps import relative_stretch
 from ..guides.position import pixel_centres
 from ..guides.regions import Regions
-from ..guides.shapes import disk
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource
 from .cells import Cells

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...labels import PICTURE_LABELS
-from ..guides.appearance import skin_distance
-from ..guides.blurs import gaussian_blur
+from ..guides.filters import gaussian_blur, skin_distance
 from ..guides.regions import Regions
 from .picture_materials import CLOTHES, FEATURES, HAIR, NECK, SKIN
 

@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exemplar import Exemplar, face_size
-from ..guides.appearance import grey, skin_distance
-from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import Regions
-from ..guides.shapes import disk
 from .looks import BLUR, contours
 from .materials import STAND_INS, ExemplarMaterials, matched_looks
 from .photo_beard import grow_beard

@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import skin_distance
-from ..guides.blurs import gaussian_blur
+from ..guides.filters import gaussian_blur, skin_distance
 from ..guides.regions import Regions
 from .headwear import part_headwear
 from .small_picture import (

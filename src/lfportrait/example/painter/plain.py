@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ..exemplar import face_size
-from ..guides.appearance import grey
-from ..guides.blurs import gaussian_blur
-from ..guides.shapes import disk
+from ..guides.filters import disk, gaussian_blur, grey
 from .picture_materials import FEATURES, NECK, SKIN
 
 __all__ = ["plain_skin"]

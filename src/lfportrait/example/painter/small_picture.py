@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey, skin_distance
-from ..guides.blurs import broad_blur, enlarged, shrunk
+from ..guides.filters import broad_blur, enlarged, grey, shrunk, skin_distance
 from ..guides.labels import soft_face
 from ..guides.regions import Regions
 

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey, skin_distance
-from ..guides.blurs import broad_blur
+from ..guides.filters import broad_blur, disk, grey, skin_distance
 from ..guides.labels import soft_face
-from ..guides.shapes import disk
 from .picture_materials import FEATURES, SKIN
 
 __all__ = ["outline", "strands", "unpainted"]

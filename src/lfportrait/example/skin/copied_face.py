@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from ...labels import PICTURE_LABELS
-from ..guides.appearance import match_histogram
-from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.filters import broad_blur, gaussian_blur, match_histogram
 from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import spread

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..guides.appearance import grey
+from ..guides.filters import grey
 from .canvas import Canvas
 from .sitter import Skin
 

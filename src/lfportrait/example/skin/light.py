@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..guides.appearance import grey
+from ..guides.filters import grey
 from ..painter.cells import Cells
 from ..painter.light import BLUR, CELL, REACH
 from .canvas import Canvas

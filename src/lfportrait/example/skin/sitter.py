@@ -24,8 +24,7 @@ from ...field import SurfaceGraph, VoxelField
 from ...labels import SURFACE_LABELS
 from ...simd.threads import side_by_side
 from ..exemplar import face_size
-from ..guides.appearance import grey, skin_distance
-from ..guides.blurs import broad_blur
+from ..guides.filters import broad_blur, grey, skin_distance
 from ..kernels.atlas import best_facing, exchange
 from ..painter.cells import Cells
 from ..painter.looks import BLUR, contours

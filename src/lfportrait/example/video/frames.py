@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..exemplar import face_size
-from ..guides.blurs import enlarged
+from ..guides.filters import enlarged
 from ..guides.position import pixel_centres
 from ..guides.regions import Regions, find_regions
 from ..kernels.video import repair, squared_changes, to_bytes, unfold

@@ -16,8 +16,8 @@ from scipy import ndimage
 
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
+from ..guides.filters import disk
 from ..guides.regions import Regions
-from ..guides.shapes import disk
 from ..painter.small_picture import SmallPicture
 
 __all__ = ["HIDES", "Forehead", "covered_forehead"]

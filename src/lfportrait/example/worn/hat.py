@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey, skin_distance
+from ..guides.filters import disk, grey, skin_distance
 from ..guides.labels import soft_face
 from ..guides.regions import Regions
-from ..guides.shapes import disk
 from ..painter.headwear import has_two_hues
 from ..painter.small_picture import SmallPicture
 from .forehead import Forehead, covered_forehead

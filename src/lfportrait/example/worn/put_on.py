@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exemplar import Exemplar
-from ..guides.appearance import grey
+from ..guides.filters import grey
 from ..guides.labels import soft_face
 from ..guides.regions import Regions
 from .hat import headwear

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...face import FacePose
-from ..guides.shapes import disk
+from ..guides.filters import disk
 
 __all__ = ["DIRECTIONS", "UNIT", "UprightFace", "ridges", "upright"]
 
