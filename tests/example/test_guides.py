@@ -16,8 +16,13 @@ from lfportrait.example.guides.filters import (
     match_histogram,
 )
 from lfportrait.example.guides.labels import without_hair
-from lfportrait.example.guides.maps import anchor_scale, relative_stretch
-from lfportrait.example.guides.position import fold_inside, mls_similarity, pixel_centres
+from lfportrait.example.guides.position import (
+    anchor_scale,
+    fold_inside,
+    mls_similarity,
+    pixel_centres,
+    relative_stretch,
+)
 from lfportrait.example.guides.regions import find_regions
 from lfportrait.example.surface_guide import squeeze
 from lfportrait.labels import PICTURE_LABELS as LABELS

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..files import write_image
 from ..labels import PICTURE_LABELS
-from .guides.maps import Guides
+from .guides.position import Guides
 from .styleblit import Synthesis
 
 __all__ = ["TransferResult", "dump_transfer"]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .guides.maps import Guides, anchor_scale
+from .guides.position import Guides, anchor_scale
 from .kernels.blit import blit, look_up
 from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.vote import elect, pack, vote

@@ -23,8 +23,7 @@ from .guides.filters import (
     shrunk,
 )
 from .guides.labels import missing_labels, soft_face, without_hair
-from .guides.maps import Guides, anchor_scale, relative_stretch, sample_labels
-from .guides.position import pixel_centres
+from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
 from .guides.regions import Regions
 from .guides.scalp import photo_regions
 from .kernels.labels import pixel_weights

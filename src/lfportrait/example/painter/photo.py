@@ -26,8 +26,7 @@ from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
 from ..guides.labels import soft_face
-from ..guides.maps import relative_stretch
-from ..guides.position import pixel_centres
+from ..guides.position import pixel_centres, relative_stretch
 from ..guides.regions import Regions
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource

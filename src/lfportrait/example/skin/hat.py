@@ -21,7 +21,7 @@ from scipy.ndimage import (
 
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.maps import sample_labels
+from ..guides.position import sample_labels
 from ..guides.regions import Regions
 from ..kernels.patches import ACTIVE, FOREIGN, OUTSIDE
 from ..painter.materials import into

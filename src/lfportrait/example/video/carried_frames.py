@@ -18,7 +18,7 @@ from PIL import Image
 
 from ..exemplar import Exemplar
 from ..guides.color_segmentation import resize
-from ..guides.maps import anchor_scale
+from ..guides.position import anchor_scale
 from ..guides.regions import Regions
 from ..kernels.video import carry_shifts
 from ..kernels.vote import blend, vote
