@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Transfer, TransferConfig
-from lfportrait.example.guides.labels import soft_face
-from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.guides.regions import find_regions, soft_face
 from lfportrait.example.painter.picture_materials import FEATURES, SKIN
 from lfportrait.example.painter.strands import outline, strands, unpainted
 from tests.portraits import drawn_face

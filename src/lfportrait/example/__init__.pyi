@@ -1,9 +1,7 @@
 from .exemplar import Exemplar, face_size
-from .guides.face_frame import FaceFrame
 from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
-from .guides.regions import Regions, find_regions
-from .guides.scalp import photo_regions
+from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
 from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .painter.ground import GroundSize, known_ground

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exemplar import Exemplar
-from .guides.labels import polygon
+from .guides.regions import polygon
 from .turned import FRONTAL
 
 __all__ = ["eye_contrast", "with_even_eyes"]

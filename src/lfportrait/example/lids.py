@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .exemplar import Exemplar
 from .guides.filters import grey
-from .guides.labels import polygon
+from .guides.regions import polygon
 
 __all__ = ["EYES", "OPEN", "Lids", "asked_lids", "closed", "closed_words", "eye_opening",
            "eye_openings", "lids_together", "shut_eyes"]

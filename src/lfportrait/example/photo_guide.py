@@ -18,10 +18,9 @@ from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
 from .guides.control_points import lay_body, lengthen_neck, match_regions, plain_neck
 from .guides.filters import grey
-from .guides.labels import missing_labels
 from .guides.outline import EdgeMatch, signed_distances
 from .guides.position import fold_inside, folded_position_guide
-from .guides.regions import Regions
+from .guides.regions import Regions, missing_labels
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words
 from .turned.aside import SPACING, FaceAside

@@ -22,10 +22,8 @@ from .guides.filters import (
     match_histogram,
     shrunk,
 )
-from .guides.labels import missing_labels, soft_face, without_hair
 from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
-from .guides.regions import Regions
-from .guides.scalp import photo_regions
+from .guides.regions import Regions, missing_labels, photo_regions, soft_face, without_hair
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
 from .lids import lids_together

@@ -10,8 +10,8 @@ from skimage.color import rgb2lab
 
 from lfportrait.demo import demo_exemplar
 from lfportrait.example import Exemplar, bared
-from lfportrait.example.guides.face_frame import FaceFrame
 from lfportrait.example.guides.filters import grey
+from lfportrait.example.guides.regions import FaceFrame
 from lfportrait.example.painter.kept import known_shares
 from lfportrait.example.painter.picture_materials import FEATURES, GROUND, HAIR, SKIN
 

@@ -25,9 +25,8 @@ from PIL import Image
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
-from ..guides.labels import soft_face
 from ..guides.position import pixel_centres, relative_stretch
-from ..guides.regions import Regions
+from ..guides.regions import Regions, soft_face
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource
 from .cells import Cells

@@ -12,8 +12,7 @@ from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import broad_blur, enlarged, grey, shrunk, skin_distance
-from ..guides.labels import soft_face
-from ..guides.regions import Regions
+from ..guides.regions import Regions, soft_face
 
 __all__ = ["CHEEKS", "CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "LIKE_SKIN", "NECK", "PLAIN",
            "SKIN", "SmallPicture", "near_to"]

@@ -15,7 +15,7 @@ from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import broad_blur, disk, grey, skin_distance
-from ..guides.labels import soft_face
+from ..guides.regions import soft_face
 from .picture_materials import FEATURES, SKIN
 
 __all__ = ["outline", "strands", "unpainted"]

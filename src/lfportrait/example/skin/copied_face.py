@@ -8,8 +8,8 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 
 from ...labels import PICTURE_LABELS
 from ..guides.filters import broad_blur, gaussian_blur, match_histogram
-from ..guides.labels import soft_face
 from ..guides.position import Guides, sample_labels
+from ..guides.regions import soft_face
 from ..kernels.atlas import spread
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide

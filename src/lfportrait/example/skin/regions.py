@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ...capture import Camera
 from ...labels import FEATURES, PICTURE_LABELS, SURFACE_LABELS
-from ..guides.face_frame import FaceFrame
-from ..guides.labels import region_labels
+from ..guides.regions import FaceFrame, region_labels
 from ..painter.cells import Cells
 from ..surface_guide import HeadPlane
 

@@ -26,8 +26,7 @@ from scipy import ndimage
 from ...errors import UserError
 from ...face import FacePose, face_pose, generic_depth, symmetric_landmarks
 from ..exemplar import Exemplar
-from ..guides.face_frame import FaceFrame
-from ..guides.labels import polygon
+from ..guides.regions import FaceFrame, polygon
 from .light import Sides, blurred, relit
 from .seen import clearness, head_oval, painted_places
 

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.face_frame import FaceFrame
 from ..guides.filters import broad_blur, grey, grown
-from ..guides.labels import polygon
-from ..guides.regions import Regions
+from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, into, mainly
 from ..painter.patch_painter import PatchPainter, Sheet, Wish

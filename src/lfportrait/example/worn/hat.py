@@ -20,8 +20,7 @@ from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import disk, grey, skin_distance
-from ..guides.labels import soft_face
-from ..guides.regions import Regions
+from ..guides.regions import Regions, soft_face
 from ..painter.headwear import has_two_hues
 from ..painter.small_picture import SmallPicture
 from .forehead import Forehead, covered_forehead

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ..exemplar import Exemplar
 from ..guides.filters import grey
-from ..guides.labels import soft_face
-from ..guides.regions import Regions
+from ..guides.regions import Regions, soft_face
 from .hat import headwear
 
 __all__ = ["Hat", "Layer"]

@@ -23,9 +23,8 @@ from PIL import Image
 from lfportrait.example.exemplar import Exemplar, face_size
 from lfportrait.example.guides.control_points import match_regions
 from lfportrait.example.guides.filters import Distribution, grey, match_histogram
-from lfportrait.example.guides.labels import missing_labels
 from lfportrait.example.guides.position import folded_position_guide, pixel_centres
-from lfportrait.example.guides.regions import Regions, find_regions
+from lfportrait.example.guides.regions import Regions, find_regions, missing_labels
 from lfportrait.example.patches import (
     CELL,
     SCALE,
