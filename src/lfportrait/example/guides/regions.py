@@ -29,9 +29,20 @@ from ..kernels.labels import soft_labels
 from .color_segmentation import overlap, separate
 from .filters import broad_blur, disk, gaussian_blur, grey, shrunk
 
-__all__ = ["FaceFrame", "PICTURE_LABELS", "RAYS", "Regions", "find_regions", "is_scalp",
-           "missing_labels", "photo_regions", "polygon", "region_labels", "soft_face",
-           "without_hair"]
+__all__ = [
+    "PICTURE_LABELS",
+    "RAYS",
+    "FaceFrame",
+    "Regions",
+    "find_regions",
+    "is_scalp",
+    "missing_labels",
+    "photo_regions",
+    "polygon",
+    "region_labels",
+    "soft_face",
+    "without_hair",
+]
 
 @dataclass(frozen=True)
 class FaceFrame:

@@ -26,8 +26,8 @@ from scipy import ndimage
 from ...errors import UserError
 from ...face import FacePose, face_pose, generic_depth, symmetric_landmarks
 from ..exemplar import Exemplar
+from ..frontal_light import Sides, blurred, relit
 from ..guides.regions import FaceFrame, polygon
-from .light import Sides, blurred, relit
 from .seen import clearness, head_oval, painted_places
 
 __all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "suited"]

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Float32
 
 __all__ = ["Sides", "blurred", "relit"]
-
-Float32 = NDArray[np.float32]
 
 DARK = 24.0
 """Added to values before their logarithm: the darkest paint is no blacker than that."""
