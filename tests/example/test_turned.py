@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
+from lfportrait.example.frontal import _normals, clearness, in_front
 from lfportrait.example.turned import (
     FRONTAL,
     frontal_view,
     frontalised,
     suited,
 )
-from lfportrait.example.turned.seen import _normals, clearness, in_front
 from lfportrait.face import FacePose, face_pose
 from lfportrait.face.generic_head import EGG, GENERIC_LANDMARKS, MIRRORED, generic_depth
 

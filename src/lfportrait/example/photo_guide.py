@@ -27,13 +27,13 @@ from scipy.ndimage import gaussian_filter1d
 from ..arrays import Float32, Float64
 from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
+from .frontal import SPACING, FaceAside
 from .guides.filters import gaussian_blur, grey, shrunk
 from .guides.position import fold_inside, folded_position_guide
 from .guides.regions import RAYS, Regions, missing_labels
 from .kernels.guides import distances, snap
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words
-from .turned.aside import SPACING, FaceAside
 
 __all__ = ["EdgeMatch", "FlatGuide", "lay_body", "lengthen_neck", "match_regions", "plain_neck",
            "signed_distance", "signed_distances"]

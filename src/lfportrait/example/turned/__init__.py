@@ -5,10 +5,18 @@ picture is what is painted from. `mesh` draws the head onto the painting. `aside
 shows of a face that is turned far.
 """
 
-from .aside import FaceAside, face_aside
-from .frontal import FRONTAL, PROFILE, Frontal, frontal_view, frontalised, suited
-from .mesh import head_mesh
-from .seen import in_front
+from ..frontal import (
+           FRONTAL,
+           PROFILE,
+           FaceAside,
+           Frontal,
+           face_aside,
+           frontal_view,
+           frontalised,
+           head_mesh,
+           in_front,
+           suited,
+)
 
 __all__ = ["FRONTAL", "PROFILE", "FaceAside", "Frontal", "face_aside", "frontal_view",
            "frontalised", "head_mesh", "in_front", "suited"]
