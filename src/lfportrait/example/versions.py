@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..face import FacePose
-from .even_eyes import with_even_eyes
 from .exemplar import Exemplar
-from .gaze import with_parallel_eyes
+from .gaze import with_even_eyes, with_parallel_eyes
 from .lids import Lids, asked_lids, closed
 from .turned import frontalised, suited
 from .worn import bared, without_spectacles
