@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...labels import MATERIALS
-from ..back_of_head import Sites
 from ..kernels.seeds import nearest_sites
+from ..surface_guide import Sites
 from .materials import ExemplarMaterials, into
 
 __all__ = ["pieces"]

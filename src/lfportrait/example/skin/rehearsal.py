@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...labels import MATERIALS
-from ..back_of_head import Sites
 from ..kernels.atlas import exchange, sample_nodes
 from ..kernels.labels import largest_share, move_into
 from ..kernels.patches import ACTIVE, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
+from ..surface_guide import Sites
 from .canvas import Canvas
 from .sitter import Skin
 
