@@ -28,9 +28,9 @@ from .kernels.labels import pixel_weights
 from .kernels.vote import blend
 from .lids import lids_together
 from .photo_guide import GRID, FlatGuide
-from .result import TransferResult
 from .styleblit import (
     Seeds,
+    TransferResult,
     finest_level,
     label_words,
     pack_colors,

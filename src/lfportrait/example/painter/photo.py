@@ -56,7 +56,7 @@ from .pieces import pieces
 from .strands import outline, strands, unpainted
 
 if TYPE_CHECKING:
-    from ..result import TransferResult
+    from ..styleblit import TransferResult
 
 __all__ = ["PhotoPatches"]
 
