@@ -7,14 +7,22 @@ from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_me
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchSearch
-from .region_styles import mix_regions
 from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
 from .styleblit import BlitConfig, Synthesis, synthesise
 from .surface_guide import SurfaceGuide, surface_position_guide
 from .table import LookUpTable, TableConfig, build_table
-from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
+from .transfers import (
+    Transfer,
+    TransferConfig,
+    TransferResult,
+    as_painted,
+    face_landmarks,
+    fitting,
+    from_the_front,
+    mix_regions,
+    transfer,
+)
 from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
-from .versions import as_painted, fitting, from_the_front
 from .video import VideoTransfer
 from .worn import bared, spectacles, without_spectacles
 

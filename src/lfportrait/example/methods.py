@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from ..plugins import Choice, Sitting, chosen, offered
 from .exemplar import Exemplar
-from .transfers import Transfer, TransferConfig, face_landmarks
-from .versions import fitting
+from .transfers import Transfer, TransferConfig, face_landmarks, fitting
 
 __all__ = ["GROUP", "OWN", "Method", "MethodConfig", "PhotoMethod", "paint", "photo_method",
            "prepare"]

@@ -39,9 +39,8 @@ from ..painter.plain import plain_skin
 from ..painter.strands import strands, unpainted
 from ..patches import PatchSearch, PatchTarget
 from ..surface_guide import SurfaceGuide
-from ..transfers import Transfer, TransferConfig
+from ..transfers import Transfer, TransferConfig, from_the_front
 from ..turned import FRONTAL, in_front
-from ..versions import from_the_front
 from ..worn import Wear
 from .canvas import Canvas, canvas_of
 from .copied_face import CopiedFace
