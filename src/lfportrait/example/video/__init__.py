@@ -3,6 +3,6 @@
 `frames` does it, by `motion` (optical flow); `carried_frames` and `pipelining` make it fast.
 """
 
-from .frames import VideoTransfer
+from . import VideoTransfer
 
 __all__ = ["VideoTransfer"]
