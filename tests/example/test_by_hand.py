@@ -5,7 +5,7 @@ import pytest
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, painted_shares
-from lfportrait.example.painter.kept import known_shares
+from lfportrait.example.painter.picture_materials import known_shares
 from lfportrait.example.worn.hat import headwear
 from lfportrait.face import write_landmarks
 from lfportrait.files import write_image

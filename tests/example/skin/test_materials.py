@@ -10,8 +10,7 @@ from scipy.ndimage import binary_erosion
 from lfportrait import cache
 from lfportrait.example import Exemplar, Regions
 from lfportrait.example.kernels.labels import move_into
-from lfportrait.example.painter import kept as storage
-from lfportrait.example.painter.kept import known_shares
+from lfportrait.example.painter import picture_materials as storage
 from lfportrait.example.painter.materials import (
     RARE,
     ExemplarMaterials,
@@ -28,6 +27,7 @@ from lfportrait.example.painter.picture_materials import (
     HAIR,
     NECK,
     SKIN,
+    known_shares,
     material_shares,
     painted_shares,
     picture_shares,

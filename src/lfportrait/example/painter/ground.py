@@ -27,8 +27,7 @@ from ..guides.filters import grey
 from ..kernels.patches import ACTIVE, MARGIN, finer_places, vote_patches
 from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
 from .ground_pieces import first_places
-from .kept import known_shares
-from .picture_materials import EARS, GROUND, SKIN
+from .picture_materials import EARS, GROUND, SKIN, known_shares
 
 __all__ = ["GroundSize", "known_ground", "lit_side", "painted_ground"]
 

@@ -31,7 +31,6 @@ from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource
 from .cells import Cells
 from .folds import with_folds
-from .kept import known_shares
 from .light import BLUR, REACH
 from .light import CELL as CELL_OF_LIGHT
 from .materials import (
@@ -51,7 +50,7 @@ from .patch_painter import (
     flesh,
 )
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
-from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN
+from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN, known_shares
 from .pieces import pieces
 from .strands import outline, strands, unpainted
 

@@ -23,7 +23,6 @@ from ..exemplar import Exemplar
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
 from ..lids import Lids
-from ..painter.kept import known_shares
 from ..painter.materials import (
     LEAST,
     ExemplarMaterials,
@@ -33,7 +32,7 @@ from ..painter.materials import (
     mainly,
 )
 from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, Wish, flesh
-from ..painter.picture_materials import HAIR, SKIN
+from ..painter.picture_materials import HAIR, SKIN, known_shares
 from ..painter.pieces import pieces
 from ..painter.plain import plain_skin
 from ..painter.strands import strands, unpainted

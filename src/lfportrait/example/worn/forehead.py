@@ -18,7 +18,7 @@ from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import disk
 from ..guides.regions import Regions
-from ..painter.small_picture import SmallPicture
+from ..painter.picture_materials import SmallPicture
 
 __all__ = ["HIDES", "Forehead", "covered_forehead"]
 

@@ -21,8 +21,7 @@ from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import disk, grey, skin_distance
 from ..guides.regions import Regions, soft_face
-from ..painter.headwear import has_two_hues
-from ..painter.small_picture import SmallPicture
+from ..painter.picture_materials import SmallPicture, has_two_hues
 from .forehead import Forehead, covered_forehead
 
 __all__ = ["Wear", "headwear", "not_worn"]
