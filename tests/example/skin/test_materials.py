@@ -18,6 +18,7 @@ from lfportrait.example.painter.materials import (
     even_uses,
     light_neck,
     mainly,
+    pieces,
 )
 from lfportrait.example.painter.picture_materials import (
     CLOTHES,
@@ -32,7 +33,6 @@ from lfportrait.example.painter.picture_materials import (
     painted_shares,
     picture_shares,
 )
-from lfportrait.example.painter.pieces import pieces
 from lfportrait.example.skin.materials import DARKEST, sitter_looks, sitter_shares
 from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
 from lfportrait.example.surface_guide import HeadPlane

@@ -1,4 +1,6 @@
-"""Materials for the patches: what each place consists of, and its tones in the exemplar.
+"""Initialise the patch search: rigid pieces of the exemplar of the same material and tone.
+
+Split a photo's luma for the patches: tone, detail, and edge strength.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
 to be painted says what each of its places is made of (`photo_materials`, `skin.materials`); tones
@@ -15,19 +17,59 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
+from ...arrays import Bool, Float32
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.filters import Distribution, broad_blur, grey, match_histogram
+from ..guides.filters import Distribution, broad_blur, gaussian_blur, grey, match_histogram
 from ..kernels.labels import largest_share, move_into
+from ..kernels.seeds import nearest_sites
 from ..patches import SCALE
-from .looks import BLUR
+from ..surface_guide import Sites
 from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
 
-__all__ = ["FEW", "STAND_INS", "ExemplarMaterials", "at_home", "even_uses", "into", "light_neck",
-           "mainly", "matched_looks", "material_guides", "mostly", "resized_materials"]
+__all__ = [
+    "BLUR",
+    "FEW",
+    "STAND_INS",
+    "ExemplarMaterials",
+    "at_home",
+    "contours",
+    "even_uses",
+    "into",
+    "light_neck",
+    "mainly",
+    "matched_looks",
+    "material_guides",
+    "mostly",
+    "pieces",
+    "resized_materials",
+]
 
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+BLUR = 0.06
+"""Sigma of the blur that separates detail from light, over the face's size (`face_size`)."""
+CONTOUR = 0.016
+"""Detail of this strength (root mean square of luma) counts half."""
+
+
+def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
+    """Luma without grain, and edge strength (edges and patterns), float32 [H, W] each.
+
+    Parameters
+    ----------
+    values, inside
+        float32 [H, W], luma times the weight of a pixel, and that weight.
+    size
+        Of the face in pixels.
+    """
+    sigma = BLUR * size
+    soft = gaussian_blur(values, 0.2 * sigma)
+    soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
+    near = broad_blur(values, 0.6 * sigma)
+    near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
+    fine = (soft - near) * inside
+    energy = broad_blur(fine * fine, 0.5 * sigma)
+    return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
+
 
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255],
                   [174, 150]], np.float32)
@@ -82,7 +124,7 @@ class ExemplarMaterials:
     detail: Float32
     nearest: NDArray[np.int32]
     deep: NDArray[np.int32]
-    present: Bools
+    present: Bool
 
     @property
     def luma(self) -> Float32:
@@ -109,7 +151,7 @@ class ExemplarMaterials:
         return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
 
 
-def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
+def _nearest(there: Bool, shape: tuple[int, ...]) -> NDArray[np.int32]:
     """Flat index of the nearest pixel of a mask of every second pixel, int32 [h, w]."""
     rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
     if not there.any():
@@ -128,7 +170,7 @@ def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
 
 
 def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
-               shown: Bools | None = None) -> None:
+               shown: Bool | None = None) -> None:
     """Let skin stand in for a neck that the exemplar shows in another light, in place.
 
     The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
@@ -164,14 +206,14 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     shares[:, NECK] -= other
 
 
-def mostly(share: Float32, shown: Bools | None) -> Bools:
+def mostly(share: Float32, shown: Bool | None) -> Bool:
     """Places [N] that are mostly of a material: those that are shown, where they are enough."""
     inside = share > 0.5
     seen = inside if shown is None else inside & shown
     return seen if seen.sum() >= FEW else inside
 
 
-def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Float32:
+def _like(tone: Float32, ours: Bool, reference: Float32, theirs: Bool) -> Float32:
     """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
     wanted = Distribution.of(reference, theirs.astype(np.float32))
     return match_histogram(np.ascontiguousarray(tone[None]), wanted,
@@ -179,7 +221,7 @@ def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Floa
 
 
 def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
-                  reference: Float32 | None = None, shown: Bools | None = None,
+                  reference: Float32 | None = None, shown: Bool | None = None,
                   darkest: float = 0.0) -> tuple[Float32, Float32]:
     """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
@@ -314,3 +356,70 @@ def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
     away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
     near, far = HOME
     return np.asarray(np.clip((far - away) / (far - near), 0, 1), np.float32)
+
+
+PIECE = 0.3
+"""Side of the pieces that the search begins with, over the exemplar's face size."""
+PLACES, R2 = 16, (0.7548776662, 0.5698402910)
+"""So many places are tried for a piece, one after the other of this sequence."""
+FAR, AWAY = 2.0, 0.05
+"""Breadth of where these lie, over the face's size, and the tone that so far away costs."""
+
+
+def pieces(material: NDArray[np.int64], theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+           tone: Float32, size: float) -> Float32:
+    """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
+
+    Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
+    material, near the guided place or some way off: alike, but not the same next to each other. Of
+    a few such places that is taken whose tone is the nearest to the one asked for, so that a dark
+    piece does not lie beside a light one where the sitter is all alike.
+
+    Parameters
+    ----------
+    material
+        int64 [N], what the sitter's places are mostly (`mainly`).
+    theirs
+        The exemplar's.
+    wanted, plane
+        float32 [N, 2], the guided places in the exemplar and those in the plane; pixels.
+    tone
+        float32 [N], asked for.
+    size
+        Of the exemplar's face in these pixels.
+    """
+    side = PIECE * size
+    sites = Sites.around(plane, side)
+    number = np.empty(len(plane), np.int32)
+    nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
+    middles = sites.points.reshape(-1, 2)
+    count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
+    guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
+                       for axis in range(2)], axis=-1)
+    asked = np.bincount(number, tone, len(middles)) / count
+    votes = np.bincount(number * len(MATERIALS) + material,
+                        minlength=len(middles) * len(MATERIALS))
+    kinds = votes.reshape(len(middles), -1).argmax(axis=1)
+    best, chosen = np.full(len(middles), np.inf), np.zeros((len(middles), 2))
+    for turn in range(PLACES):
+        # The R2 sequence: places that lie evenly, in another order for each site.
+        chance = (sites.chances.reshape(-1, 2) + turn * np.array(R2)) % 1
+        place = guided + FAR * size * (chance - 0.5)
+        there = theirs.deep[kinds, *_pixels(place, theirs)]
+        off = np.abs(theirs.tone.reshape(-1)[there] - asked)
+        off += AWAY / size * np.linalg.norm(place - guided, axis=1)
+        better = off < best - 1e-6
+        best[better], chosen[better] = off[better], place[better]
+    y, x = _pixels(chosen, theirs)
+    found, width = theirs.deep[material, y[number], x[number]], theirs.tone.shape[1]
+    piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
+    piece += plane - middles[number]
+    return into(material, theirs, np.asarray(piece, np.float32))
+
+
+def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
+            ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the exemplar's pixels at places [N, 2] (x, y), or next to them."""
+    height, width = theirs.tone.shape
+    return (np.clip(places[:, 1], 0, height - 1).astype(np.int64),
+            np.clip(places[:, 0], 0, width - 1).astype(np.int64))

@@ -39,6 +39,7 @@ from .materials import (
     into,
     light_neck,
     mainly,
+    pieces,
 )
 from .patch_painter import (
     FAR_PLACE,
@@ -51,7 +52,6 @@ from .patch_painter import (
 )
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN, known_shares
-from .pieces import pieces
 from .strands import outline, strands, unpainted
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import Regions
-from .looks import BLUR, contours
-from .materials import STAND_INS, ExemplarMaterials, matched_looks
+from .materials import BLUR, STAND_INS, ExemplarMaterials, contours, matched_looks
 from .photo_beard import grow_beard
 from .picture_materials import CLOTHES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
 

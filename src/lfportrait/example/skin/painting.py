@@ -30,10 +30,10 @@ from ..painter.materials import (
     into,
     light_neck,
     mainly,
+    pieces,
 )
 from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN, known_shares
-from ..painter.pieces import pieces
 from ..painter.plain import plain_skin
 from ..painter.strands import strands, unpainted
 from ..patches import PatchSearch, PatchTarget

@@ -27,7 +27,7 @@ from ..exemplar import face_size
 from ..guides.filters import broad_blur, grey, skin_distance
 from ..kernels.atlas import best_facing, exchange
 from ..painter.cells import Cells
-from ..painter.looks import BLUR, contours
+from ..painter.materials import BLUR, contours
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
 from .ear_places import ear_places

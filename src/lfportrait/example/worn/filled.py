@@ -19,10 +19,9 @@ from ..exemplar import Exemplar
 from ..guides.filters import broad_blur, grey, grown
 from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
-from ..painter.materials import ExemplarMaterials, into, mainly
+from ..painter.materials import ExemplarMaterials, into, mainly, pieces
 from ..painter.patch_painter import PatchPainter, Sheet, Wish
 from ..painter.picture_materials import FEATURES, SKIN
-from ..painter.pieces import pieces
 from ..patches import PatchSearch
 from .forehead import HIDES, covered_forehead
 from .glasses import drawn, find_spectacles, lenses
