@@ -9,7 +9,7 @@ import pytest
 from lfportrait.example import Transfer, TransferConfig
 from lfportrait.example.guides.regions import find_regions, soft_face
 from lfportrait.example.painter.picture_materials import FEATURES, SKIN
-from lfportrait.example.painter.strands import outline, strands, unpainted
+from lfportrait.example.painter.plain_skin import outline, strands, unpainted
 from tests.portraits import drawn_face
 
 HEIGHT, WIDTH = 720, 600

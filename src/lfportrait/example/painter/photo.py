@@ -52,7 +52,7 @@ from .patch_painter import (
 )
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN, known_shares
-from .strands import outline, strands, unpainted
+from .plain_skin import outline, strands, unpainted
 
 if TYPE_CHECKING:
     from ..styleblit import TransferResult

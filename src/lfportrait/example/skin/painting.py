@@ -34,8 +34,7 @@ from ..painter.materials import (
 )
 from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN, known_shares
-from ..painter.plain import plain_skin
-from ..painter.strands import strands, unpainted
+from ..painter.plain_skin import plain_skin, strands, unpainted
 from ..patches import PatchSearch, PatchTarget
 from ..surface_guide import SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
