@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import grey_closing, grey_opening
 
-from lfportrait.example.painter.cells import Cells
+from lfportrait.example.painter.light import Cells
 
 
 @pytest.fixture

@@ -34,8 +34,7 @@ from ..guides.position import pixel_centres, relative_stretch
 from ..guides.regions import Regions, soft_face
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource
-from .cells import Cells
-from .light import BLUR, REACH
+from .light import BLUR, REACH, Cells
 from .light import CELL as CELL_OF_LIGHT
 from .materials import ExemplarMaterials, at_home, into, light_neck, mainly, pieces
 from .patch_painter import FAR_PLACE, PLACE, GuideWeights, PatchPainter, Sheet, Wish, flesh

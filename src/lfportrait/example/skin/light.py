@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..guides.filters import grey
-from ..painter.cells import Cells
-from ..painter.light import BLUR, CELL, REACH
+from ..painter.light import BLUR, CELL, REACH, Cells
 from .canvas import Canvas
 from .sitter import Skin
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...capture import Camera
 from ...labels import FEATURES, PICTURE_LABELS, SURFACE_LABELS
 from ..guides.regions import FaceFrame, region_labels
-from ..painter.cells import Cells
+from ..painter.light import Cells
 from ..surface_guide import HeadPlane
 
 __all__ = ["SURFACE_LABELS", "below_hair", "hair_by_place", "skin_regions", "with_strands",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..painter.cells import Cells
+from ..painter.light import Cells
 from ..surface_guide import HeadPlane
 from .regions import hair_by_place
 

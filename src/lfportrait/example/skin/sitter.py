@@ -26,7 +26,7 @@ from ...simd.threads import side_by_side
 from ..exemplar import face_size
 from ..guides.filters import broad_blur, grey, skin_distance
 from ..kernels.atlas import best_facing, exchange
-from ..painter.cells import Cells
+from ..painter.light import Cells
 from ..painter.materials import BLUR, contours
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
