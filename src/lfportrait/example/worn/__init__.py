@@ -10,8 +10,7 @@ picture of a photo's sitter; on a head it is painted on the surface (`skin.hat`)
 
 from .filled import bared, without_spectacles
 from .glasses import spectacles
-from .hat import Wear, headwear, not_worn
-from .put_on import Hat, Layer
+from .hat import Hat, Layer, Wear, headwear, not_worn
 
 __all__ = ["Hat", "Layer", "Wear", "bared", "headwear", "not_worn", "spectacles",
            "without_spectacles"]

@@ -23,8 +23,8 @@ from ..painter.materials import ExemplarMaterials, into, mainly, pieces
 from ..painter.patch_painter import PatchPainter, Sheet, Wish
 from ..painter.picture_materials import FEATURES, SKIN
 from ..patches import PatchSearch
-from .forehead import HIDES, covered_forehead
 from .glasses import drawn, find_spectacles, lenses
+from .hat import HIDES, covered_forehead
 
 __all__ = ["bared", "without_spectacles"]
 
