@@ -14,8 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...face import FacePose, face_pose
-from .ridges import UNIT, UprightFace, ridges, upright
-from .rims import Rim, find_pairs, followed, followed_arc, normals_of, sampled
+from .rims import (
+    UNIT,
+    Rim,
+    UprightFace,
+    find_pairs,
+    followed,
+    followed_arc,
+    normals_of,
+    ridges,
+    sampled,
+    upright,
+)
 
 __all__ = ["Spectacles", "drawn", "find_spectacles", "lenses", "spectacles"]
 
