@@ -8,9 +8,9 @@ strokes. Where it is asked for, `hat` finds the hat as a thing, and `put_on` lay
 picture of a photo's sitter; on a head it is painted on the surface (`skin.hat`).
 """
 
-from .filled import bared, without_spectacles
 from .glasses import spectacles
 from .hat import Hat, Layer, Wear, headwear, not_worn
+from .inpainting import bared, without_spectacles
 
 __all__ = ["Hat", "Layer", "Wear", "bared", "headwear", "not_worn", "spectacles",
            "without_spectacles"]

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
@@ -27,9 +28,6 @@ from .glasses import drawn, find_spectacles, lenses
 from .hat import HIDES, covered_forehead
 
 __all__ = ["bared", "without_spectacles"]
-
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 MOST = 0.8
 """A forehead is bared if something else than hair hides it (`HIDES`), or if more than this share of
@@ -155,7 +153,7 @@ def _central(bare: Float32, regions: Regions) -> Float32:
                       np.float32)
 
 
-def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height: float,
+def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: float,
             beyond: float = BROAD) -> NDArray[np.uint8]:
     """The picture with strokes of bare places in the hole, uint8 [h, w, 3].
 
@@ -196,7 +194,7 @@ def _spread(image: NDArray[np.uint8], weight: Float32, height: float,
                       np.float32)
 
 
-def _blurred_within(picture: Float32, inside: Bools, sigma: float) -> Float32:
+def _blurred_within(picture: Float32, inside: Bool, sigma: float) -> Float32:
     """A picture [h, w, 3] blurred by what lies inside alone."""
     weight = inside.astype(np.float32)
     total = np.maximum(broad_blur(weight, sigma), np.float32(1e-3))
@@ -204,7 +202,7 @@ def _blurred_within(picture: Float32, inside: Bools, sigma: float) -> Float32:
                      for channel in range(3)], axis=-1)
 
 
-def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, height: float,
+def _strokes(exemplar: Exemplar, inside: Bool, bare: Bool, tone: Float32, height: float,
              ) -> Float32:
     """A picture with the hole laid out with patches of its bare skin, float32 [h, w, 3]."""
     one = np.eye(len(MATERIALS), dtype=np.float32)
@@ -221,7 +219,7 @@ def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, heig
     return np.where(inside[..., None], painter.lay(target, pictures), picture)
 
 
-def _wish(theirs: ExemplarMaterials, inside: Bools, tone: Float32, picture: Float32,
+def _wish(theirs: ExemplarMaterials, inside: Bool, tone: Float32, picture: Float32,
           state: NDArray[np.uint8], size: float) -> Wish:
     """Skin of the tones asked for, from anywhere."""
     count = inside.size
