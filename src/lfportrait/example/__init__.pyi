@@ -1,4 +1,5 @@
 from .exemplar import Exemplar, face_size
+from .frontal import FRONTAL, PROFILE, frontal_view, head_mesh, suited
 from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
 from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
@@ -22,7 +23,6 @@ from .transfers import (
     mix_regions,
     transfer,
 )
-from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
 from .video import VideoTransfer
 from .worn import bared, spectacles, without_spectacles
 

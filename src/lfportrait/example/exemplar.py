@@ -53,8 +53,8 @@ class Exemplar:
     hair
         float32 [H, W] in [0, 1]: the hair where it is known, or None; then it is segmented.
     covered, bared
-        The painting before its forehead was bared (`worn.inpainting`), and float32 [H, W] in [0, 1],
-        where it was; or None.
+        The painting before its forehead was bared (`worn.inpainting`), and float32 [H, W] in
+        [0, 1], where it was; or None.
     lids
         Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
     opened

@@ -30,8 +30,8 @@ from .. import face, models
 from ..arrays import Float32, Float64
 from ..cache import kept_arrays, key_of
 from .exemplar import Exemplar
+from .frontal import FRONTAL
 from .guides.regions import polygon
-from .turned import FRONTAL
 
 __all__ = ["agreed", "eye_contrast", "irises_found", "looking_apart", "with_even_eyes",
            "with_parallel_eyes"]

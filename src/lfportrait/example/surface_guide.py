@@ -8,9 +8,9 @@ up. Both agree on the line between.
 
 The exemplar shows a head from the front only. Angles beyond the cheeks are therefore squeezed
 smoothly and monotonically into the band between face and outline, so that temples and ears find the
-exemplar's, never its background. What lies further behind is put together from pieces (`Patchwork`).
-The plane in which the chunks of the synthesis lie is the unsqueezed one: strokes keep their size
-all around the head.
+exemplar's, never its background. What lies further behind is put together from pieces
+(`Patchwork`). The plane in which the chunks of the synthesis lie is the unsqueezed one: strokes
+keep their size all around the head.
 """
 
 from __future__ import annotations

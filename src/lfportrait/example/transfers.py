@@ -27,6 +27,7 @@ from ..errors import UserError
 from ..face import FacePose
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
 from .exemplar import Exemplar, face_size
+from .frontal import face_aside, frontalised, suited
 from .gaze import with_even_eyes, with_parallel_eyes
 from .guides.filters import (
     Distribution,
@@ -61,7 +62,6 @@ from .styleblit import (
     synthesise,
 )
 from .table import TableConfig, cached_table
-from .turned import face_aside, frontalised, suited
 from .worn import Hat, Layer, Wear, bared, without_spectacles
 
 if TYPE_CHECKING:

@@ -366,7 +366,7 @@ class Regions:
         return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
 
     def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
-        """Soft labels, uint8 [H, W, len(PICTURE_LABELS)]; see `labels.region_labels`."""
+        """Soft labels, uint8 [H, W, len(PICTURE_LABELS)]; see `region_labels`."""
         return region_labels(self.person, self.hair, self.landmarks, self.frame, like)
 
 

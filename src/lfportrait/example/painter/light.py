@@ -1,4 +1,4 @@
-"""Values of places of an unwrapped head or a photo, carried on to their surroundings in square cells."""
+"""Square cells of an unwrapped head or a photo: statistics of a neighbourhood across charts."""
 
 from __future__ import annotations
 

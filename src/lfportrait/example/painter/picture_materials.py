@@ -654,7 +654,8 @@ def _one_cloth(image: NDArray[np.uint8], shares: NDArray[np.float32], own: NDArr
 
     if min(own.sum(), above.sum()) < FEW_ALIKE:
         return
-    middles = [np.median(rgb2lab(image[part][::max(1, int(part.sum()) // FEW_ALIKE)][None])[0], axis=0)
+    middles = [np.median(rgb2lab(image[part][::max(1, int(part.sum()) // FEW_ALIKE)][None])[0],
+                         axis=0)
                for part in (own, above)]
     if np.linalg.norm(middles[0] - middles[1]) > CLOTH_APART:
         less = own if own.sum() < above.sum() else above

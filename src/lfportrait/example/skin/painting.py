@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
+from ..frontal import FRONTAL, in_front
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
 from ..lids import Lids
@@ -38,7 +39,6 @@ from ..painter.plain_skin import plain_skin, strands, unpainted
 from ..patches import PatchSearch, PatchTarget
 from ..surface_guide import SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
-from ..turned import FRONTAL, in_front
 from ..worn import Wear
 from .canvas import Canvas, canvas_of
 from .copied_face import CopiedFace

@@ -249,7 +249,7 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
     Parameters
     ----------
     exemplar
-        The painting, from the front or turned; not bared (`filled`).
+        The painting, from the front or turned; not bared (`inpainting`).
     regions
         Its own, where they are known.
 
