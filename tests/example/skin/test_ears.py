@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.example.guides.filters import grey
 from lfportrait.example.skin.canvas import canvas_of
-from lfportrait.example.skin.ears import shade_ears
+from lfportrait.example.skin.painting import shade_ears
 
 
 @pytest.fixture

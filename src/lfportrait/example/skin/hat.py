@@ -30,7 +30,7 @@ from ..painter.picture_materials import FEATURES, HAIR
 from ..patches import PatchSearch
 from ..worn import Hat
 from .canvas import Canvas
-from .regions import hair_by_place
+from .hair import hair_by_place
 from .sitter import Skin
 
 __all__ = ["HatPainter"]

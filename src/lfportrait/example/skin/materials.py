@@ -20,7 +20,7 @@ from ..painter.picture_materials import (
     SKIN,
     material_shares,
 )
-from .regions import below_hair, hair_by_place, without_bays
+from .hair import below_hair, hair_by_place, without_bays
 from .sitter import Skin
 
 __all__ = ["SHOWN", "sitter_looks", "sitter_shares"]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
+from ..guides.filters import grey
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
 from ..lids import Lids
@@ -42,7 +43,7 @@ from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn import Wear
 from .canvas import Canvas, canvas_of
 from .copied_face import CopiedFace
-from .ears import shade_ears
+from .ears import missing_relief
 from .hat import HatPainter
 from .light import carried_light
 from .materials import SHOWN, sitter_looks, sitter_shares
@@ -326,6 +327,27 @@ class SkinPainter:
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
+
+
+def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
+    """Lay the sitter's light and shade over ears that are painted without their relief.
+
+    Parameters
+    ----------
+    skin, canvas
+        Of the sitter, as the canvas has it, and of the painting.
+    color
+        float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    """
+    ears = skin.ears * skin.seen
+    if skin.hair is not None:
+        ears = ears * (1 - skin.hair)
+    face = skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)
+    factors = missing_relief(ears, face, skin.flat[:, 0], skin.tone + skin.detail,
+                             canvas.gathered(grey(color), len(ears), np.nan))
+    if factors is not None:
+        color[canvas.own] *= factors[canvas.slots[canvas.own]][:, None]
+        np.minimum(color, 1, out=color)
 
 
 def _meeting_behind(skin: Skin) -> Float32:

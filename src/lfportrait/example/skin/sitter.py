@@ -30,9 +30,17 @@ from ..painter.light import Cells
 from ..painter.materials import BLUR, contours
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
-from .ear_places import ear_places
-from .regions import hair_by_place, skin_regions, with_strands
-from .relief import around_face, hair_by_relief
+from .ears import ear_places
+from .hair import (
+    GRAPH,
+    hair_behind,
+    hair_by_color,
+    hair_by_relief,
+    network_hair,
+    plausible_hair,
+    settled_hair,
+)
+from .regions import skin_regions
 
 BEFORE, BEHIND, SOFT = 2.5, 7.0, 6.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its color; and
@@ -46,29 +54,9 @@ T = TypeVar("T")
 
 PIXELS = 384.0
 """Pixels of the charts per world unit: a head is about 600 high, as in most exemplars."""
-UPRIGHT, TURNED = 30.0, 75.0
-"""Charts of this pitch and yaw (degrees) at most are shown to the network of the hair."""
-ROOM, GROUND = 1.4, 0.35
-"""Side of the picture it is shown over that of the chart, and the grey around the head."""
-AGREED = 0.35
-"""Share of its hair (intersection over union) that charts which show the same places must agree on.
-A real head's: 0.72; statues and shaven heads: 0.1 at most."""
-LOWEST = -0.75
-"""Hair hangs at least this far below the brows (up, in the face's heights)."""
-BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
-"""Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
-of the crown's color; and how far down it is looked for then."""
-BEARD = -0.45, -1.5
-"""A beard lies between these (up, in the face's heights)."""
-OTHER = 2.3
-"""A crown of hair is further than this from the face's colors, in standard deviations."""
 
 SEEN, CLEAR = (0.1, 0.4), (0.35, 0.75)
 """Cosines to the best photo between which a place begins to be seen and is, and its detail does."""
-GRAPH = 0.025
-"""Side of the cells that regions are decided in as a whole, over the face's height."""
-UNSURE = 0.01
-"""Trust in what is said of places that no photo saw, over that in those that photos saw well."""
 
 
 _PIECE = 1 << 15
@@ -159,17 +147,17 @@ class Skin:
         seen, clear = _ramp(facing, SEEN), _ramp(facing, CLEAR)
         flat = plane.unwrap(points).astype(np.float32)
         colors = atlas.color.reshape(-1, 3)[index]
-        known = _hair_in_front(atlas, index) if networks else None
+        known = network_hair(atlas, index) if networks else None
         tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
         ears = ear_places(plane, points, flat)
-        if known is not None and _plausible(plane, points, known * seen):
-            hair: Float32 | None = _hair_behind(plane, colors, flat, seen, ears, known)
+        if known is not None and plausible_hair(plane, points, known * seen):
+            hair: Float32 | None = hair_behind(plane, colors, flat, seen, ears, known)
         else:
-            hair = _hair_by_color(plane, colors, flat, seen, ears)
+            hair = hair_by_color(plane, colors, flat, seen, ears)
             if hair is None:
                 hair = hair_by_relief(plane, flat, contours, seen, ears)
         if hair is not None and seen.min() < 1:
-            hair = _as_a_whole(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
+            hair = settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
         # What photos saw at a graze is grain and smears: painted it would be stipple.
@@ -260,149 +248,6 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     tone, detail, looks, strength = (np.asarray(plane.reshape(-1)[index], np.float32)
                                      for plane in planes)
     return tone, detail, looks, strength
-
-
-def _hair_in_front(atlas: Atlas, index: NDArray[np.int32]) -> Float32 | None:
-    """Hair by the network on the charts that show a face, [N]; NaN on others. None without it.
-
-    It has learnt from selfies: large, on a dark ground with room around it a head is found; from
-    behind a shaven one is called hair. Nor is it believed where it calls one place hair in one
-    chart and not in the next: the curls of a statue.
-    """
-    from ... import models
-    from ...face import hair_mask
-
-    if models.missing(["hair-segmentation"]):
-        return None
-    out = np.full(atlas.depth.shape, np.nan, np.float32)
-    away = -atlas.cameras.pose[:, :3, 2]  # towards each chart's eye, in the portrait frame
-    for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes.tolist()):
-        if abs(away[n, 1]) > np.sin(np.radians(UPRIGHT)) or away[n, 2] < np.cos(np.radians(TURNED)):
-            continue
-        part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
-        there = np.isfinite(atlas.depth[part])[..., None]
-        picture = np.where(there, atlas.color[part], np.float32(GROUND))
-        rows, columns = picture.shape[:2]
-        side = int(ROOM * max(rows, columns))
-        square = np.full((side, side, 3), np.uint8(GROUND * 255), np.uint8)
-        top, left = (side - rows) // 2, (side - columns) // 2
-        square[top:top + rows, left:left + columns] = np.uint8(picture * 255 + 0.5)
-        out[part] = hair_mask(square, size=512)[top:top + rows, left:left + columns]
-    return out.reshape(-1)[index] if _agreed(atlas, out.reshape(-1)) else None
-
-
-def _agreed(atlas: Atlas, hair: Float32) -> bool:
-    """Whether charts that show the same places call the same ones hair, [H x W]."""
-    owner = atlas.owner.reshape(-1)
-    copies = np.flatnonzero((owner >= 0) & ~atlas.own.reshape(-1))
-    here, there = hair[copies], hair[owner[copies]]
-    known = np.isfinite(here) & np.isfinite(there)
-    either, both = (float(part(here[known], there[known]).sum())
-                    for part in (np.maximum, np.minimum))
-    return both >= AGREED * either
-
-
-def _hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
-                 ears: Float32, known: Float32) -> Float32:
-    """Hair [N] where it is not ``known`` (NaN): what looks like the hair that is, not like skin."""
-    up = -flat[:, 1] / plane.height
-    hairy, bare = known > 0.7, (known < 0.2) & (up < 0.3) & (up > -0.9)
-    # Down to where hair hangs at the sides.
-    lowest = min(LOWEST, float(np.percentile(up[hairy], 2))) if hairy.any() else LOWEST
-    parted = _told_apart(plane, colors, flat, seen, ears, hairy & (seen > 0.5),
-                         bare & (seen > 0.5), lowest)
-    return np.asarray(np.where(np.isnan(known), parted, known), np.float32)
-
-
-def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
-                   ears: Float32) -> Float32 | None:
-    """Hair as what lies around the face, above the chin, in another color, [N]; None if alike."""
-    up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
-    crown = (up > 0.7) & (seen > 0.5)
-    face, bearded = _bare_face(colors, up, (angle < 0.7) & (seen > 0.5), crown)
-    if crown.sum() < 100 or face.sum() < 100:
-        return None
-    if np.median(skin_distance(colors[crown | face], face[crown | face], 1.0)[
-            crown[crown | face]]) < OTHER:
-        return None
-    lowest = LOWEST
-    # Long hair: beside the neck is its color, too.
-    beside = (angle > 0.9) & (up > BESIDE_NECK[0]) & (up < BESIDE_NECK[1]) & (seen > 0.5)
-    if beside.sum() >= 100:
-        chosen = beside | crown | face
-        hairy, bare = (skin_distance(colors[chosen], part[chosen], 1.0)[beside[chosen]]
-                       for part in (crown, face))
-        if np.mean((hairy < bare) & (hairy < OTHER)) > HANGS:
-            lowest = LONGEST
-    return _told_apart(plane, colors, flat, seen, ears, crown, face, lowest, bearded)
-
-
-def _bare_face(colors: Float32, up: Float32, front: NDArray[np.bool_], crown: NDArray[np.bool_],
-               ) -> tuple[NDArray[np.bool_], bool]:
-    """Skin of the face among places in ``front``, bool [N], and whether there is a beard.
-
-    A forehead under a fringe and a bearded chin are more like the crown than like the cheeks.
-    ``up`` [N] is 0 at the brows and -1 at the chin.
-    """
-    out = front & (up < 0.3) & (up > -0.9)
-    cheeks = front & (up < -0.1) & (up > -0.45)
-    hairy = []
-    for part in (front & (up > 0) & (up < 0.3), front & (up < -0.6) & (up > -0.9)):
-        away = [np.median(skin_distance(colors[part | other], other[part | other], 1.0)[
-            part[part | other]]) if min(part.sum(), other.sum()) > 100 else 0.0
-            for other in (cheeks, crown)]
-        hairy.append(bool(away[1] < away[0]))
-        if hairy[-1]:
-            out &= ~part
-    return out, hairy[1]
-
-
-def _as_a_whole(graph: SurfaceGraph, hair: Float32, seen: Float32) -> Float32:
-    """Hair [N] as the surface has it on the whole, where photos do not show it for sure.
-
-    Where photos end, they and the network see neither hair nor skin: a seam of skin would run
-    through the hair, and streaks of hair over a neck.
-    """
-    sure = (2 * hair - 1) ** 2
-    whole = graph.decided(hair, seen * sure + UNSURE * sure)
-    firm = seen * sure
-    return np.asarray(firm * hair + (1 - firm) * np.clip(3 * whole - 1, 0, 1), np.float32)
-
-
-def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,
-                hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float,
-                bearded: bool = False) -> Float32:
-    """Hair around the face by its color, [N], from samples [N] of hair and of skin.
-
-    ``lowest`` is how far it hangs below the brows, in units of the face's height upwards;
-    ``bearded`` lets it be on chin and upper lip, too. Strands close over no ``ears`` [N].
-    """
-    around = around_face(plane, flat, lowest)
-    if bearded:
-        up = -flat[:, 1] / plane.height
-        around |= (up < BEARD[0]) & (up > BEARD[1])
-    chosen = (around | hairy | bare) & (seen > 0.5)
-    # A neck in the shade is not of the face's color, but of the hair's even less.
-    from_face = skin_distance(colors[chosen], bare[chosen], 1.0)
-    from_hair = skin_distance(colors[chosen], hairy[chosen], 1.0)
-    hair = np.zeros(len(colors), np.float32)
-    hair[chosen] = 1 / (1 + np.exp(np.clip((from_hair - from_face) / 0.5, -30, 30)))
-    hair[~around] = 0
-    hair = with_strands(plane, flat, hair, around & (seen > 0.5) & (ears < 0.5))
-    # What no photo saw goes on as it begins, and further on as hair goes on.
-    unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
-    beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, parted, 1.0, 20.0)
-    hair[unseen] = np.clip(hair_by_place(plane, flat[unseen]) + beside[unseen], 0, 1)
-    return np.asarray(hair, np.float32)
-
-
-def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
-    """Whether a good part of the head above the brows is hair: else it is shaven, or a statue.
-
-    Where it is not known, ``hair`` is NaN.
-    """
-    above = (points[:, 1] > plane.origin[1]) & np.isfinite(hair)
-    return bool(above.any() and hair[above].mean() > 0.2)
 
 
 def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, seen: Float32,
