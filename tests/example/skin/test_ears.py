@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lfportrait.example.guides.filters import grey
-from lfportrait.example.skin.canvas import canvas_of
 from lfportrait.example.skin.painting import shade_ears
+from lfportrait.example.skin.sitter import canvas_of
 
 
 @pytest.fixture

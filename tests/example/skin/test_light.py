@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfportrait.example.skin.canvas import canvas_of
 from lfportrait.example.skin.light import carried_light
+from lfportrait.example.skin.sitter import canvas_of
 
 
 @pytest.mark.parametrize("step", [1, 2])

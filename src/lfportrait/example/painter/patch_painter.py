@@ -1,7 +1,7 @@
 """The patch painter for photos and heads: exemplar patches of the same material over an atlas.
 
 An atlas is a picture whose pixels are places of what is painted: the charts of a head's surface
-(`skin.canvas.Canvas`), or a photo, which is an atlas with one chart (`Sheet`). Who paints says of
+(`skin.sitter.Canvas`), or a photo, which is an atlas with one chart (`Sheet`). Who paints says of
 each place what it is made of, how light it is to be and where in the exemplar the guide leads
 (`Wish`); the painter lays patches that agree with each other and with what is painted already.
 """

@@ -14,8 +14,7 @@ from ..kernels.atlas import spread
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, LABELS, Transfer
-from .canvas import Canvas
-from .sitter import Skin
+from .sitter import Canvas, Skin
 
 __all__ = ["CopiedFace"]
 

@@ -29,9 +29,8 @@ from ..painter.patch_painter import PatchPainter, Wish
 from ..painter.picture_materials import FEATURES, HAIR
 from ..patches import PatchSearch
 from ..worn import Hat
-from .canvas import Canvas
 from .hair import hair_by_place
-from .sitter import Skin
+from .sitter import Canvas, Skin
 
 __all__ = ["HatPainter"]
 

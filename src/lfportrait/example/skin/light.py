@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ..guides.filters import grey
 from ..painter.light import BLUR, CELL, REACH, Cells
-from .canvas import Canvas
-from .sitter import Skin
+from .sitter import Canvas, Skin
 
 __all__ = ["carried_light"]
 

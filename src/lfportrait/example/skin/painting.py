@@ -41,13 +41,12 @@ from ..patches import PatchSearch, PatchTarget
 from ..surface_guide import SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn import Wear
-from .canvas import Canvas, canvas_of
 from .copied_face import CopiedFace
 from .ears import missing_relief
 from .hat import HatPainter
 from .light import carried_light
 from .materials import SHOWN, sitter_looks, sitter_shares
-from .sitter import Skin
+from .sitter import Canvas, Skin, canvas_of
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 

@@ -11,8 +11,7 @@ from ..kernels.patches import ACTIVE, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from ..surface_guide import Sites
-from .canvas import Canvas
-from .sitter import Skin
+from .sitter import Canvas, Skin
 
 __all__ = ["rehearse_painting"]
 

@@ -2,10 +2,15 @@
 
 A `Skin` is computed once from a field and its landmarks, and kept beside the field; it knows
 nothing of any exemplar. Besides the atlas (`charts`) it holds, for every pixel that owns its
-surface point, what the sitter shows there: light and shade, detail, hair (by the segmentation
-network, asked about the charts that stand upright, else by its color or its `relief`), clothes
-(what lies below the chin and differs in color from the face), ears, and how well the photos saw
-it.
+surface point, what the sitter shows there: light and shade, detail, `hair`, clothes (what lies
+below the chin and differs in color from the face), `ears`, and how well the photos saw it.
+
+Its soft regions are what `lfportrait restyle --region` and `--keep` name. Features are drawn from
+the landmarks as the front sees them; hair, ears and clothes are the skin's own; the neck is what
+lies below the jaw and is neither.
+
+A `Canvas` is the atlas at a painting's resolution, with the lists that it shows. A preview paints
+every second pixel: it needs a quarter of the lists.
 """
 
 from __future__ import annotations
@@ -19,15 +24,18 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64
 from ...capture import Camera
 from ...field import SurfaceGraph, VoxelField
-from ...labels import SURFACE_LABELS
+from ...labels import FEATURES, PICTURE_LABELS, SURFACE_LABELS
 from ...simd.threads import side_by_side
 from ..exemplar import face_size
 from ..guides.filters import broad_blur, grey, skin_distance
-from ..kernels.atlas import best_facing, exchange
+from ..guides.regions import FaceFrame, region_labels
+from ..kernels.atlas import best_facing, exchange, spread
 from ..painter.light import Cells
 from ..painter.materials import BLUR, contours
+from ..patches import at_middles, coarser_owner
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
 from .ears import ear_places
@@ -35,21 +43,81 @@ from .hair import (
     GRAPH,
     hair_behind,
     hair_by_color,
+    hair_by_place,
     hair_by_relief,
     network_hair,
     plausible_hair,
     settled_hair,
 )
-from .regions import skin_regions
+
+__all__ = ["PIXELS", "Canvas", "Skin", "canvas_of", "face_pixels", "skin_regions"]
+
+SIDE = 512
+"""Side in pixels of the picture that the features are drawn in."""
+
+
+def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,
+                 flat: Float32, hair: Float32 | None, ears: Float32,
+                 clothes: Float32) -> NDArray[np.uint8]:
+    """Soft labels of a skin's places, uint8 [N, R] by `SURFACE_LABELS`.
+
+    Parameters
+    ----------
+    plane
+        The head's unwrapping, with its landmarks.
+    camera
+        That sees the face from the front.
+    points, normals
+        float32 [N, 3], the places and the large shape's normals there.
+    flat
+        float32 [N, 2], unwrapped places.
+    hair, ears, clothes
+        float32 [N] in [0, 1]; hair None: by place.
+    """
+    features = _features(plane, camera, points, normals)
+    hair = hair_by_place(plane, flat) if hair is None else hair
+    depth = flat[:, 1] / np.float32(plane.height)
+    # Behind the cheeks the jaw ends higher.
+    angle = np.abs(flat[:, 0]) / np.float32(plane.radius)
+    jaw = np.where(angle > 1.2, np.float32(0.75), np.float32(1.0))
+    neck = np.clip((depth - jaw) / np.float32(0.1), 0, 1)
+    out = np.zeros((len(points), len(SURFACE_LABELS)), np.float32)
+    rest = np.ones(len(points), np.float32)
+    for name, share in (*((name, features[:, n]) for n, name in enumerate(FEATURES)),
+                        ("clothes", clothes), ("ears", ears * (1 - hair)), ("hair", hair),
+                        ("neck", neck)):
+        out[:, SURFACE_LABELS.index(name)] = rest * share
+        rest = rest * (1 - share)
+    out[:, SURFACE_LABELS.index("skin")] = rest
+    return np.asarray(out * 255 + 0.5, np.uint8)
+
+
+def _features(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32) -> Float32:
+    """Brows, eyes, nose and lips at points on the front, float32 [N, 4]."""
+    marks = plane.landmarks.copy()
+    marks[~plane.known] = marks[plane.known].mean(axis=0)
+    pixels, _ = camera.project(marks)
+    low, high = pixels[0].min(axis=0), pixels[0].max(axis=0)
+    scale = 0.8 * SIDE / float((high - low).max())
+    shift = SIDE / 2 - scale * (low + high) / 2
+    drawn = pixels[0] * scale + shift
+    flat = np.ones((SIDE, SIDE), np.float32)
+    labels = region_labels(flat, None, drawn, FaceFrame.of(drawn))
+    places, _ = camera.project(points.astype(np.float64))
+    x, y = np.moveaxis((places[0] * scale + shift).astype(np.int64), -1, 0)
+    inside = (x >= 0) & (y >= 0) & (x < SIDE) & (y < SIDE) & (normals[:, 2] > 0)
+    inside &= points[:, 2] > float(np.nanmin(plane.landmarks[:, 2]))
+    out = np.zeros((len(points), len(FEATURES)), np.float32)
+    chosen = labels[y[inside], x[inside]][:, [PICTURE_LABELS.index(name) for name in FEATURES]]
+    out[inside] = chosen / np.float32(255)
+    return out
+
 
 BEFORE, BEHIND, SOFT = 2.5, 7.0, 6.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its color; and
 those that no chart has then, up to so many before it: a soft shell is seen before its surface."""
 
-__all__ = ["PIXELS", "Skin", "face_pixels"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 T = TypeVar("T")
 
 PIXELS = 384.0
@@ -284,3 +352,72 @@ def _facing(points: Float32, normals: Float32, cameras: Camera | None) -> Float3
 def _ramp(values: Float32, ends: tuple[float, float]) -> Float32:
     """0 up to the first of the ends, 1 from the second on, float32 [N]."""
     return np.asarray(np.clip((values - ends[0]) / (ends[1] - ends[0]), 0, 1), np.float32)
+
+
+_LISTS = ("index", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
+          "seen", "outwards")
+
+
+@dataclass
+class Canvas:
+    """The atlas at the painting's resolution: owners, and where the skin's lists go."""
+
+    step: int
+    owner: NDArray[np.int32]
+    slots: NDArray[np.int32]
+    surface: NDArray[np.bool_]
+
+    @staticmethod
+    def of(skin: Skin, step: int) -> Canvas:
+        """Every ``step``-th pixel (a power of two) of the atlas."""
+        atlas = skin.atlas
+        level = step.bit_length() - 1
+        shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
+        if step == 1:
+            return Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
+        owner = coarser_owner(atlas.owner, level, shape)
+        # An owner shows what its middle shows, even if that is another's.
+        slots = skin.slots_of(at_middles(atlas.owner, level, shape)).reshape(-1)
+        filled = np.where(owner >= 0, slots[np.maximum(owner, 0)], -1)
+        return Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
+                       np.isfinite(at_middles(atlas.depth, level, shape)))
+
+    @functools.cached_property
+    def own(self) -> NDArray[np.bool_]:
+        """Pixels that own their surface point, bool [H, W]."""
+        index = np.arange(self.owner.size, dtype=np.int32).reshape(self.owner.shape)
+        return np.asarray((self.owner == index) & (self.slots >= 0))
+
+    def spread(self, values: Float32, empty: float = 0.0) -> Float32:
+        """Values [N, C] of a skin's lists as a picture [H, W, C]."""
+        out = np.empty((*self.slots.shape, values.shape[1]), np.float32)
+        spread(np.ascontiguousarray(values, np.float32), self.slots, np.float32(empty), out)
+        return out
+
+    def gathered(self, picture: Float32, count: int, empty: float = 0.0) -> Float32:
+        """What owners show of a picture [H, W], for each of ``count`` places of the lists, [N]."""
+        own = self.own
+        out = np.full(count, empty, np.float32)
+        out[self.slots[own]] = picture[own]
+        return out
+
+
+def canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
+    """The canvas at every ``step``-th pixel, and the skin with the lists that it shows alone.
+
+    Both are made once and kept with the skin.
+    """
+    return skin.once(("canvas", step), lambda: _canvas_of(skin, step))
+
+
+def _canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
+    canvas = Canvas.of(skin, step)
+    if step == 1:
+        return canvas, skin
+    shown = np.zeros(len(skin.index) + 1, bool)
+    shown[canvas.slots] = True
+    used = np.flatnonzero(shown[:-1])  # the last one stands for none, -1
+    number = np.full(len(skin.index) + 1, -1, np.int32)
+    number[used] = np.arange(len(used), dtype=np.int32)
+    lists = {name: value[used] for name in _LISTS if (value := getattr(skin, name)) is not None}
+    return (replace(canvas, slots=number[canvas.slots]), replace(skin, kept={}, **lists))
