@@ -41,8 +41,8 @@ from ..patches import PatchSearch, PatchTarget
 from ..surface_guide import SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn import Wear
-from .copied_face import CopiedFace
 from .ears import missing_relief
+from .face import CopiedFace
 from .hat import HatPainter
 from .light import carried_light
 from .materials import SHOWN, sitter_looks, sitter_shares

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter
 
+from ...arrays import Float32
 from ...labels import PICTURE_LABELS
 from ..guides.filters import broad_blur, gaussian_blur, match_histogram
 from ..guides.position import Guides, sample_labels
@@ -17,8 +18,6 @@ from ..transfers import CALM, LABELS, Transfer
 from .sitter import Canvas, Skin
 
 __all__ = ["CopiedFace"]
-
-Float32 = NDArray[np.float32]
 
 INSIDE = 0.95
 """Share of the exemplar's face (a soft mask) from which on its paint is copied: not its outline."""
