@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfportrait.example.skin.light import carried_light
+from lfportrait.example.skin.painting import carried_light
 from lfportrait.example.skin.sitter import canvas_of
 
 

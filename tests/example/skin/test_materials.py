@@ -34,7 +34,7 @@ from lfportrait.example.painter.picture_materials import (
     picture_shares,
 )
 from lfportrait.example.skin.hair import below_hair, hair_by_place, without_bays
-from lfportrait.example.skin.materials import DARKEST, sitter_looks, sitter_shares
+from lfportrait.example.skin.painting import DARKEST, sitter_looks, sitter_shares
 from lfportrait.example.surface_guide import HeadPlane
 from lfportrait.labels import MATERIALS
 from lfportrait.labels import PICTURE_LABELS as LABELS

@@ -3,7 +3,7 @@
 Split a photo's luma for the patches: tone, detail, and edge strength.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
-to be painted says what each of its places is made of (`photo_materials`, `skin.materials`); tones
+to be painted says what each of its places is made of (`photo_materials`, `skin.painting`); tones
 and detail of each material become those of the exemplar's.
 """
 

@@ -385,7 +385,7 @@ def _carried_light(work: _Work, core: Bool, tone: Float32) -> Float32:
     """How much lighter the face is painted than its tones ask for, carried on; float32 [H, W].
 
     Patches beside the face begin in its painted light, not in the photo's, as on a skin
-    (`skin.light`).
+    (`skin.painting`).
     """
     cells = Cells.over(pixel_centres(core.shape).reshape(-1, 2),
                        CELL_OF_LIGHT * work.regions.frame.height)

@@ -5,8 +5,7 @@ paints it by one exemplar.
 """
 
 from .charts import Atlas, draw_atlas
-from .painting import Painting, SkinConfig, SkinPainter
-from .rehearsal import rehearse_painting
+from .painting import Painting, SkinConfig, SkinPainter, rehearse_painting
 from .sitter import PIXELS, Skin, canvas_of, face_pixels
 from .storage import as_stored, load_skin, save_skin, skin_key
 
