@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .. import face, models
+from ..arrays import Float32, Float64, UInt8
 from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
@@ -64,17 +65,17 @@ class Exemplar:
         `lfportrait.labels.BY_HAND`; or None.
     """
 
-    image: NDArray[np.uint8]
-    landmarks: NDArray[np.float64]
+    image: UInt8
+    landmarks: Float64
     name: str = "exemplar"
-    mask: NDArray[np.float32] | None = field(default=None, repr=False)
+    mask: Float32 | None = field(default=None, repr=False)
     faces: int = 1
-    hair: NDArray[np.float32] | None = field(default=None, repr=False)
+    hair: Float32 | None = field(default=None, repr=False)
     covered: Exemplar | None = field(default=None, repr=False)
-    bared: NDArray[np.float32] | None = field(default=None, repr=False)
+    bared: Float32 | None = field(default=None, repr=False)
     lids: tuple[bool, bool] = (False, False)
     opened: Exemplar | None = field(default=None, repr=False)
-    by_hand: NDArray[np.uint8] | None = field(default=None, repr=False)
+    by_hand: UInt8 | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -203,7 +204,7 @@ class Exemplar:
         return Exemplar(image, points, path.stem, mask, faces, by_hand=_by_hand(path, image))
 
 
-def _by_hand(path: Path, image: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+def _by_hand(path: Path, image: UInt8) -> UInt8 | None:
     """The regions of a painting that were painted over by hand, from the file beside it."""
     beside = path.with_suffix(".regions.png")
     if not beside.exists():
@@ -227,7 +228,7 @@ def _built_in(name: str) -> Exemplar:
                     f"{', '.join(styles)}")
 
 
-def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
+def _landmarks_beside(path: Path, image: UInt8) -> tuple[Float64, int]:
     """Landmarks from the file beside the picture, else of its largest face; and how many it has."""
     beside = path.with_suffix(".landmarks.txt")
     if beside.exists():

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.ndimage import map_coordinates
 
-from ..arrays import Float32, Float64
+from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from ..face import (
     GENERIC_LANDMARKS,
@@ -140,7 +140,7 @@ def _normals(points: Float64) -> Float64:
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True), np.float64)
 
 
-def _hidden(points: Float64, pose: FacePose, head: Float64) -> NDArray[np.bool_]:
+def _hidden(points: Float64, pose: FacePose, head: Float64) -> Bool:
     """Which points [h, w, 3] the painter sees something else before, bool [h, w].
 
     A ray to him runs below the head's surface somewhere.
@@ -218,7 +218,7 @@ class Frontal:
         Of the face in the painting.
     """
 
-    image: NDArray[np.uint8]
+    image: UInt8
     landmarks: Float64
     mirrored: Float32
     places: Float32
@@ -416,7 +416,7 @@ def _oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Fl
     return np.asarray(np.clip((1.05 - head_oval(x, y, wide, middle, high)) / 0.1, 0, 1), np.float64)
 
 
-def _mirror_image(image: NDArray[np.uint8], own: Float32, landmarks: Float64, scale: float,
+def _mirror_image(image: UInt8, own: Float32, landmarks: Float64, scale: float,
                   ) -> tuple[Float32, Float32]:
     """Places [h, w, 2] of what lies across the axis, and its paint [h, w, 3].
 
@@ -548,7 +548,7 @@ class FaceAside:
     """
 
     landmarks: Float64
-    hidden: NDArray[np.bool_]
+    hidden: Bool
     points: Float64
     places: Float64
     pose: FacePose

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import face, models
-from ..arrays import Float32, Float64
+from ..arrays import Float32, Float64, UInt8
 from ..cache import kept_arrays, key_of
 from .exemplar import Exemplar
 from .frontal import FRONTAL
@@ -77,7 +77,7 @@ class _Eye:
     outline: Float64
 
 
-def irises_found(image: NDArray[np.uint8], landmarks: Float64) -> Float64 | None:
+def irises_found(image: UInt8, landmarks: Float64) -> Float64 | None:
     """Middles of both irises.
 
     Parameters
@@ -120,7 +120,7 @@ def _in_portrait(eye: _Eye, place: Float64) -> Float64:
     return np.asarray(middle + place @ axes, np.float64)
 
 
-def _seen(image: NDArray[np.uint8], outline: Float64) -> _Eye | None:
+def _seen(image: UInt8, outline: Float64) -> _Eye | None:
     """The picture of an eye [6, 2]; None if it is too small or closed."""
     middle, axes = _frame(outline)
     if np.linalg.norm(axes[0]) * WIDTH < 8:
@@ -292,7 +292,7 @@ def _opening(eyes: Float64) -> float:
                for left, right, _, upper, lower in eyes)
 
 
-def _mesh(image: NDArray[np.uint8], landmarks: Float64) -> Float64 | None:
+def _mesh(image: UInt8, landmarks: Float64) -> Float64 | None:
     """MediaPipe's mesh [478, 2] of the face with these landmarks [68, 2], pixels of the picture."""
     low, high = landmarks.min(axis=0), landmarks.max(axis=0)
     half = 0.5 * ROOM * float((high - low).max())
@@ -306,8 +306,8 @@ def _mesh(image: NDArray[np.uint8], landmarks: Float64) -> Float64 | None:
     return None if mesh is None else np.asarray(first + step * mesh, np.float64)
 
 
-def _moved(image: NDArray[np.uint8], eye: Float64, iris: Float64, degrees: float,
-           ) -> NDArray[np.uint8]:
+def _moved(image: UInt8, eye: Float64, iris: Float64, degrees: float,
+           ) -> UInt8:
     """A picture [H, W, 3] whose ``iris`` [2] of an eye [5, 2] is turned to the right by degrees.
 
     What is around it moves less and less; corners and lids stay.
@@ -407,7 +407,7 @@ def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
     return float(light - dark)
 
 
-def _as_the_other(image: NDArray[np.uint8], weak: Float64, clear: Float64) -> NDArray[np.uint8]:
+def _as_the_other(image: UInt8, weak: Float64, clear: Float64) -> UInt8:
     """The picture with the eye ``weak`` [6, 2] painted as the eye ``clear`` [6, 2] is."""
     size = float(np.linalg.norm(weak[3] - weak[0]))
     middle = weak.mean(axis=0)
@@ -451,7 +451,7 @@ def _affine(places: Float64, others: Float64) -> Float64:
     return np.asarray(np.linalg.lstsq(known, others, rcond=None)[0], np.float64)
 
 
-def _sampled(image: NDArray[np.uint8], places: Float64) -> Float32:
+def _sampled(image: UInt8, places: Float64) -> Float32:
     """A picture [H, W, 3] at places [h, w, 2] (x, y), float32 in [0, 255]."""
     x, y = np.moveaxis(np.asarray(places - 0.5, np.float32), -1, 0)
     return np.asarray(cv2.remap(image, np.ascontiguousarray(x), np.ascontiguousarray(y),

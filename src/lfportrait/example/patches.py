@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Int32, UInt8
 from .kernels.atlas import exchange
 from .kernels.patches import (
     ACTIVE,
@@ -38,10 +39,6 @@ from .kernels.patches import (
 
 __all__ = ["SCALE", "PatchSearch", "PatchSource", "PatchTarget", "at_middles", "coarser_owner",
            "halved", "middles", "occupancy", "settled", "synthesise_patches"]
-
-Float32 = NDArray[np.float32]
-Int32 = NDArray[np.int32]
-UInt8 = NDArray[np.uint8]
 
 SCALE = 4.0
 """Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""

@@ -21,10 +21,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from ..arrays import Float32, Float64
+from ..arrays import Float32, Float64, UInt8
 from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
 from .frontal import SPACING, FaceAside
@@ -286,7 +285,7 @@ class FlatGuide:
         Of the painting; labels uint8 [h, w, len(PICTURE_LABELS)].
     """
 
-    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> None:
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8) -> None:
         self.exemplar, self.regions = exemplar, regions
         self._words = label_words(labels)
         self._box = regions.box()
@@ -304,7 +303,7 @@ class FlatGuide:
         return abs(regions.frame.turn(landmarks) - self._turn) > TURNED
 
     def __call__(self, cover: Float32, landmarks: Float64, regions: Regions,
-                 labels: NDArray[np.uint8], hold: bool = False,
+                 labels: UInt8, hold: bool = False,
                  aside: FaceAside | None = None) -> Float32:
         """Position guide of a photo, float32 [H, W, 2]; NaN where it is not covered.
 
@@ -349,7 +348,7 @@ class FlatGuide:
                 np.concatenate([weights[kept], np.full(len(more), aside.share)]),
                 np.concatenate([softness[kept], soft]))
 
-    def _meet(self, nodes: Float32, labels: NDArray[np.uint8], scale: float, keep: float) -> None:
+    def _meet(self, nodes: Float32, labels: UInt8, scale: float, keep: float) -> None:
         """Move the guide's nodes so that outlines and hairlines meet."""
         known = [(match, edge) for match, edge in zip(self._edges, EDGES) if match is not None]
         small = np.empty((len(known), *(-(-n // GRID) for n in labels.shape[:2])), np.float32)
@@ -360,7 +359,7 @@ class FlatGuide:
             match.pull(nodes, distance * np.float32(GRID), GRID, scale,
                        keep if name == "background" else 0.0)
 
-    def own_shoulders(self, position: Float32, landmarks: Float64, labels: NDArray[np.uint8],
+    def own_shoulders(self, position: Float32, landmarks: Float64, labels: UInt8,
                       person: Float32) -> Float32:
         """Let the exemplar's body have its own outline below the chin.
 
@@ -387,6 +386,6 @@ class FlatGuide:
         return person
 
 
-def _label(labels: NDArray[np.uint8], name: str) -> Float32:
+def _label(labels: UInt8, name: str) -> Float32:
     """One label of [H, W, len(PICTURE_LABELS)], float32 [H, W] in [0, 1]."""
     return labels[..., PICTURE_LABELS.index(name)].astype(np.float32) * np.float32(1 / 255)

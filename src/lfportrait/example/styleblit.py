@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Float32
+from ..arrays import Float32, Float64, Int32, Int64, UInt8
 from ..files import write_image
 from ..labels import PICTURE_LABELS
 from .guides.position import Guides, anchor_scale
@@ -73,25 +73,25 @@ class Synthesis:
         float32 [H, W], guide error of each pixel's own look-up.
     """
 
-    image: NDArray[np.float32]
-    shift: NDArray[np.float32]
-    level: NDArray[np.uint8]
-    error: NDArray[np.float32]
+    image: Float32
+    shift: Float32
+    level: UInt8
+    error: Float32
 
 
 @dataclass
 class Seeds:
     """Seeds of all levels from ``finest``, one level after the other (`example.kernels.seeds`)."""
 
-    points: NDArray[np.float32]
-    pixels: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    firsts: NDArray[np.int64]
-    shapes: NDArray[np.int64]
+    points: Float32
+    pixels: Int32
+    starts: Int64
+    firsts: Int64
+    shapes: Int64
     finest: int
 
 
-def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _extent(anchor: Float32) -> tuple[Float64, Float64]:
     """Least and largest finite place of an anchor plane, [2] each; 0 where there is none."""
     low, high = (np.empty((anchor.shape[0], 2), np.float32) for _ in range(2))
     finite_range(anchor, low, high)
@@ -108,7 +108,7 @@ def finest_level(scale: float) -> int:
     return max(1, int(np.ceil(np.log2(1.5 * scale))))
 
 
-def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None,
+def plant(anchor: Float32, top: int, seed: int, scale: float | None,
           finest: int = 1) -> Seeds:
     """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
 
@@ -145,14 +145,14 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None,
 
 @functools.lru_cache(maxsize=32)
 def _jittered(seed: int, level: int, first_x: int, first_y: int, rows: int,
-              columns: int) -> NDArray[np.float32]:
+              columns: int) -> Float32:
     """Jittered seeds of some cells, [rows, columns, 2]; not to be changed."""
     points = np.empty((rows, columns, 2), np.float32)
     seed_points(seed, level, first_x, first_y, points)
     return points
 
 
-def label_words(labels: NDArray[np.uint8]) -> NDArray[np.int32]:
+def label_words(labels: UInt8) -> Int32:
     """Up to eight labels [H, W, K] of a pixel as the bytes of two words, [H, W, 2]."""
     height, width, count = labels.shape
     if count > 8:
@@ -162,7 +162,7 @@ def label_words(labels: NDArray[np.uint8]) -> NDArray[np.int32]:
     return np.ascontiguousarray(labels).view(np.int32).reshape(height, width, 2)
 
 
-def shift_planes(height: int, width: int, margin: int) -> NDArray[np.float32]:
+def shift_planes(height: int, width: int, margin: int) -> Float32:
     """Planes for the shifts of a picture, float32 [2, rows, columns], with a margin of NaN.
 
     Pixel (x, y) is at [:, margin + y, margin + x]. Only the margin is filled.
@@ -174,16 +174,16 @@ def shift_planes(height: int, width: int, margin: int) -> NDArray[np.float32]:
     return planes
 
 
-def pack_colors(picture: NDArray[Any]) -> NDArray[np.int32]:
+def pack_colors(picture: NDArray[Any]) -> Int32:
     """Colors [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
     words = np.empty(picture.shape[:2], np.int32)
     pack(picture, words)
     return words
 
 
-def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float,
-               style_appearance: NDArray[np.float32], style_labels: NDArray[np.uint8],
-               table: LookUpTable, picture: NDArray[np.float32] | NDArray[np.int32],
+def synthesise(guides: Guides, weights: Float32, label_weight: float,
+               style_appearance: Float32, style_labels: UInt8,
+               table: LookUpTable, picture: Float32 | Int32,
                config: BlitConfig, *,
                seed: int = 0, scale: float | None = None, seeds: Seeds | None = None,
                finest: int = 1, calm: float = 0.0) -> Synthesis:
@@ -265,7 +265,7 @@ def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> 
     return picture
 
 
-def chunk_picture(shift: NDArray[np.floating], level: NDArray[np.uint8]) -> NDArray[Any]:
+def chunk_picture(shift: NDArray[np.floating], level: UInt8) -> NDArray[Any]:
     """Chunks by level (own look-up black, coarse light), their borders drawn."""
     picture = LEVEL_COLORS[np.minimum(level, len(LEVEL_COLORS) - 1)]
     border = np.zeros(level.shape, bool)

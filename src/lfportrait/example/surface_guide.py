@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ..arrays import Float32, Float64
+from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..errors import UserError
 from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
@@ -118,7 +118,7 @@ class Patchwork:
             np.pad(regions.person > 0.5, 1, mode="edge"))[1:-1, 1:-1] > EDGE * exemplar.size
         self.known = np.array([place is not None for place in found])
 
-    def _deep(self, region: NDArray[np.bool_], share: float) -> Float32 | None:
+    def _deep(self, region: Bool, share: float) -> Float32 | None:
         """For every pixel the nearest one deep inside a region, [h, w, 2] (x, y); None: no room.
 
         Only the ``share`` of plainest places count.
@@ -134,7 +134,7 @@ class Patchwork:
         return np.asarray(np.moveaxis(index, 0, -1)[..., ::-1] + 0.5, np.float32)
 
     def materials(self, angle: Float64, depth: Float64,
-                  bare: NDArray[np.bool_]) -> NDArray[np.int64]:
+                  bare: Bool) -> Int64:
         """Material of sites, [N].
 
         Parameters
@@ -153,7 +153,7 @@ class Patchwork:
             out[(depth > 1.1) & ~bare] = -1
         return np.where((out >= 0) & self.known[out], out, -1)
 
-    def pieces(self, wanted: Float32, chances: Float32, material: NDArray[np.int64]) -> Float32:
+    def pieces(self, wanted: Float32, chances: Float32, material: Int64) -> Float32:
         """Where in the exemplar the pieces of sites come from, [N, 2].
 
         Parameters
@@ -171,7 +171,7 @@ class Patchwork:
         y = np.clip(near[:, 1], 0, rows - 1).astype(np.int64)
         return np.asarray(self.places[material, y, x], np.float32)
 
-    def nearest(self, places: Float32, sites: Sites) -> NDArray[np.int32]:
+    def nearest(self, places: Float32, sites: Sites) -> Int32:
         """Flat number of the site nearest to each of the places [N, 2]."""
         out = np.empty(len(places), np.int32)
         nearest_sites(places, np.float32(self.side), sites.first, sites.points, out)
@@ -347,7 +347,7 @@ class SurfaceGuide:
         """Pieces for what lies behind the cheeks."""
         return Patchwork(self.exemplar, self.regions)
 
-    def _pixels(self, position: Float32) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _pixels(self, position: Float32) -> tuple[Int64, Int64]:
         """Columns and rows of the exemplar's pixels at positions [N, 2], or next to them."""
         height, width = self.regions.person.shape
         return (np.clip(position[:, 0].astype(np.int64), 0, width - 1),

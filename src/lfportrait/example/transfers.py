@@ -22,7 +22,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from ..arrays import Float32
+from ..arrays import Float32, Float64, Int32, UInt8
 from ..errors import UserError
 from ..face import FacePose
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
@@ -169,7 +169,7 @@ def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
         return without_spectacles(exemplar)
 
 
-def mix_regions(photo: NDArray[np.uint8], landmarks: NDArray[np.floating], painted: Float32,
+def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
                 choices: Sequence[RegionStyle], others: dict[str, Float32]) -> Float32:
     """Blend paintings of one photo by its soft regions.
 
@@ -200,7 +200,7 @@ def mix_regions(photo: NDArray[np.uint8], landmarks: NDArray[np.floating], paint
     return np.clip(out, 0, 1)
 
 
-def _region_shares(photo: NDArray[np.uint8], landmarks: NDArray[np.floating],
+def _region_shares(photo: UInt8, landmarks: NDArray[np.floating],
                    names: Sequence[str]) -> dict[str, Float32]:
     """How far each pixel lies in each region, float32 [H, W] by its name.
 
@@ -314,7 +314,7 @@ class Transfer:
         return missing_labels(self.labels)
 
     @functools.cached_property
-    def _bald(self) -> NDArray[np.uint8]:
+    def _bald(self) -> UInt8:
         """The labels for photos without hair."""
         return without_hair(self.labels)
 
@@ -426,7 +426,7 @@ class Transfer:
                   made.image)
         return made
 
-    def _refined(self, photo: NDArray[np.generic], points: NDArray[np.float64], regions: Regions,
+    def _refined(self, photo: NDArray[np.generic], points: Float64, regions: Regions,
                  made: TransferResult, turned: bool) -> Float32:
         """The picture with patches around the face; its seconds are noted."""
         start = time.perf_counter()
@@ -453,14 +453,14 @@ class Transfer:
                 min(finest_level(scale), self.config.blit.levels))
         return self._plan[1:]
 
-    def scale(self, landmarks: NDArray[np.float64]) -> float:
+    def scale(self, landmarks: Float64) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
         if self._exact:
             return 1.0
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
-    def colors(self, scale: float) -> NDArray[np.int32]:
+    def colors(self, scale: float) -> Int32:
         """The exemplar's colors, low-passed where a target pixel covers several of its pixels.
 
         Packed (`styleblit.pack_colors`), int32 [h, w].
@@ -480,7 +480,7 @@ class Transfer:
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self.distribution, person)
 
-    def weights(self, person: Float32, labels: NDArray[np.uint8], position: Float32,
+    def weights(self, person: Float32, labels: UInt8, position: Float32,
                  scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
@@ -512,7 +512,7 @@ class Transfer:
         """Whether nothing of a photo is left."""
         return self.config.extent == "picture" and self.config.strength == 1
 
-    def cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+    def cover(self, photo: NDArray[np.generic], landmarks: Float64,
                person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
@@ -560,7 +560,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
         image, points, **options)
 
 
-def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:
+def face_landmarks(image: NDArray[np.generic]) -> Float64:
     """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3].
 
     Raises

@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..arrays import Float32, Float64
+from ..arrays import Bool, Float32, Float64, UInt8
 from .exemplar import Exemplar, face_size
 from .guides.color_segmentation import resize
 from .guides.filters import enlarged
@@ -164,7 +164,7 @@ class Motion:
 
     back: Float32
     there: Float32
-    trusted: NDArray[np.bool_]
+    trusted: Bool
     factor: int
 
     def carry(self, field: Float32) -> Float32:
@@ -197,16 +197,16 @@ class Flow:
         if self._library is not None:
             self._network = self._library.DISOpticalFlow_create(
                 self._library.DISOPTICAL_FLOW_PRESET_FAST)
-        self._before: NDArray[np.uint8] | None = None
+        self._before: UInt8 | None = None
 
-    def _luma(self, frame: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
+    def _luma(self, frame: UInt8, factor: int) -> UInt8:
         """The frame in grey, means of blocks of ``factor`` pixels."""
         size = (-(-frame.shape[1] // factor), -(-frame.shape[0] // factor))
         luma = self._library.cvtColor(frame, self._library.COLOR_RGB2GRAY)
         return np.asarray(self._library.resize(luma, size,
                                                interpolation=self._library.INTER_AREA))
 
-    def next(self, frame: NDArray[np.uint8]) -> Motion | None:
+    def next(self, frame: UInt8) -> Motion | None:
         """Motion to the next frame; None for the first one and after a cut."""
         if self._network is None:
             return None
@@ -225,7 +225,7 @@ class Flow:
         return Motion(back * scale, there * scale, trusted, factor)
 
 
-def _unlike(luma: NDArray[np.uint8], before: NDArray[np.uint8], back: Float32) -> bool:
+def _unlike(luma: UInt8, before: UInt8, back: Float32) -> bool:
     """Whether the frame before, carried along, explains less than half of what is seen.
 
     By every fourth sample of every fourth row.
@@ -271,9 +271,9 @@ def reduced(prepared: Transfer, factor: float) -> Transfer:
     return Transfer(exemplar, config, regions=regions, exact=True)
 
 
-def paint_onward(prepared: Transfer, frame: NDArray[np.uint8], landmarks: NDArray[np.float64],
+def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
                  person: Callable[[], Float32], anchor: Float32, motion: Motion,
-                 kept: NDArray[np.bool_], before: TransferResult) -> TransferResult:
+                 kept: Bool, before: TransferResult) -> TransferResult:
     """Paint a frame with the shifts of the one before.
 
     Parameters
@@ -353,13 +353,13 @@ def _moved(points: Float64, source: Float64, target: Float64) -> Float64:
 class _Followed:
     """What is known of a frame before it is painted."""
 
-    frame: NDArray[np.uint8]
+    frame: UInt8
     points: Float64
     anchor: Float32
     masks: Float32
     """Person and, if it is known, hair on blocks, [h, w, 1 or 2]."""
     motion: Motion | None
-    kept: NDArray[np.bool_] | None
+    kept: Bool | None
     """Blocks whose anchors were carried; None if the frame is to be painted from scratch."""
 
     @property
@@ -410,7 +410,7 @@ class VideoTransfer:
         self._result: TransferResult | None = None
         self._scale = 1.0
 
-    def apply(self, frame: NDArray[np.uint8],
+    def apply(self, frame: UInt8,
               landmarks: NDArray[np.floating] | None = None) -> Float32:
         """Stylise the next frame.
 
@@ -435,7 +435,7 @@ class VideoTransfer:
         self._compare(step, self._result.image)
         return self._result.image
 
-    def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
+    def frames(self, frames: Iterable[UInt8]) -> Iterator[UInt8]:
         """Stylise frames one after the other, several at a time.
 
         One thread follows the motion through the video; others paint, each a frame that needs
@@ -461,7 +461,7 @@ class VideoTransfer:
             numba.set_num_threads(max(1, cores // (painters + 1)))
 
         def paint(steps: list[_Followed],
-                  ) -> list[tuple[_Followed, Float32, NDArray[np.uint8]]]:
+                  ) -> list[tuple[_Followed, Float32, UInt8]]:
             made, result = [], None
             for step in steps:
                 result = self._painting(step, result)
@@ -474,7 +474,7 @@ class VideoTransfer:
                 self._compare(step, image)
                 yield picture
 
-    def _follow(self, frame: NDArray[np.uint8],
+    def _follow(self, frame: UInt8,
                 landmarks: NDArray[np.floating] | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
@@ -496,7 +496,7 @@ class VideoTransfer:
                             lambda: step.regions.person, step.anchor, step.motion, step.kept,
                             before)
 
-    def _find(self, frame: NDArray[np.uint8]) -> Float64:
+    def _find(self, frame: UInt8) -> Float64:
         from ..face import detect_landmarks
 
         found = detect_landmarks(frame, thorough=self._landmarks is None)
@@ -504,7 +504,7 @@ class VideoTransfer:
             return np.asarray(found, np.float64)
         return face_landmarks(frame) if self._landmarks is None else self._landmarks
 
-    def _points(self, frame: NDArray[np.uint8], landmarks: NDArray[np.floating] | None,
+    def _points(self, frame: UInt8, landmarks: NDArray[np.floating] | None,
                 motion: Motion | None) -> Float64:
         """Landmarks of the frame before, moved along and corrected by those found."""
         last = self._landmarks
@@ -521,7 +521,7 @@ class VideoTransfer:
             return found
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
-    def _segmented(self, frame: NDArray[np.uint8], points: Float64,
+    def _segmented(self, frame: UInt8, points: Float64,
                    motion: Motion | None) -> Float32:
         """Masks of the frame before, carried along, or found, or both."""
         side = block_side(frame.shape)
@@ -539,7 +539,7 @@ class VideoTransfer:
         return masks
 
     def _carried(self, shape: tuple[int, ...], points: Float64,
-                 motion: Motion | None) -> tuple[Float32, NDArray[np.bool_] | None]:
+                 motion: Motion | None) -> tuple[Float32, Bool | None]:
         """The anchor plane of this frame, and the blocks whose anchors come from the one before."""
         side = block_side(shape)
         if self._anchor is None or self._first is None:
@@ -624,7 +624,7 @@ def _runs(steps: Iterator[_Followed]) -> Iterator[list[_Followed]]:
             close()
 
 
-def _bytes_of(image: Float32) -> NDArray[np.uint8]:
+def _bytes_of(image: Float32) -> UInt8:
     out = np.empty(image.shape, np.uint8)
     to_bytes(image, out)
     return out
@@ -641,7 +641,7 @@ def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
     return np.asarray(np.concatenate([mixed, more[..., both:]], axis=-1), np.float32)
 
 
-def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bool) -> Float32:
+def _found_masks(frame: UInt8, points: Float64, side: int, first: bool) -> Float32:
     """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
 
     The networks see less than that: nothing is gained by showing them the whole frame. Only in a

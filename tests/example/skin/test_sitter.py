@@ -181,9 +181,9 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6])
         colors[seen == 0] = 0.5
         flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
-        told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32), seen,
-                           np.zeros(len(up), np.float32), up > 0.7,
-                           (angle < 0.7) & (up < 0.1), -0.75)
+        told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
+                                seen, np.zeros(len(up), np.float32), up > 0.7,
+                                (angle < 0.7) & (up < 0.1), -0.75)
         clear = (np.abs(up - line) > 0.08) & (seen == 0) & (up < 0.2)
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, Float64, UInt8
 from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
 
@@ -69,7 +69,7 @@ def enlarged(image: Float32, factor: int, shape: tuple[int, ...]) -> Float32:
                       np.float32)
 
 
-def disk(radius: float) -> NDArray[np.uint8]:
+def disk(radius: float) -> UInt8:
     """A filled disk for morphology, uint8 [n, n]; ``radius`` in pixels, at least 1."""
     side = 2 * max(1, round(radius)) + 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
@@ -120,7 +120,7 @@ class Distribution:
         float64 [bins + 1], share of the values below each of the bins' borders.
     """
 
-    share: NDArray[np.float64]
+    share: Float64
 
     @staticmethod
     def of(values: Float32, inside: NDArray[np.generic] | None = None,
@@ -162,7 +162,7 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
     return out
 
 
-def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_],
+def skin_distance(colors: NDArray[np.floating], face: Bool,
                   light: float = 0.4) -> Float32:
     """How far colors are from those of the face, in standard deviations, float32 [...].
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Float32
+from ...arrays import Float32, Float64, UInt8
 from ..kernels.guides import fold_points, mls_points, resample_fold, resample_grid, stretch
 from .filters import enlarged, gaussian_blur
 
@@ -24,7 +24,7 @@ __all__ = ["Guides", "anchor_scale", "fold_inside", "folded_position_guide", "ml
 def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],
                    weights: NDArray[np.floating] | None = None,
-                   softness: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
+                   softness: NDArray[np.floating] | None = None) -> Float64:
     """Moving least squares with similarities (Schaefer et al. 2006, alpha = 1).
 
     Parameters
@@ -177,11 +177,11 @@ class Guides:
 
     position: Float32
     appearance: Float32
-    labels: NDArray[np.uint8]
+    labels: UInt8
     anchor: Float32
 
 
-def sample_labels(labels: NDArray[np.uint8], position: Float32) -> NDArray[np.uint8]:
+def sample_labels(labels: UInt8, position: Float32) -> UInt8:
     """Labels [h, w, K] of the exemplar at the positions [H, W, 2]; 0 where those are NaN."""
     known = np.isfinite(position[..., 0])
     safe = np.where(known[..., None], position, 0)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from ...arrays import Float32, Float64
+from ...arrays import Float32, Float64, UInt8
 from ...labels import PICTURE_LABELS
 from ..kernels.labels import soft_labels
 from .color_segmentation import overlap, separate
@@ -109,7 +109,7 @@ OUTLINE_BLUR = 0.02
 
 
 def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, frame: FaceFrame,
-                  like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
+                  like: frozenset[str] = frozenset()) -> UInt8:
     """Soft labels of a picture.
 
     Parameters
@@ -139,7 +139,7 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     return out.view(np.uint8)
 
 
-def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) -> NDArray[np.uint8]:
+def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) -> UInt8:
     """The face between jaw and brows with soft edges, uint8 [H, W].
 
     It ends ``above`` of its height above the brows.
@@ -150,7 +150,7 @@ def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) ->
     return np.asarray(broad_blur(drawn, 0.05 * frame.height) * 255 + np.float32(0.5), np.uint8)
 
 
-def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:
+def missing_labels(style: UInt8) -> frozenset[str]:
     """Labels among hair and body that an exemplar [h, w, len(PICTURE_LABELS)] does not show.
 
     Hair of an exemplar whose hair can't be separated from its skin (a statue) is skin, a body that
@@ -160,7 +160,7 @@ def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:
                      if style[..., PICTURE_LABELS.index(name)].mean() < 0.5)
 
 
-def without_hair(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def without_hair(labels: UInt8) -> UInt8:
     """Labels [h, w, len(PICTURE_LABELS)] whose hair is skin, for a target that shows no hair."""
     out = labels.copy()
     hair, skin = PICTURE_LABELS.index("hair"), PICTURE_LABELS.index("skin")
@@ -365,7 +365,7 @@ class Regions:
             nearest = np.where((down > 1.0)[..., None], own, nearest)
         return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
 
-    def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
+    def labels(self, like: frozenset[str] = frozenset()) -> UInt8:
         """Soft labels, uint8 [H, W, len(PICTURE_LABELS)]; see `region_labels`."""
         return region_labels(self.person, self.hair, self.landmarks, self.frame, like)
 
@@ -423,7 +423,7 @@ def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
     return np.asarray(np.clip(prior, 0, 0.97) * person, np.float32)
 
 
-def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Float32 | None]:
+def _networks(image: UInt8, size: int) -> tuple[Float32 | None, Float32 | None]:
     """Person and hair from the segmentation networks, None where their weights are missing."""
     try:
         from ... import face, models

@@ -22,7 +22,7 @@ from PIL import Image
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from ... import models
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
@@ -37,9 +37,9 @@ PART = 8
 """Above and below a background goes on as this part of its height does."""
 
 
-def first_places(there: Bool, inside: Bool, middle: NDArray[np.float64], shape: tuple[int, int],
+def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, int],
                  side: int, rng: np.random.Generator,
-                 ) -> tuple[Float32, NDArray[np.int64]]:
+                 ) -> tuple[Float32, Int64]:
     """Places of the exemplar where the search begins, and each row's own height in it.
 
     Where the exemplar has background it stays where it is. Beyond, whole pieces of it lie side by
@@ -80,14 +80,14 @@ def first_places(there: Bool, inside: Bool, middle: NDArray[np.float64], shape: 
     return np.asarray(np.stack([u, v], axis=-1) + 0.5, np.float32), level
 
 
-def _folded(rows: NDArray[np.int64], first: int, last: int) -> NDArray[np.int64]:
+def _folded(rows: Int64, first: int, last: int) -> Int64:
     """Rows of the picture that stand for rows above and below its background, int64 [H].
 
     There the nearest part of it is gone up and down: one row again and again would be stripes.
     """
     part = max((last - first) // PART, 1)
 
-    def fold(beyond: NDArray[np.int64]) -> NDArray[np.int64]:
+    def fold(beyond: Int64) -> Int64:
         turned = beyond % (2 * part)
         return np.minimum(turned, 2 * part - turned)
 
@@ -95,7 +95,7 @@ def _folded(rows: NDArray[np.int64], first: int, last: int) -> NDArray[np.int64]
     return np.asarray(np.where(rows > last, last - fold(rows - last), out), np.int64)
 
 
-def _within(there: Bool, u: NDArray[np.int64], v: NDArray[np.int64]) -> Bool:
+def _within(there: Bool, u: Int64, v: Int64) -> Bool:
     """Whether places (column u, row v) lie in the picture and in a mask."""
     height, width = there.shape
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
@@ -103,9 +103,9 @@ def _within(there: Bool, u: NDArray[np.int64], v: NDArray[np.int64]) -> Bool:
     return inside
 
 
-def _pieces(rows: NDArray[np.int64], columns: NDArray[np.int64], level: NDArray[np.int64],
+def _pieces(rows: Int64, columns: Int64, level: Int64,
             side: int, shape: tuple[int, int], rng: np.random.Generator,
-            ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+            ) -> tuple[Int64, Int64]:
     """Columns and rows [H, W] of a ground of square pieces, each from about its height.
 
     ``rows`` and ``columns`` are the places that pieces may have their middles at, from above; every
@@ -152,7 +152,6 @@ BLOCK = 0.4
 TURN = 1.5
 """Slope of the light per share by which one side of a face is lighter than the other."""
 
-
 TONE, HEIGHT = 1.0, 0.5
 """Weights of the background's lights and darks, and of staying at one's height, in the search."""
 SEARCH = PatchSearch(uniformity=4000.0, votes=2, last_votes=1, final_3x3=False)
@@ -172,7 +171,7 @@ class GroundSize:
 
 
 def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
-                   ) -> tuple[NDArray[np.uint8], float]:
+                   ) -> tuple[UInt8, float]:
     """Paint the ground behind a head.
 
     Parameters
@@ -210,7 +209,7 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
 
 
 def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
-                 ) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
+                 ) -> tuple[UInt8, float, Float64]:
     """`painted_ground` and `lit_side`, from the user's cache where they have been found before.
 
     Returns
@@ -231,7 +230,7 @@ def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int =
     return kept["picture"], float(kept["pixels"]), kept["light"]
 
 
-def lit_side(exemplar: Exemplar) -> NDArray[np.float64]:
+def lit_side(exemplar: Exemplar) -> Float64:
     """Where a painting's light comes from: a direction in the portrait frame, float64 [3].
 
     It falls from above on the side of the face that is lighter. Both sides are compared by the
@@ -271,7 +270,7 @@ class _Source:
 
     picture: Float32
     there: Bool
-    middle: NDArray[np.float64]
+    middle: Float64
 
     @staticmethod
     def of(exemplar: Exemplar, shares: Float32, size: float) -> _Source:
@@ -348,7 +347,7 @@ class _Source:
         out[..., 4] = np.where(self.there, 0, FORBIDDEN)
         return out
 
-    def asked(self, tones: Float32, level: NDArray[np.int64]) -> Float32:
+    def asked(self, tones: Float32, level: Int64) -> Float32:
         """Guides of a ground with blurred colors [H, W, 3] and rows as high as its own."""
         return _guides(tones, self.height(level))
 
@@ -373,7 +372,7 @@ def _depth(inside: Bool) -> Float32:
                                             cv2.DIST_MASK_PRECISE), np.float32)
 
 
-def _finer(places: NDArray[np.int32], source: _Source, whole: _Source) -> Float32:
+def _finer(places: Int32, source: _Source, whole: _Source) -> Float32:
     """The strokes that patches make at twice the size at which they were found, [2 H, 2 W, 3].
 
     Their middles go on to the finer pixels; colors are voted from the finer exemplar. A search
@@ -399,7 +398,7 @@ def _guides(tones: Float32, height: Float32) -> Float32:
     return planes * roots.astype(np.float32)
 
 
-def _asked(source: _Source, shape: tuple[int, int], level: NDArray[np.int64], blur: float,
+def _asked(source: _Source, shape: tuple[int, int], level: Int64, blur: float,
            ) -> Float32:
     """Blurred colors of the ground, float32 [H, W, 3]: those of the exemplar, gone on with."""
     left = source.middle[0] - shape[1] / 2
@@ -414,7 +413,7 @@ def _twice(tones: Float32) -> Float32:
     return np.asarray(cv2.resize(tones, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR))
 
 
-def _plain(source: _Source, shape: tuple[int, int], seed: int) -> NDArray[np.uint8]:
+def _plain(source: _Source, shape: tuple[int, int], seed: int) -> UInt8:
     """A ground in the mean color of what background there is, in the grain of the painting."""
     picture = source.picture
     border = np.zeros(source.there.shape, bool)
@@ -429,7 +428,7 @@ def _plain(source: _Source, shape: tuple[int, int], seed: int) -> NDArray[np.uin
     return _bytes(np.median(picture[chosen], axis=0).astype(np.float32) + noise[..., None])
 
 
-def _bytes(color: Float32) -> NDArray[np.uint8]:
+def _bytes(color: Float32) -> UInt8:
     """Colors in [0, 1] as whole numbers of 255ths."""
     return np.asarray(np.clip(color, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
 

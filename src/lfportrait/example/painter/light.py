@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import (
     binary_dilation,
     distance_transform_edt,
@@ -17,7 +16,7 @@ from scipy.ndimage import (
     map_coordinates,
 )
 
-from ...arrays import Float32, Float64
+from ...arrays import Bool, Float32, Float64
 
 __all__ = ["BLUR", "CELL", "REACH", "Cells"]
 
@@ -48,7 +47,7 @@ class Cells:
         """Values [N] after a closing by a disk of ``reach`` cells, float32 [N]."""
         return self._at(grey_closing(self._filled(values), footprint=_disk(reach), mode="nearest"))
 
-    def gaps(self, values: Float32, known: NDArray[np.bool_], reach: int) -> Float32:
+    def gaps(self, values: Float32, known: Bool, reach: int) -> Float32:
         """What a closing by a disk of ``reach`` cells adds to values [N], float32 [N].
 
         Nothing at edges that are straight, however steep. Cells without a place that is ``known``,
@@ -65,7 +64,7 @@ class Cells:
         """Values [N] after an opening by a disk of ``reach`` cells, float32 [N]."""
         return self._at(grey_opening(self._filled(values), footprint=_disk(reach), mode="nearest"))
 
-    def joined(self, values: Float32, seeds: NDArray[np.bool_]) -> Float32:
+    def joined(self, values: Float32, seeds: Bool) -> Float32:
         """Values [N] of what hangs together with seeds, bool [N]; 0 elsewhere.
 
         What is above one half hangs together, and has its slopes of two cells with it.
@@ -78,7 +77,7 @@ class Cells:
         kept[0] = False
         return self._at(means * binary_dilation(kept[pieces], iterations=2))
 
-    def _filled(self, values: Float32, known: NDArray[np.bool_] | None = None) -> Float64:
+    def _filled(self, values: Float32, known: Bool | None = None) -> Float64:
         """Means of the cells' known places (all by default); the nearest ones' where there is none.
 
         ``values`` float32 [N], ``known`` bool [N], at least one of them; float64 [rows, columns].
@@ -87,7 +86,7 @@ class Cells:
         _, nearest = distance_transform_edt(~found, return_indices=True)
         return np.asarray(means[tuple(nearest)], np.float64)
 
-    def carried(self, values: Float32, inside: NDArray[np.bool_], blur: float, reach: float,
+    def carried(self, values: Float32, inside: Bool, blur: float, reach: float,
                 ) -> Float32:
         """Values [N] of the places inside, carried on outside and fading there, float32 [N].
 
@@ -107,8 +106,8 @@ class Cells:
         fade = np.clip(1 - away / reach, 0, 1)
         return self._at(gaussian_filter(means[tuple(nearest)], blur) * fade * fade * (3 - 2 * fade))
 
-    def _means(self, values: Float32, inside: NDArray[np.bool_],
-               ) -> tuple[NDArray[np.bool_], Float64]:
+    def _means(self, values: Float32, inside: Bool,
+               ) -> tuple[Bool, Float64]:
         """Cells that hold places inside, and the means of their values; 0 in others."""
         row, column = np.rint(self.places[inside, ::-1]).astype(int).T
         number, size = row * self.shape[1] + column, self.shape[0] * self.shape[1]
@@ -123,7 +122,7 @@ class Cells:
                           np.float32)
 
 
-def _disk(reach: int) -> NDArray[np.bool_]:
+def _disk(reach: int) -> Bool:
     """A disk of cells."""
     y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
     return np.asarray(np.hypot(y, x) <= reach)

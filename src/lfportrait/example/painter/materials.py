@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, Int32, Int64
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.filters import Distribution, broad_blur, gaussian_blur, grey, match_histogram
@@ -122,8 +122,8 @@ class ExemplarMaterials:
     shares: Float32
     tone: Float32
     detail: Float32
-    nearest: NDArray[np.int32]
-    deep: NDArray[np.int32]
+    nearest: Int32
+    deep: Int32
     present: Bool
 
     @property
@@ -151,7 +151,7 @@ class ExemplarMaterials:
         return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
 
 
-def _nearest(there: Bool, shape: tuple[int, ...]) -> NDArray[np.int32]:
+def _nearest(there: Bool, shape: tuple[int, ...]) -> Int32:
     """Flat index of the nearest pixel of a mask of every second pixel, int32 [h, w]."""
     rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
     if not there.any():
@@ -326,14 +326,14 @@ def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
     return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
 
 
-def mainly(shares: Float32) -> NDArray[np.int64]:
+def mainly(shares: Float32) -> Int64:
     """The material that each place is mostly, int64 [N], of shares float32 [N, 7]."""
     out = np.empty(len(shares), np.int64)
     largest_share(np.ascontiguousarray(shares, np.float32), out)
     return out
 
 
-def into(material: NDArray[np.int64], theirs: ExemplarMaterials, position: Float32) -> Float32:
+def into(material: Int64, theirs: ExemplarMaterials, position: Float32) -> Float32:
     """Positions [N, 2], moved to the exemplar's nearest place of a material [N] (`mainly`)."""
     out = np.empty(position.shape, np.float32)
     move_into(np.ascontiguousarray(position, np.float32), material, theirs.nearest, out)
@@ -366,7 +366,7 @@ FAR, AWAY = 2.0, 0.05
 """Breadth of where these lie, over the face's size, and the tone that so far away costs."""
 
 
-def pieces(material: NDArray[np.int64], theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
            tone: Float32, size: float) -> Float32:
     """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
 
@@ -418,7 +418,7 @@ def pieces(material: NDArray[np.int64], theirs: ExemplarMaterials, wanted: Float
 
 
 def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
-            ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+            ) -> tuple[Int64, Int64]:
     """Rows and columns of the exemplar's pixels at places [N, 2] (x, y), or next to them."""
     height, width = theirs.tone.shape
     return (np.clip(places[:, 1], 0, height - 1).astype(np.int64),

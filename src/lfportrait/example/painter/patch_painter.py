@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Int32, UInt8
 from ..exemplar import Exemplar
 from ..kernels.patches import ACTIVE
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
@@ -27,9 +27,6 @@ from .materials import (
 from .picture_materials import EARS, NECK, SKIN
 
 __all__ = ["FAR_PLACE", "PLACE", "Atlas", "GuideWeights", "PatchPainter", "Sheet", "Wish", "flesh"]
-
-Float32 = NDArray[np.float32]
-
 
 PLACE, FAR_PLACE = 4.0, 0.15
 """Weight of the position guide around the face; and in hair, neck, clothes and background, where it
@@ -63,11 +60,11 @@ class Atlas(Protocol):
     """
 
     @property
-    def slots(self) -> NDArray[np.int32]:
+    def slots(self) -> Int32:
         """See above."""
 
     @property
-    def owner(self) -> NDArray[np.int32] | None:
+    def owner(self) -> Int32 | None:
         """See above."""
 
     def spread(self, values: Float32) -> Float32:
@@ -81,7 +78,7 @@ class Sheet:
     shape: tuple[int, int]
 
     @property
-    def slots(self) -> NDArray[np.int32]:
+    def slots(self) -> Int32:
         """The pixels' numbers."""
         return np.arange(self.shape[0] * self.shape[1], dtype=np.int32).reshape(self.shape)
 
@@ -128,7 +125,7 @@ class Wish:
     begin: Float32
     weight: Float32
     sure: Float32
-    state: NDArray[np.uint8]
+    state: UInt8
     color: Float32
     often: float | Float32 = 1.0
 

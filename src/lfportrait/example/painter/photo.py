@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...arrays import Bool, Float32, Float64
+from ...arrays import Bool, Float32, Float64, Int64, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
@@ -148,7 +148,7 @@ class PhotoPatches:
         Of the search.
     """
 
-    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8,
                  seed: int = 0) -> None:
         self.exemplar = exemplar
         shares = known_shares(exemplar, regions, labels, strict=False)
@@ -295,7 +295,7 @@ class PhotoPatches:
         clear = gaussian_blur(np.asarray(strand, np.float32), edge / 2) < 0.1
         return np.asarray((bare > 0.8) & (inside > 0.95)), np.asarray(clear)
 
-    def _begin(self, work: _Work, material: NDArray[np.int64], theirs: ExemplarMaterials,
+    def _begin(self, work: _Work, material: Int64, theirs: ExemplarMaterials,
                behind: Bool, wanted: Float32, tone: Float32, rigid: Bool, size: float,
                ) -> tuple[Float32, Bool]:
         """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
@@ -313,7 +313,7 @@ class PhotoPatches:
 class _Work:
     """A photo and what StyleBlit did, at the size at which patches are laid."""
 
-    photo: NDArray[np.uint8]
+    photo: UInt8
     landmarks: Float64
     regions: Regions
     position: Float32

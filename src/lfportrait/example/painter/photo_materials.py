@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
@@ -36,7 +35,7 @@ FEW = 30
 """Fewer pixels than this have no color."""
 
 
-def grow_beard(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
+def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
                shares: Float32) -> None:
     """Let a beard be hair, in place: what hangs together with a chin that is as the hair is.
 
@@ -103,9 +102,9 @@ HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
 
 
-def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
+def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
                  position: Float32, painted_hair: Float32,
-                 present: NDArray[np.bool_]) -> Float32:
+                 present: Bool) -> Float32:
     """Shares of `MATERIALS` of a photo, of those that the exemplar has.
 
     Parameters
@@ -185,7 +184,7 @@ def _settle_body(shares: Float32, regions: Regions) -> None:
         shares[..., other] += moved
 
 
-def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float32) -> None:
+def _set_apart(photo: UInt8, shares: Float32, down: Float32) -> None:
     """What is worn on the head (sunglasses, hats) may look like hair or like clothes; in place.
 
     ``down`` [H, W] is 0 at the brows and 1 at the chin.
@@ -211,7 +210,7 @@ def has_plain_ground(theirs: ExemplarMaterials) -> bool:
     return bool(behind.any() and theirs.luma[behind].std() < PLAIN)
 
 
-def photo_looks(photo: NDArray[np.uint8], landmarks: Float64, shares: Float32,
+def photo_looks(photo: UInt8, landmarks: Float64, shares: Float32,
                 theirs: ExemplarMaterials) -> tuple[Float32, Float32, Float32]:
     """Tones of a photo in the exemplar's paint, and their confidence.
 

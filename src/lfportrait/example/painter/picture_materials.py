@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, Int32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, MATERIALS, PICTURE_LABELS
 from ...labels import FEATURES as FACE_FEATURES
@@ -70,7 +70,7 @@ class SmallPicture:
         float32 [h, w], the picture's pixels in the face's frame.
     """
 
-    def __init__(self, picture: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> None:
+    def __init__(self, picture: Exemplar, regions: Regions, labels: UInt8) -> None:
         self.factor = int(np.clip(picture.size / LOOKED_AT, 1, 3))
         self.image: Float32 = np.stack(
             [shrunk(plane / np.float32(255), self.factor)
@@ -87,7 +87,7 @@ class SmallPicture:
         return soft_face(self.shape, self.points).astype(np.float32) / np.float32(255)
 
     @functools.cached_property
-    def cheeks(self) -> NDArray[np.bool_]:
+    def cheeks(self) -> Bool:
         """The part of the face that is bare, of the small picture.
 
         A forehead may lie under a fringe, or a mask's hair that is none to the network, and a chin
@@ -97,7 +97,7 @@ class SmallPicture:
         return np.asarray(self.plain_skin() & (down > CHEEKS[0]) & (down < CHEEKS[1])
                           & (self.part(self.face) > np.float32(230 / 255)))
 
-    def plain_skin(self) -> NDArray[np.bool_]:
+    def plain_skin(self) -> Bool:
         """Skin without features, of the small picture."""
         labels = self.part(self.labels)
         features = labels[..., [PICTURE_LABELS.index(name) for name in FACE_FEATURES]]
@@ -120,7 +120,7 @@ class SmallPicture:
                  for c in range(3)], axis=-1)
         return self._blurred[sigma]
 
-    def alike(self, sample: NDArray[np.bool_], places: NDArray[np.bool_],
+    def alike(self, sample: Bool, places: Bool,
               tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
         """How much places are of a sample's colors; 0 elsewhere, 1 if the sample is small.
 
@@ -134,14 +134,14 @@ class SmallPicture:
                                     limit * scale) for blur, limit in tests], axis=0)
         return out
 
-    def like_plain_ground(self, body: NDArray[np.bool_]) -> Float32:
+    def like_plain_ground(self, body: Bool) -> Float32:
         """How much the body looks like the background; 0 where that is not plain."""
         behind = self.part(self.labels[..., PICTURE_LABELS.index("background")]) > 250
         if not behind.any() or self.image[behind].std(axis=0).max() >= PLAIN:
             return np.zeros(behind.shape, np.float32)
         return self.alike(behind, self.part(body), LIKE_PLAIN)
 
-    def darker(self, plain: NDArray[np.bool_], share: float) -> Float32:
+    def darker(self, plain: Bool, share: float) -> Float32:
         """Where it is darker than all but a share of the plain skin."""
         light = grey(self.blurred(LIKE_SKIN[-1][0]))
         if not plain.any():
@@ -149,7 +149,7 @@ class SmallPicture:
         least = np.quantile(light[plain], share)
         return np.asarray(np.clip((least - light) / 0.05, 0, 1), np.float32)
 
-    def pure(self, plain: NDArray[np.bool_]) -> Float32:
+    def pure(self, plain: Bool) -> Float32:
         """Where colors are purer than the plain skin's: shade makes none purer."""
         from skimage.color import rgb2lab
 
@@ -279,7 +279,7 @@ def _colors(small: SmallPicture, where: Bool) -> Float32:
     return np.asarray(colors, np.float32)
 
 
-def _clusters(colors: Float32, count: int) -> tuple[NDArray[np.int32], Float32]:
+def _clusters(colors: Float32, count: int) -> tuple[Int32, Float32]:
     """Which of the most frequent colors each has, int32 [N], and these, float32 [count, 3]."""
     stop = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1
     cv2.setRNGSeed(0)
@@ -327,7 +327,7 @@ LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
 
-def material_shares(labels: NDArray[np.uint8]) -> Float32:
+def material_shares(labels: UInt8) -> Float32:
     """Shares of `MATERIALS`, float32 [..., 7], by soft labels, uint8 [..., K]: a body is neck."""
     share = labels.astype(np.float32) / np.float32(255)
     named = {name: share[..., n] for n, name in enumerate(PICTURE_LABELS)}
@@ -342,7 +342,7 @@ def material_shares(labels: NDArray[np.uint8]) -> Float32:
     return out
 
 
-def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a picture with its soft labels, float32 [h, w, 7].
 
@@ -470,7 +470,7 @@ def _beside(small: SmallPicture, regions: Regions) -> Float32:
 
 
 def _between(small: SmallPicture, top: NDArray[np.floating], bottom: NDArray[np.floating],
-             along: tuple[float, float], across: float) -> NDArray[np.bool_]:
+             along: tuple[float, float], across: float) -> Bool:
     """A part of the way from one landmark to another, so wide to both sides; of a small picture."""
     way = (bottom - top) / max(float((bottom - top) @ (bottom - top)), 1e-6)
     rows, columns = small.factor * np.indices(small.image.shape[:2])
@@ -479,7 +479,7 @@ def _between(small: SmallPicture, top: NDArray[np.floating], bottom: NDArray[np.
     return np.asarray((down > along[0]) & (down < along[1]) & (np.abs(right) < across))
 
 
-def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a painting, float32 [h, w, 7]: `picture_shares`, and a little more.
 
@@ -589,8 +589,8 @@ STEPS = np.float32(255)
 """Shares are kept in so many steps: the labels that they come from have no more."""
 
 
-def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
-                 strict: bool = True) -> NDArray[np.float32]:
+def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
+                 strict: bool = True) -> Float32:
     """`painted_shares`, from the user's cache where they have been found before.
 
     Parameters
@@ -621,8 +621,8 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]
     return shares
 
 
-def _paint_over(shares: NDArray[np.float32], by_hand: NDArray[np.uint8],
-                labels: NDArray[np.uint8]) -> None:
+def _paint_over(shares: Float32, by_hand: UInt8,
+                labels: UInt8) -> None:
     """Let regions that were painted over by hand be what was painted, in place.
 
     What is skin by hand leaves the face its brows, eyes, nose and lips, and its ears; a hat is
@@ -643,8 +643,8 @@ def _paint_over(shares: NDArray[np.float32], by_hand: NDArray[np.uint8],
             shares[here] = np.eye(len(MATERIALS), dtype=np.float32)[material]
 
 
-def _one_cloth(image: NDArray[np.uint8], shares: NDArray[np.float32], own: NDArray[np.bool_],
-               above: NDArray[np.bool_]) -> None:
+def _one_cloth(image: UInt8, shares: Float32, own: Bool,
+               above: Bool) -> None:
     """Let the smaller of two parts of the hair be painted nowhere if their colors differ; in place.
 
     ``own`` [h, w] was taken for hair, ``above`` is the hat or linen over the forehead: hair of both
@@ -664,7 +664,7 @@ def _one_cloth(image: NDArray[np.uint8], shares: NDArray[np.float32], own: NDArr
 
 
 def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
-                  bared: NDArray[np.float32], strict: bool) -> NDArray[np.float32]:
+                  bared: Float32, strict: bool) -> Float32:
     """Shares of a painting whose forehead was bared: skin there, hair above, else as before.
 
     They are not found in the bared picture: its forehead is no sample of the painter's skin.

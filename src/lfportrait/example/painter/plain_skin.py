@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from ...arrays import Float32
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
@@ -49,7 +49,7 @@ MOST_LINES = 0.06
 """More of a face than this in such lines is a drawing's manner."""
 
 
-def strands(exemplar: Exemplar, hair: Float32, labels: NDArray[np.uint8]) -> Float32:
+def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
     """Where strands hang over an exemplar's face, float32 [h, w] in [0, 1].
 
     Parameters
@@ -91,7 +91,7 @@ def strands(exemplar: Exemplar, hair: Float32, labels: NDArray[np.uint8]) -> Flo
                                  interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def outline(exemplar: Exemplar) -> NDArray[np.bool_]:
+def outline(exemplar: Exemplar) -> Bool:
     """The rim of an exemplar's face where that is no paint of a face, bool [h, w].
 
     A dark stroke along the jaw, a collar, what lies behind: on a sitter's cheek they are crumbs.
@@ -113,14 +113,14 @@ def unpainted(shares: Float32, strand: Float32) -> None:
     shares[..., SKIN] *= 1 - strand
 
 
-def _long(lines: NDArray[np.bool_], length: float) -> NDArray[np.bool_]:
+def _long(lines: Bool, length: float) -> Bool:
     """Those of some lines, bool [h, w], that are at least so long."""
     _, parts, boxes, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8))
     kept = np.hypot(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT]) > length
     return np.asarray(lines & kept[parts])
 
 
-def _lines(image: NDArray[np.uint8], size: float) -> NDArray[np.bool_]:
+def _lines(image: UInt8, size: float) -> Bool:
     """Thin dark lines of a picture [h, w, 3] whose face is of a ``size``, bool [h, w]."""
     kernel = disk(THIN * size)
     return np.asarray(cv2.morphologyEx(grey(image), cv2.MORPH_BLACKHAT, kernel) > DARKER)
@@ -150,7 +150,7 @@ LINES = 0.12
 """More of the skin than this in such strokes is a drawing's manner."""
 
 
-def plain_skin(shares: Float32, landmarks: Points, image: NDArray[np.uint8]) -> Float32:
+def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
     """Shares with features that reach as far as they are seen, and without dark folds.
 
     Parameters
@@ -185,7 +185,7 @@ def plain_skin(shares: Float32, landmarks: Points, image: NDArray[np.uint8]) -> 
     return out
 
 
-def dark_folds(image: NDArray[np.uint8], shares: Float32, size: float) -> Float32:
+def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:
     """Dark strokes between lighter skin: folds, the edge of a jaw; float32 [h, w] in [0, 1].
 
     Where a face is drawn in lines altogether they are its skin: none.
@@ -212,7 +212,7 @@ def dark_folds(image: NDArray[np.uint8], shares: Float32, size: float) -> Float3
                       np.float32)
 
 
-def _features(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _features(points: Float64) -> list[Float64]:
     """Outlines [N, 2] of what is seen of eyes with their brows, nostrils and mouth."""
     out = []
     for brow, eye in ((points[17:22], points[36:42]), (points[22:27], points[42:48])):
@@ -224,7 +224,7 @@ def _features(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return out
 
 
-def _fill(draw: ImageDraw.ImageDraw, outline: NDArray[np.float64], radius: float) -> None:
+def _fill(draw: ImageDraw.ImageDraw, outline: Float64, radius: float) -> None:
     """Fill an outline [N, 2] and what is within a radius of it."""
     corners = [(float(x), float(y)) for x, y in outline - 0.5]
     if not np.isfinite(outline).all():

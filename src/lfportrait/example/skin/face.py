@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter
 
-from ...arrays import Float32
+from ...arrays import Bool, Float32
 from ...labels import PICTURE_LABELS
 from ..guides.filters import broad_blur, gaussian_blur, match_histogram
 from ..guides.position import Guides, sample_labels
@@ -74,7 +73,7 @@ class CopiedFace:
         self.labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
 
     def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
-             ) -> NDArray[np.bool_]:
+             ) -> Bool:
         """Where the face is painted as on a photo, [N]; the rest is patches.
 
         Parameters
@@ -109,7 +108,7 @@ class CopiedFace:
         return canvas.gathered(mean, len(values))
 
     def paint(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
-              anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:
+              anchor: Float32, ratio: Float32, core: Bool) -> Float32:
         """StyleBlit over the face, [H, W, 3]; 0 elsewhere.
 
         ``position`` and ``anchor`` [N, 2] are places in the exemplar, by the guide and rigid; the

@@ -10,9 +10,8 @@ such crown.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32
+from ...arrays import Bool, Float32, Int32
 from ...field import SurfaceGraph
 from ..guides.filters import skin_distance
 from ..painter.light import Cells
@@ -67,7 +66,7 @@ REACH = 20.0
 """What photos saw is carried on so many cells; further on hair is where most heads have it."""
 
 
-def network_hair(atlas: Atlas, index: NDArray[np.int32]) -> Float32 | None:
+def network_hair(atlas: Atlas, index: Int32) -> Float32 | None:
     """Hair by the network on the charts that show a face, [N]; NaN on others. None without it.
 
     It has learnt from selfies: large, on a dark ground with room around it a head is found; from
@@ -142,8 +141,8 @@ def hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float3
     return _classified_hair(plane, colors, flat, seen, ears, crown, face, lowest, bearded)
 
 
-def _bare_face(colors: Float32, up: Float32, front: NDArray[np.bool_], crown: NDArray[np.bool_],
-               ) -> tuple[NDArray[np.bool_], bool]:
+def _bare_face(colors: Float32, up: Float32, front: Bool, crown: Bool,
+               ) -> tuple[Bool, bool]:
     """Skin of the face among places in ``front``, bool [N], and whether there is a beard.
 
     A forehead under a fringe and a bearded chin are more like the crown than like the cheeks.
@@ -175,7 +174,7 @@ def settled_hair(graph: SurfaceGraph, hair: Float32, seen: Float32) -> Float32:
 
 
 def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,
-                hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float,
+                hairy: Bool, bare: Bool, lowest: float,
                 bearded: bool = False) -> Float32:
     """Hair around the face by its color, [N], from samples [N] of hair and of skin.
 
@@ -254,7 +253,7 @@ def without_bays(plane: HeadPlane, flat: Float32, hair: Float32) -> Float32:
     return np.maximum(hair, cells.closed(hair, round(BAY / BAY_CELL)))
 
 
-def with_strands(plane: HeadPlane, flat: Float32, hair: Float32, known: NDArray[np.bool_],
+def with_strands(plane: HeadPlane, flat: Float32, hair: Float32, known: Bool,
                  ) -> Float32:
     """Hair [N] by color, with its strands that shine or lie in shade, float32 [N].
 
@@ -290,7 +289,7 @@ def _hair_end(plane: HeadPlane, flat: Float32) -> Float32:
                       + np.clip((angle - 110) / 20, 0, 1) * locks, np.float32)
 
 
-def around_face(plane: HeadPlane, flat: Float32, lowest: float) -> NDArray[np.bool_]:
+def around_face(plane: HeadPlane, flat: Float32, lowest: float) -> Bool:
     """Where a head may have hair, bool [N]: around the face, down to ``lowest`` behind.
 
     Parameters

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import (
     distance_transform_edt,
     gaussian_filter,
@@ -19,6 +18,7 @@ from scipy.ndimage import (
     map_coordinates,
 )
 
+from ...arrays import Bool, Float32, Float64
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.position import sample_labels
@@ -33,10 +33,6 @@ from .hair import hair_by_place
 from .sitter import Canvas, Skin
 
 __all__ = ["HatPainter"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BINS, STEPS, COLUMNS = 72, 100, 40
 """Directions around the head, and heights, at which the edge is looked for; directions at which
@@ -71,7 +67,7 @@ class _Places:
     """
 
     cover: Float32
-    front: Bools
+    front: Bool
     light: Float32
     turn: Float32
     above: Float32
@@ -223,7 +219,7 @@ def _gone_on(places: _Places, position: Float32) -> Float32:
                     axis=-1).astype(np.float32)
 
 
-def _edge(turn: Float32, up: Float32, worn: Bools, ears: Float32) -> Float64:
+def _edge(turn: Float32, up: Float32, worn: Bool, ears: Float32) -> Float64:
     """Height of its edge in each of `BINS` directions around the head, from the back on.
 
     That which parts best what is worn from what is not; where the painter saw none, between.

@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
@@ -95,7 +95,7 @@ EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 
 
-def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bool) -> Float32:
+def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
     """Shares of `MATERIALS` of a skin's N places, float32 [N, 7]; no background, no features.
 
     Features are painted with the face; elsewhere nobody wants an eye.
@@ -180,7 +180,7 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
     return tone, detail * skin.seen
 
 
-def carried_light(skin: Skin, canvas: Canvas, core: NDArray[np.bool_], color: Float32,
+def carried_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
                   tone: Float32) -> Float32:
     """How much lighter the face is painted than its tones ask for, carried on beside it.
 
@@ -438,8 +438,8 @@ class SkinPainter:
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
     def _target(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
-                position: Float32, anchor: Float32, ratio: Float32, labels: NDArray[np.uint8],
-                near: Float32, core: NDArray[np.bool_], painted: Future[Float32]) -> PatchTarget:
+                position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
+                near: Float32, core: Bool, painted: Future[Float32]) -> PatchTarget:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
         ``painted`` is the face, soon.

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64
+from ...arrays import Bool, Float32, Float64, Int32, UInt8
 from ...capture import Camera
 from ...field import SurfaceGraph, VoxelField
 from ...labels import FEATURES, PICTURE_LABELS, SURFACE_LABELS
@@ -58,7 +58,7 @@ SIDE = 512
 
 def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,
                  flat: Float32, hair: Float32 | None, ears: Float32,
-                 clothes: Float32) -> NDArray[np.uint8]:
+                 clothes: Float32) -> UInt8:
     """Soft labels of a skin's places, uint8 [N, R] by `SURFACE_LABELS`.
 
     Parameters
@@ -117,7 +117,6 @@ BEFORE, BEHIND, SOFT = 2.5, 7.0, 6.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its color; and
 those that no chart has then, up to so many before it: a soft shell is seen before its surface."""
 
-
 T = TypeVar("T")
 
 PIXELS = 384.0
@@ -125,7 +124,6 @@ PIXELS = 384.0
 
 SEEN, CLEAR = (0.1, 0.4), (0.35, 0.75)
 """Cosines to the best photo between which a place begins to be seen and is, and its detail does."""
-
 
 _PIECE = 1 << 15
 """Places that are unwrapped at a time: what is computed of them stays in a core's cache."""
@@ -170,7 +168,7 @@ class Skin:
     atlas: Atlas
     plane: HeadPlane
     pixels: float
-    index: NDArray[np.int32]
+    index: Int32
     tone: Float32
     detail: Float32
     appearance: Float32
@@ -179,7 +177,7 @@ class Skin:
     clothes: Float32
     ears: Float32
     seen: Float32
-    outwards: NDArray[np.bool_]
+    outwards: Bool
     rows: Float32
     kept: dict[Hashable, Any] = dataclass_field(default_factory=dict, repr=False, compare=False)
 
@@ -243,16 +241,16 @@ class Skin:
             lambda part: self.plane.unwrap(points[part]).astype(np.float32), parts)])
 
     @functools.cached_property
-    def slots(self) -> NDArray[np.int32]:
+    def slots(self) -> Int32:
         """Number in the lists of each pixel's owner, int32 [H, W]; -1 where there is none."""
         return self.slots_of(self.atlas.owner)
 
-    def slots_of(self, owner: NDArray[np.int32]) -> NDArray[np.int32]:
+    def slots_of(self, owner: Int32) -> Int32:
         """Numbers in the lists of owners, int32 of their shape; -1 where there is none."""
         return self._numbers[owner]
 
     @functools.cached_property
-    def _numbers(self) -> NDArray[np.int32]:
+    def _numbers(self) -> Int32:
         """Number in the lists of each pixel of the atlas; the last one stands for no owner (-1)."""
         number = np.full(self.atlas.owner.size + 1, -1, np.int32)
         number[self.index] = np.arange(len(self.index), dtype=np.int32)
@@ -266,11 +264,11 @@ class Skin:
         return found
 
     @property
-    def labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+    def labels(self) -> tuple[UInt8, tuple[str, ...]]:
         """Soft regions of the owning pixels, uint8 [N, R], and the regions' names."""
         return self.once("labels", self._labels)
 
-    def _labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+    def _labels(self) -> tuple[UInt8, tuple[str, ...]]:
         points = self.atlas.points.reshape(-1, 3)[self.index]
         return skin_regions(self.plane, self.atlas.cameras[0], points, self.atlas.shape.at(points),
                             self.flat, self.hair, self.ears, self.clothes), SURFACE_LABELS
@@ -301,7 +299,7 @@ def _unit(plane: HeadPlane) -> float:
     return face_size(plane.unwrap(plane.landmarks[plane.known]))
 
 
-def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
+def _looks(atlas: Atlas, index: Int32, size: float,
            ) -> tuple[Float32, Float32, Float32, Float32]:
     """Tone, detail, appearance, contours of the owning pixels; ``size`` of the face in pixels."""
     luma = grey(atlas.color)[..., None].copy()
@@ -363,9 +361,9 @@ class Canvas:
     """The atlas at the painting's resolution: owners, and where the skin's lists go."""
 
     step: int
-    owner: NDArray[np.int32]
-    slots: NDArray[np.int32]
-    surface: NDArray[np.bool_]
+    owner: Int32
+    slots: Int32
+    surface: Bool
 
     @staticmethod
     def of(skin: Skin, step: int) -> Canvas:
@@ -383,7 +381,7 @@ class Canvas:
                        np.isfinite(at_middles(atlas.depth, level, shape)))
 
     @functools.cached_property
-    def own(self) -> NDArray[np.bool_]:
+    def own(self) -> Bool:
         """Pixels that own their surface point, bool [H, W]."""
         index = np.arange(self.owner.size, dtype=np.int32).reshape(self.owner.shape)
         return np.asarray((self.owner == index) & (self.slots >= 0))

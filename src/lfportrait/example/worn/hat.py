@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
@@ -93,7 +93,7 @@ class Forehead:
     other: float
 
 
-def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Forehead:
+def covered_forehead(exemplar: Exemplar, regions: Regions, labels: UInt8) -> Forehead:
     """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded.
 
     Parameters
@@ -132,14 +132,14 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     return Forehead(covered, skin, lit, head, share, other)
 
 
-def _features(small: SmallPicture, labels: NDArray[np.uint8]) -> Bool:
+def _features(small: SmallPicture, labels: UInt8) -> Bool:
     """Brows and what else is no plain skin, of the small picture."""
     part = small.part(labels)
     numbers = [PICTURE_LABELS.index(name) for name in ("brows", "eyes", "nose", "lips")]
     return np.asarray(part[..., numbers].sum(axis=-1, dtype=np.int64) > 40)
 
 
-def _sample(small: SmallPicture, labels: NDArray[np.uint8]) -> Bool:
+def _sample(small: SmallPicture, labels: UInt8) -> Bool:
     """Cheeks and nose: a nose is lit as a forehead is."""
     nose = small.part(labels[..., PICTURE_LABELS.index("nose")]) > 200
     # Its ridge, without nostrils and their shade.
@@ -284,7 +284,7 @@ def not_worn(exemplar: Exemplar, wear: Sequence[Wear]) -> list[str]:
 class _Small:
     """A painting at the size that it is cut at; planes [h, w]."""
 
-    image: NDArray[np.uint8]
+    image: UInt8
     right: Float32
     down: Float32
     hair: Float32
@@ -326,7 +326,7 @@ class _Small:
         picture = self.image.astype(np.float32) / np.float32(255)
         return np.asarray(cv2.GaussianBlur(picture, (0, 0), max(0.5, BLUR * FACE)), np.float32)
 
-    def kernel(self, share: float) -> NDArray[np.uint8]:
+    def kernel(self, share: float) -> UInt8:
         """A disk of a radius over the face's height."""
         return disk(share * self.height)
 
@@ -363,7 +363,7 @@ def _all_around(cut: Bool, above: Bool) -> bool:
     return bool((cut & border & above).sum() > ALL_AROUND * (border & above).sum())
 
 
-def _two_hues(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> bool:
+def _two_hues(exemplar: Exemplar, regions: Regions, labels: UInt8) -> bool:
     """Whether what is taken for hair is a cap of two colors."""
     small = SmallPicture(exemplar, regions, labels)
     hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 150
@@ -406,7 +406,7 @@ def _cut(small: _Small) -> Bool | None:
     return _one_thing(small, cut, alike, core)
 
 
-def _seeds(small: _Small, colors: Float32, core: Bool, like_skin: Bool) -> NDArray[np.uint8]:
+def _seeds(small: _Small, colors: Float32, core: Bool, like_skin: Bool) -> UInt8:
     """Where the cut begins: sure and probable parts of it, by the numbers of `cv2.grabCut`."""
     down = small.down
     state = np.full(down.shape, cv2.GC_PR_BGD, np.uint8)

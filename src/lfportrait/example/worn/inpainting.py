@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32
+from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
@@ -154,7 +154,7 @@ def _central(bare: Float32, regions: Regions) -> Float32:
 
 
 def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: float,
-            beyond: float = BROAD) -> NDArray[np.uint8]:
+            beyond: float = BROAD) -> UInt8:
     """The picture with strokes of bare places in the hole, uint8 [h, w, 3].
 
     ``broad`` [h, w, 3] are the colors there, broader than ``beyond`` over the face's height.
@@ -175,7 +175,7 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
     return out
 
 
-def _spread(image: NDArray[np.uint8], weight: Float32, height: float,
+def _spread(image: UInt8, weight: Float32, height: float,
             reaches: tuple[float, ...] = REACHES) -> Float32:
     """Broad colors in [0, 1] of a picture [h, w, 3] known by weights [h, w], carried on."""
     picture = image.astype(np.float32) / np.float32(255)
@@ -220,7 +220,7 @@ def _strokes(exemplar: Exemplar, inside: Bool, bare: Bool, tone: Float32, height
 
 
 def _wish(theirs: ExemplarMaterials, inside: Bool, tone: Float32, picture: Float32,
-          state: NDArray[np.uint8], size: float) -> Wish:
+          state: UInt8, size: float) -> Wish:
     """Skin of the tones asked for, from anywhere."""
     count = inside.size
     y, x = np.mgrid[:inside.shape[0], :inside.shape[1]]

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...face import FacePose
 from ..guides.filters import disk
 
@@ -85,7 +85,7 @@ class UprightFace:
     rotation: Float64
     matrix: Float64
     grey: Float32
-    eyes: NDArray[np.bool_]
+    eyes: Bool
     eye_middles: Float64
 
     def places(self, points: Float64) -> Float64:
@@ -106,7 +106,7 @@ class UprightFace:
         return np.asarray(UNIT * (offsets @ self.rotation[:2, :2].T) * [1.0, -1.0], np.float64)
 
 
-def upright(image: NDArray[np.uint8], landmarks: Float64, pose: FacePose) -> UprightFace:
+def upright(image: UInt8, landmarks: Float64, pose: FacePose) -> UprightFace:
     """The upright face of a picture, uint8 [H, W, 3], with its landmarks, [68, 2], and pose."""
     factor = UNIT / pose.scale
     angle = np.radians(pose.roll)
@@ -226,7 +226,7 @@ class Rim:
     points: Float64
     normals: Float64
     answers: Float64
-    known: NDArray[np.bool_]
+    known: Bool
 
     @property
     def middle(self) -> Float64:
