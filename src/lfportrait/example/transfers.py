@@ -70,6 +70,7 @@ if TYPE_CHECKING:
 __all__ = ["Transfer", "TransferConfig", "TransferResult", "as_painted", "face_landmarks",
            "fitting", "from_the_front", "mix_regions", "transfer"]
 
+
 @dataclass(frozen=True)
 class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""

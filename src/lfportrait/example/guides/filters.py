@@ -16,8 +16,21 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
 
-__all__ = ["Distribution", "appearance_guide", "broad_blur", "disk", "enlarged", "gaussian_blur",
-           "gaussian_taps", "grey", "grown", "match_histogram", "shrunk", "skin_distance"]
+__all__ = [
+    "Distribution",
+    "appearance_guide",
+    "broad_blur",
+    "dilated",
+    "disk",
+    "enlarged",
+    "gaussian_blur",
+    "gaussian_taps",
+    "grey",
+    "match_histogram",
+    "shrunk",
+    "skin_distance",
+]
+
 
 def gaussian_taps(sigma: float) -> Float32:
     """Gaussian of unit sum, cut at 3 sigma."""
@@ -75,7 +88,7 @@ def disk(radius: float) -> UInt8:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
 
 
-def grown(part: Bool, radius: float) -> Bool:
+def dilated(part: Bool, radius: float) -> Bool:
     """A part of a picture, bool [h, w], with all that is as near as ``radius`` pixels."""
     return np.asarray(cv2.dilate(part.astype(np.uint8), disk(radius)) > 0)
 

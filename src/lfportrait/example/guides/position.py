@@ -21,6 +21,7 @@ from .filters import enlarged, gaussian_blur
 __all__ = ["Guides", "anchor_scale", "fold_inside", "folded_position_guide", "mls_similarity",
            "pixel_centres", "position_guide", "relative_stretch", "sample_labels"]
 
+
 def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],
                    weights: NDArray[np.floating] | None = None,

@@ -44,6 +44,7 @@ __all__ = [
     "without_hair",
 ]
 
+
 @dataclass(frozen=True)
 class FaceFrame:
     """The upright frame of a face: origin between the eyes' height and the brows, unit = chin.

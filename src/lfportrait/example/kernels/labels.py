@@ -15,7 +15,7 @@ from ...simd.interleaved import gather_signed, pairs, singles, store_pairs
 from ...simd.threads import shared
 from ...simd.vectors import LANES
 
-__all__ = ["largest_share", "luma", "move_into", "own_body", "pixel_weights", "shrink_label",
+__all__ = ["largest_share", "luma", "move_to_material", "own_body", "pixel_weights", "shrink_label",
            "soft_labels"]
 
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
@@ -272,7 +272,7 @@ def largest_share(since, until, shares, out):
 
 @shared("position")
 @lean_kernel
-def move_into(since, until, position, material, nearest, out):
+def move_to_material(since, until, position, material, nearest, out):
     """Positions [N, 2], moved to the nearest pixel of each place's material, into ``out``.
 
     Parameters

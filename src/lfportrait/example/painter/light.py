@@ -1,4 +1,9 @@
-"""Square cells of an unwrapped head or a photo: statistics of a neighbourhood across charts."""
+"""Square cells of an unwrapped head or a photo, and light that is extrapolated over them.
+
+Statistics of a neighbourhood go across charts. The painted face's light and shade goes on beside
+it: tones of patches come from the photo. Where the painter's light falls otherwise, the face ends
+in his shade and they would begin in full light, or the reverse: a seam along the cheek.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +23,13 @@ from scipy.ndimage import (
 
 from ...arrays import Bool, Float32, Float64
 
-__all__ = ["BLUR", "CELL", "REACH", "Cells"]
+__all__ = ["Cells", "light_beside"]
+
+CELL = 0.03
+"""Side of the cells that light is extrapolated in, over the face's height."""
+BLUR, REACH = 1.5, 12.0
+"""Sigma of its blur, and how far it reaches, in cells."""
+
 
 @dataclass(frozen=True)
 class Cells:
@@ -86,16 +97,15 @@ class Cells:
         _, nearest = distance_transform_edt(~found, return_indices=True)
         return np.asarray(means[tuple(nearest)], np.float64)
 
-    def carried(self, values: Float32, inside: Bool, blur: float, reach: float,
-                ) -> Float32:
-        """Values [N] of the places inside, carried on outside and fading there, float32 [N].
+    def extrapolated(self, values: Float32, inside: Bool, blur: float, reach: float) -> Float32:
+        """Values [N] of the places inside, extrapolated and fading outside, float32 [N].
 
         Parameters
         ----------
         values, inside
             float32 [N], used where ``inside``, bool [N].
         blur, reach
-            Sigma of their blur, and how far they are carried; in cells.
+            Sigma of their blur, and how far they reach; in cells.
         """
         known, means = self._means(values, inside)
         if not known.any():
@@ -128,7 +138,18 @@ def _disk(reach: int) -> Bool:
     return np.asarray(np.hypot(y, x) <= reach)
 
 
-CELL = 0.03
-"""Side of the cells that light is carried in, over the face's height."""
-BLUR, REACH = 1.5, 12.0
-"""Sigma of its blur, and how far it is carried, in cells."""
+def light_beside(flat: Float32, height: float, painted: Bool, more: Float32, known: Bool,
+                 most: float = np.inf) -> Float32:
+    """How much lighter places beside a painted face are to become, float32 [N]; 0 in the face.
+
+    Parameters
+    ----------
+    flat : float32 [N, 2], places of a photo, or of the unwrapped head
+    height : of the face, in their unit
+    painted : bool [N], places of the face
+    more : float32 [N], luma of the paint there, less the tones that were asked for
+    known : bool [N], places of the face that say so
+    most : nothing becomes lighter or darker by more: beyond it is a cast shadow, not light
+    """
+    light = Cells.over(flat, CELL * height).extrapolated(more, known, BLUR, REACH)
+    return np.where(painted, np.float32(0), np.clip(light, -most, most))

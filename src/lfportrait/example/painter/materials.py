@@ -21,7 +21,7 @@ from ...arrays import Bool, Float32, Int32, Int64
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.filters import Distribution, broad_blur, gaussian_blur, grey, match_histogram
-from ..kernels.labels import largest_share, move_into
+from ..kernels.labels import largest_share, move_to_material
 from ..kernels.seeds import nearest_sites
 from ..patches import SCALE
 from ..surface_guide import Sites
@@ -30,19 +30,20 @@ from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
 __all__ = [
     "BLUR",
     "FEW",
-    "STAND_INS",
     "ExemplarMaterials",
-    "at_home",
+    "Placement",
     "contours",
     "even_uses",
-    "into",
+    "guide_agreement",
     "light_neck",
-    "mainly",
+    "main_material",
     "matched_looks",
     "material_guides",
     "mostly",
+    "nearest_of_material",
     "pieces",
     "resized_materials",
+    "stand_in",
 ]
 
 BLUR = 0.06
@@ -90,7 +91,7 @@ exemplar's white collar on a dark coat."""
 TONES, RARE, FINE = 24, 4.0, 1023
 """Tones that uses of the exemplar are evened out in; none is used so many times more than another;
 and steps that are told apart between them."""
-HOME = 0.5, 3.0
+AGREES = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""
 LIT = 0.06, 0.12
@@ -167,6 +168,17 @@ def _nearest(there: Bool, shape: tuple[int, ...]) -> Int32:
     # On the mask a pixel is its own nearest one.
     own = np.repeat(np.repeat(there, 2, 0), 2, 1)[:shape[0], :shape[1]]
     return np.where(own, (rows * shape[1] + columns).astype(np.int32), out)
+
+
+def stand_in(shares: Float32, present: Bool) -> None:
+    """Let others stand in for materials that an exemplar does not show; in place.
+
+    ``shares`` float32 [..., 7] by `MATERIALS`, ``present`` bool [7].
+    """
+    for material, other in STAND_INS:
+        if not present[material]:
+            shares[..., other] += shares[..., material]
+            shares[..., material] = 0
 
 
 def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
@@ -326,21 +338,21 @@ def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
     return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
 
 
-def mainly(shares: Float32) -> Int64:
+def main_material(shares: Float32) -> Int64:
     """The material that each place is mostly, int64 [N], of shares float32 [N, 7]."""
     out = np.empty(len(shares), np.int64)
     largest_share(np.ascontiguousarray(shares, np.float32), out)
     return out
 
 
-def into(material: Int64, theirs: ExemplarMaterials, position: Float32) -> Float32:
-    """Positions [N, 2], moved to the exemplar's nearest place of a material [N] (`mainly`)."""
+def nearest_of_material(material: Int64, theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of a material, int64 [N]."""
     out = np.empty(position.shape, np.float32)
-    move_into(np.ascontiguousarray(position, np.float32), material, theirs.nearest, out)
+    move_to_material(np.ascontiguousarray(position, np.float32), material, theirs.nearest, out)
     return out
 
 
-def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
+def guide_agreement(guided: Float32, wanted: Float32, unit: float) -> Float32:
     """How far the exemplar has the material where the guide leads, [N] in [0, 1].
 
     A place under a hat that is to be a forehead has been moved to the rim of the hat's shade: that
@@ -349,13 +361,40 @@ def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
     Parameters
     ----------
     guided, wanted
-        float32 [N, 2], the guide's places, and those of like material next to them (`into`).
+        float32 [N, 2], the guide's places, and those of like material next to them
+        (`nearest_of_material`).
     unit
         A 50th of the face, in their pixels.
     """
     away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
-    near, far = HOME
+    near, far = AGREES
     return np.asarray(np.clip((far - away) / (far - near), 0, 1), np.float32)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where an exemplar has what N places are made of.
+
+    Attributes
+    ----------
+    material
+        int64 [N], what each place is mostly (`main_material`).
+    wanted
+        float32 [N, 2], where the guide leads, moved into like material; pixels of the exemplar.
+    agreement
+        float32 [N] in [0, 1], how far the exemplar has it where the guide leads.
+    """
+
+    material: Int64
+    wanted: Float32
+    agreement: Float32
+
+    @staticmethod
+    def of(shares: Float32, theirs: ExemplarMaterials, guided: Float32, unit: float) -> Placement:
+        """Of shares [N, 7] and guided places [N, 2]; ``unit`` as for `guide_agreement`."""
+        material = main_material(shares)
+        wanted = nearest_of_material(material, theirs, guided)
+        return Placement(material, wanted, guide_agreement(guided, wanted, unit))
 
 
 PIECE = 0.3
@@ -378,7 +417,7 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
     Parameters
     ----------
     material
-        int64 [N], what the sitter's places are mostly (`mainly`).
+        int64 [N], what the sitter's places are mostly (`main_material`).
     theirs
         The exemplar's.
     wanted, plane
@@ -414,7 +453,7 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
     found, width = theirs.deep[material, y[number], x[number]], theirs.tone.shape[1]
     piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
     piece += plane - middles[number]
-    return into(material, theirs, np.asarray(piece, np.float32))
+    return nearest_of_material(material, theirs, np.asarray(piece, np.float32))
 
 
 def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,

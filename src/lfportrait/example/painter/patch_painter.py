@@ -1,9 +1,10 @@
 """The patch painter for photos and heads: exemplar patches of the same material over an atlas.
 
 An atlas is a picture whose pixels are places of what is painted: the charts of a head's surface
-(`skin.sitter.Canvas`), or a photo, which is an atlas with one chart (`Sheet`). Who paints says of
-each place what it is made of, how light it is to be and where in the exemplar the guide leads
-(`Wish`); the painter lays patches that agree with each other and with what is painted already.
+(`skin.sitter.Canvas`), or a photo, which is an atlas with one chart (`PhotoAtlas`). Who paints says
+of each place what it is made of, how light it is to be and where in the exemplar the guide leads
+(`PatchRequest`); the painter lays patches that agree with each other and with what is painted
+already.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from .materials import (
 )
 from .picture_materials import EARS, NECK, SKIN
 
-__all__ = ["FAR_PLACE", "PLACE", "Atlas", "GuideWeights", "PatchPainter", "Sheet", "Wish", "flesh"]
+__all__ = ["FAR_PLACE", "PLACE", "Atlas", "GuideWeights", "PatchPainter", "PatchRequest",
+           "PhotoAtlas", "flesh"]
 
 PLACE, FAR_PLACE = 4.0, 0.15
 """Weight of the position guide around the face; and in hair, neck, clothes and background, where it
@@ -72,7 +74,7 @@ class Atlas(Protocol):
 
 
 @dataclass(frozen=True)
-class Sheet:
+class PhotoAtlas:
     """A photo [H, W]: an atlas with one chart, whose places are its pixels."""
 
     shape: tuple[int, int]
@@ -93,7 +95,7 @@ class Sheet:
 
 
 @dataclass
-class Wish:
+class PatchRequest:
     """What is to be painted at N places, and what is painted already.
 
     Attributes
@@ -160,33 +162,38 @@ class PatchPainter:
         return theirs.luma if self._sharp else theirs.tone
 
     def source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
-        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
+        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept.
+
+        Three decimals of the size count: its pictures serve all that are nearly as large.
+        """
+        size = round(size, 3)
         if size not in self._sources:
             picture, theirs = resized_materials(self.exemplar, self.shares, size)
             self._sources = {size: (PatchSource.of(picture, self._guides(
                 theirs.shares, self.tones(theirs), theirs.detail)), theirs)}
         return self._sources[size]
 
-    def target(self, atlas: Atlas, theirs: ExemplarMaterials, size: float,
-               wish: Wish) -> PatchTarget:
+    def _target(self, atlas: Atlas, theirs: ExemplarMaterials, size: float,
+                request: PatchRequest) -> PatchTarget:
         """What the patches are to do."""
-        painted = wish.state == ACTIVE
-        active = np.zeros(len(wish.shares), bool)
+        painted = request.state == ACTIVE
+        active = np.zeros(len(request.shares), bool)
         active[atlas.slots[painted]] = True
-        even = even_uses(wish.shares[active], wish.tone[active], theirs, wish.often,
+        even = even_uses(request.shares[active], request.tone[active], theirs, request.often,
                          self.tones(theirs))
-        guides = self._guides(wish.shares, wish.tone, wish.detail)
+        guides = self._guides(request.shares, request.tone, request.detail)
         asked, start, weight, sure = (atlas.spread(values) for values in (
-            wish.wanted, wish.begin, wish.weight[:, None], wish.sure))
+            request.wanted, request.begin, request.weight[:, None], request.sure))
         return PatchTarget(atlas.spread(guides), start, start, asked,
                            np.ascontiguousarray(weight[..., 0]),
-                           float((ROAM * self.unit(size)) ** 2), even, sure, wish.state,
-                           atlas.owner, wish.color)
+                           float((ROAM * self.unit(size)) ** 2), even, sure, request.state,
+                           atlas.owner, request.color)
 
-    def lay(self, target: PatchTarget, source: PatchSource) -> Float32:
-        """The painting, float32 [H, W, 3] in [0, 1]."""
-        color, _ = synthesise_patches(target, source, self.search, self.seed)
-        return color
+    def paint(self, atlas: Atlas, size: float, request: PatchRequest) -> Float32:
+        """The painting at ``size`` times the exemplar's own, float32 [H, W, 3] in [0, 1]."""
+        source, theirs = self.source(size)
+        target = self._target(atlas, theirs, size, request)
+        return synthesise_patches(target, source, self.search, self.seed)[0]
 
     def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
         return material_guides(shares, tone, detail, self._weights)

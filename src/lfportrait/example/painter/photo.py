@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...arrays import Bool, Float32, Float64, Int64, UInt8
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
@@ -34,13 +34,27 @@ from ..guides.position import pixel_centres, relative_stretch
 from ..guides.regions import Regions, soft_face
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource
-from .light import BLUR, REACH, Cells
-from .light import CELL as CELL_OF_LIGHT
-from .materials import ExemplarMaterials, at_home, into, light_neck, mainly, pieces
-from .patch_painter import FAR_PLACE, PLACE, GuideWeights, PatchPainter, Sheet, Wish, flesh
+from .light import light_beside
+from .materials import (
+    ExemplarMaterials,
+    Placement,
+    guide_agreement,
+    light_neck,
+    nearest_of_material,
+    pieces,
+)
+from .patch_painter import (
+    FAR_PLACE,
+    PLACE,
+    GuideWeights,
+    PatchPainter,
+    PatchRequest,
+    PhotoAtlas,
+    flesh,
+)
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN, known_shares
-from .plain_skin import outline, strands, unpainted
+from .plain_skin import outline, take_out_strands
 
 if TYPE_CHECKING:
     from ..styleblit import TransferResult
@@ -153,18 +167,11 @@ class PhotoPatches:
         self.exemplar = exemplar
         shares = known_shares(exemplar, regions, labels, strict=False)
         self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
-        hair = shares[..., HAIR]
-        if regions.hair is not None:
-            hair = np.maximum(hair, regions.hair)
-        hair = np.ascontiguousarray(hair)
-        # With a cap's ribbon, which is hair in its place but no paint for it.
-        self._hair = hair
-        self._strand = strands(exemplar, hair, labels)
-        unpainted(shares, self._strand)
+        self._hair, self._strand = take_out_strands(shares, exemplar, regions, labels)
         self._painter = PatchPainter(exemplar, shares, PatchSearch(last_votes=1), seed,
                                      sharp=True, weights=WEIGHTS)
         # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
-        self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
+        self._covered = np.stack([broad_blur(self._hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
         self._outline = outline(exemplar)
 
@@ -228,7 +235,7 @@ class PhotoPatches:
         """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
         painter = self._painter
         size = round(1 / work.scale, 3)
-        source, theirs = self._source(size)
+        _, theirs = self._source(size)
         unit = painter.unit(size)
         covered = np.isfinite(work.position[..., 0])
         position = np.nan_to_num(work.position)
@@ -242,13 +249,10 @@ class PhotoPatches:
         rigid = _rigid(work.position * np.float32(size))
         near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
         guided = position.reshape(-1, 2) * np.float32(size)
-        material = mainly(shares)
-        wanted = into(material, theirs, guided)
-        home = at_home(guided, wanted, unit)
+        placed = Placement.of(shares, theirs, guided, unit)
         # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.
         behind = shares[:, GROUND] > 0.5
-        begin, kept = self._begin(work, material, theirs, behind, wanted, tone.reshape(-1), rigid,
-                                  size)
+        begin, kept = self._begin(work, placed, theirs, behind, tone.reshape(-1), rigid, size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
@@ -256,23 +260,22 @@ class PhotoPatches:
         core = _round(work, core & bare & clear) | core & (planes[..., FEATURES] > 0.5)
         # Under a strand is plain skin: a fold there would be painted with what is left of it.
         trust = np.where(clear, trust, np.minimum(trust, np.float32(UNDER)))
-        tone = tone + flesh(planes) * _carried_light(work, core, tone)
+        tone = tone + flesh(planes) * _extrapolated_light(work, core, tone)
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
-        wanted = np.where(kept[:, None], begin, wanted)
+        wanted = np.where(kept[:, None], begin, placed.wanted)
         # But not under the photo's patterns; those of its hair are none.
         loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
         weight = np.where(kept, CHUNK * (1 - loose), FAR_PLACE)
-        weight = np.maximum(weight, PLACE * near * shares[:, SKIN] * home) / unit ** 2
+        weight = np.maximum(weight, PLACE * near * shares[:, SKIN] * placed.agreement) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         often = EVEN.copy()
         if has_plain_ground(theirs):
             often[GROUND] = PLAIN_EVEN
         trusted = trust.reshape(-1)
-        wish = Wish(shares, tone.reshape(-1), detail.reshape(-1), wanted, begin,
-                    weight.astype(np.float32), np.stack([trusted, trusted], axis=1), state,
-                    work.painted, often)
-        target = painter.target(Sheet((soft.shape[0], soft.shape[1])), theirs, size, wish)
-        color = with_folds(painter.lay(target, source), grey(work.photo), planes[..., CLOTHES],
+        color = painter.paint(PhotoAtlas((soft.shape[0], soft.shape[1])), size, PatchRequest(
+            shares, tone.reshape(-1), detail.reshape(-1), wanted, begin, weight.astype(np.float32),
+            np.stack([trusted, trusted], axis=1), state, work.painted, often))
+        color = with_folds(color, grey(work.photo), planes[..., CLOTHES],
                            face_size(work.landmarks))
         return color, core.astype(np.float32)
 
@@ -295,17 +298,17 @@ class PhotoPatches:
         clear = gaussian_blur(np.asarray(strand, np.float32), edge / 2) < 0.1
         return np.asarray((bare > 0.8) & (inside > 0.95)), np.asarray(clear)
 
-    def _begin(self, work: _Work, material: Int64, theirs: ExemplarMaterials,
-               behind: Bool, wanted: Float32, tone: Float32, rigid: Bool, size: float,
-               ) -> tuple[Float32, Bool]:
+    def _begin(self, work: _Work, placed: Placement, theirs: ExemplarMaterials, behind: Bool,
+               tone: Float32, rigid: Bool, size: float) -> tuple[Float32, Bool]:
         """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
         plane = pixel_centres(work.painted.shape[:2]).reshape(-1, 2)
-        piece = pieces(material, theirs, wanted, plane, tone, self.exemplar.size * size)
+        piece = pieces(placed.material, theirs, placed.wanted, plane, tone,
+                       self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
-        moved = into(material, theirs, own)
-        moved[behind] = wanted[behind]
+        moved = nearest_of_material(placed.material, theirs, own)
+        moved[behind] = placed.wanted[behind]
         kept = rigid.reshape(-1) & (moved == own).all(axis=1) & ~behind
-        home = behind | (at_home(own, moved, self.exemplar.size * size / 50) > 0.5)
+        home = behind | (guide_agreement(own, moved, self.exemplar.size * size / 50) > 0.5)
         return np.where((rigid.reshape(-1) & home)[:, None], moved, piece), kept
 
 
@@ -381,16 +384,12 @@ def _round(work: _Work, core: Bool) -> Bool:
     return cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 
-def _carried_light(work: _Work, core: Bool, tone: Float32) -> Float32:
-    """How much lighter the face is painted than its tones ask for, carried on; float32 [H, W].
-
-    Patches beside the face begin in its painted light, not in the photo's, as on a skin
-    (`skin.painting`).
-    """
-    cells = Cells.over(pixel_centres(core.shape).reshape(-1, 2),
-                       CELL_OF_LIGHT * work.regions.frame.height)
-    light = cells.carried((grey(work.painted) - tone).reshape(-1), core.reshape(-1), BLUR, REACH)
-    return np.where(core, np.float32(0), np.clip(light.reshape(core.shape), -UTMOST, UTMOST))
+def _extrapolated_light(work: _Work, core: Bool, tone: Float32) -> Float32:
+    """How much lighter the face is painted than its tones ask for, [H, W] (`light_beside`)."""
+    light = light_beside(pixel_centres(core.shape).reshape(-1, 2), work.regions.frame.height,
+                         core.reshape(-1), (grey(work.painted) - tone).reshape(-1),
+                         core.reshape(-1), UTMOST)
+    return light.reshape(core.shape)
 
 
 def _rigid(position: Float32) -> Bool:

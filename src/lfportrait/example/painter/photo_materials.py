@@ -16,7 +16,7 @@ from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import Regions
-from .materials import BLUR, STAND_INS, ExemplarMaterials, contours, matched_looks
+from .materials import BLUR, ExemplarMaterials, contours, matched_looks, stand_in
 from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
 
 __all__ = ["grow_beard", "has_plain_ground", "photo_looks", "photo_shares"]
@@ -138,10 +138,7 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
         _, down = regions.frame.local(photo.shape[:2])
         _set_apart(photo, shares, np.asarray(down, np.float32))
         grow_beard(photo, regions, labels, shares)
-    for material, stand_in in STAND_INS:
-        if not present[material]:
-            shares[..., stand_in] += shares[..., material]
-            shares[..., material] = 0
+    stand_in(shares, present)
     return shares
 
 

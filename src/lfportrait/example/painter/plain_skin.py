@@ -21,10 +21,10 @@ from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
-from ..guides.regions import soft_face
-from .picture_materials import FEATURES, NECK, SKIN
+from ..guides.regions import Regions, soft_face
+from .picture_materials import FEATURES, HAIR, NECK, SKIN
 
-__all__ = ["outline", "plain_skin", "strands", "unpainted"]
+__all__ = ["outline", "plain_skin", "strands", "take_out_strands"]
 
 LINES_FACE = 110.0
 """Size of the face in the picture that is looked at."""
@@ -107,10 +107,24 @@ def outline(exemplar: Exemplar) -> Bool:
     return np.asarray((inside == 0) & (away > 3 * OFF ** 2))
 
 
-def unpainted(shares: Float32, strand: Float32) -> None:
-    """Let skin under strands [h, w] be painted nowhere: in place, in shares [h, w, 7]."""
+def take_out_strands(shares: Float32, exemplar: Exemplar, regions: Regions, labels: UInt8,
+                     ) -> tuple[Float32, Float32]:
+    """Let skin under loose strands be painted nowhere, in place in shares [h, w, 7].
+
+    Returns
+    -------
+    hair : float32 [h, w] in [0, 1], with a cap's ribbon, which is hair in its place but no paint
+        for it
+    strand : float32 [h, w] in [0, 1], where strands hang over the face
+    """
+    hair = shares[..., HAIR]
+    if regions.hair is not None:
+        hair = np.maximum(hair, regions.hair)
+    hair = np.ascontiguousarray(hair)
+    strand = strands(exemplar, hair, labels)
     shares[..., FEATURES] += shares[..., SKIN] * strand
     shares[..., SKIN] *= 1 - strand
+    return hair, strand
 
 
 def _long(lines: Bool, length: float) -> Bool:

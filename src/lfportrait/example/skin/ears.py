@@ -53,7 +53,7 @@ def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:
     cells = Cells.over(flat, CELL * plane.height)
     aside = np.abs(points[:, 0] - np.float32(plane.origin[0]))
     least, most = STANDS_OUT
-    head = cells.carried(aside, near == 0, 2.0, np.inf)
+    head = cells.extrapolated(aside, near == 0, 2.0, np.inf)
     out = np.clip(((aside - head) / np.float32(plane.height) - least) / (most - least), 0, 1)
     out = np.asarray(np.where(near > 0, out, 0), np.float32)
     for side in (points[:, 0] < plane.origin[0], points[:, 0] >= plane.origin[0]):

@@ -195,7 +195,7 @@ def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Flo
     hair = with_strands(plane, flat, hair, around & (seen > 0.5) & (ears < 0.5))
     # What no photo saw goes on as it begins, and further on as hair goes on.
     unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
-    beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, parted, 1.0, 20.0)
+    beside = Cells.over(flat, 0.03 * plane.height).extrapolated(3 * hair - 1.5, parted, 1.0, 20.0)
     hair[unseen] = np.clip(hair_by_place(plane, flat[unseen]) + beside[unseen], 0, 1)
     return np.asarray(hair, np.float32)
 
@@ -329,7 +329,7 @@ def hair_by_relief(plane: HeadPlane, flat: Float32, contours: Float32, seen: Flo
     step = rough - max(smooth)
     lean = (contours - max(smooth) - ROUGH_LIMIT * step) / (0.2 * step)
     begin = np.where(shown, np.float32(0.5), hair_by_place(plane, flat))
-    hair = np.clip(begin + cells.carried(lean, shown, CURL_BLUR, REACH), 0, 1)
+    hair = np.clip(begin + cells.extrapolated(lean, shown, CURL_BLUR, REACH), 0, 1)
     hair *= around_face(plane, flat, LOWEST_CURL) * (1 - ears)
     reach = round(CURLS / CURL_CELL)
     hair = cells.joined(cells.opened(cells.closed(hair.astype(np.float32), reach), reach), crown)

@@ -27,25 +27,23 @@ from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
 from ..guides.filters import grey
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes
-from ..kernels.labels import largest_share, move_into
-from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
+from ..kernels.labels import largest_share, move_to_material
+from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..lids import Lids
-from ..painter.light import BLUR, CELL, REACH, Cells
+from ..painter.light import light_beside
 from ..painter.materials import (
     FEW,
     LEAST,
-    STAND_INS,
     ExemplarMaterials,
-    at_home,
-    into,
+    Placement,
     light_neck,
-    mainly,
     matched_looks,
     mostly,
     pieces,
+    stand_in,
 )
-from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, Wish, flesh
+from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, PatchRequest, flesh
 from ..painter.picture_materials import (
     CLOTHES,
     EARS,
@@ -57,7 +55,7 @@ from ..painter.picture_materials import (
     known_shares,
     material_shares,
 )
-from ..painter.plain_skin import plain_skin, strands, unpainted
+from ..painter.plain_skin import plain_skin, take_out_strands
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
@@ -73,7 +71,7 @@ __all__ = [
     "Painting",
     "SkinConfig",
     "SkinPainter",
-    "carried_light",
+    "extrapolated_light",
     "rehearse_painting",
     "sitter_looks",
     "sitter_shares",
@@ -114,13 +112,13 @@ def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
     shares[:, FEATURES] = 0
     if skin.hair is None:
         # A shaven head, or a statue's: the painter's hair, where hair is, and none on the neck.
-        below = skin.once("below hair", lambda: below_hair(skin.plane, skin.flat))
+        below = skin.cached("below hair", lambda: below_hair(skin.plane, skin.flat))
         hanging = shares[:, HAIR] * below
         neck = np.clip((skin.flat[:, 1] / skin.plane.height - JAW) / 0.1, 0, 1)
         shares[:, HAIR] -= hanging
         shares[:, NECK] += hanging * neck
         shares[:, SKIN] += hanging * (1 - neck)
-        common = skin.once("hair by place", lambda: hair_by_place(skin.plane, skin.flat))
+        common = skin.cached("hair by place", lambda: hair_by_place(skin.plane, skin.flat))
         wanted = np.maximum(common, shares[:, HAIR])
         wanted = (1 - below) * without_bays(skin.plane, skin.flat, wanted)
         more = np.maximum(wanted - shares[:, HAIR], 0)
@@ -147,10 +145,7 @@ def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
     shares /= np.maximum(shares.sum(axis=-1, keepdims=True), np.float32(1e-3))
     for one, other in ((SKIN, NECK), *(((HAIR, SKIN), (HAIR, NECK)) if skin.hair is None else ())):
         _parted(shares, one, other)
-    for material, stand_in in STAND_INS:
-        if not present[material]:
-            shares[:, stand_in] += shares[:, material]
-            shares[:, material] = 0
+    stand_in(shares, present)
     return shares
 
 
@@ -180,32 +175,19 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
     return tone, detail * skin.seen
 
 
-def carried_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
-                  tone: Float32) -> Float32:
-    """How much lighter the face is painted than its tones ask for, carried on beside it.
+def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
+                       tone: Float32) -> Float32:
+    """How much lighter the face is painted than its tones ask for, float32 [N] (`light_beside`).
 
     Parameters
     ----------
-    skin
-        Of the sitter, as the canvas has it.
-    canvas
-        Of the painting.
-    core
-        bool [N], places of the face that are painted.
-    color
-        float32 [H, W, 3] in [0, 1], its paint.
-    tone
-        float32 [N], the tones asked for.
-
-    Returns
-    -------
-    light
-        float32 [N], to be added to the tones; 0 in the face and far from it.
+    skin, canvas : of the sitter, as the canvas has it, and of the painting
+    core : bool [N], places of the face that are painted
+    color : float32 [H, W, 3] in [0, 1], its paint
+    tone : float32 [N], the tones asked for
     """
     paint = canvas.gathered(grey(color), len(core))
-    cells = Cells.over(skin.flat, CELL * skin.plane.height)
-    light = cells.carried(paint - tone, core & skin.outwards, BLUR, REACH)
-    return np.where(core, np.float32(0), light)
+    return light_beside(skin.flat, skin.plane.height, core, paint - tone, core & skin.outwards)
 
 
 NODES = 0.03
@@ -361,15 +343,11 @@ class SkinPainter:
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
         if self._hat is not None:
             self._hat.take_from(shares)
-        hair = shares[..., HAIR]
-        if self.transfer.regions.hair is not None:
-            hair = np.maximum(hair, self.transfer.regions.hair)
-        strand = strands(exemplar, hair, self.transfer.labels)
-        unpainted(shares, strand)
-        self._hair, self._strand = hair, strand
+        self._hair, self._strand = take_out_strands(shares, exemplar, self.transfer.regions,
+                                                    self.transfer.labels)
         plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
-        self._face = CopiedFace(self.transfer, hair, strand)
+        self._face = CopiedFace(self.transfer, self._hair, self._strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
@@ -392,7 +370,7 @@ class SkinPainter:
         if abs(size - self._like) < ALMOST * size:
             size = self._like  # its pictures are there already
         self._last = size
-        source = (aside.submit(self._painter.source, round(size, 3))
+        source = (aside.submit(self._painter.source, size)
                   if self.config.patchmatch else None)
         canvas, places = canvas_of(skin, step)
         position, ratio = self._positions(guide, places)
@@ -415,11 +393,10 @@ class SkinPainter:
             exchange(canvas.owner, color)
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
-        pictures, theirs = source.result()
-        target = self._target(places, theirs, size, canvas, position, anchor, ratio, labels,
-                              face[:, 1], core, painted)
+        request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
+                                labels, face[:, 1], core, painted)
         clock.lap("face, targets")
-        color = self._painter.lay(target, pictures)
+        color = self._painter.paint(canvas, size, request)
         shade_ears(places, canvas, color)
         if self._hat is not None:
             self._hat.paint(places, canvas, position, anchor, size, color)
@@ -437,9 +414,9 @@ class SkinPainter:
         sample_nodes(nodes, low, spacing, _meeting_behind(skin), out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
-    def _target(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
-                position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
-                near: Float32, core: Bool, painted: Future[Float32]) -> PatchTarget:
+    def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
+                 position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
+                 near: Float32, core: Bool, painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
         ``painted`` is the face, soon.
@@ -449,32 +426,28 @@ class SkinPainter:
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         guided = position * np.float32(size)
-        material = mainly(shares)
-        wanted = into(material, theirs, guided)
-        home = at_home(guided, wanted, unit)
+        placed = Placement.of(shares, theirs, guided, unit)
         color = painted.result()
-        tone += flesh(shares) * carried_light(skin, canvas, core, color, tone)
+        tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
-        rigid = pieces(material, theirs, wanted, anchor * np.float32(size), tone,
+        rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
-        begin = np.where((ratio > STRETCHED)[:, None] & (home > 0.5)[:, None], wanted, rigid)
+        begin = np.where((ratio > STRETCHED)[:, None] & (placed.agreement > 0.5)[:, None],
+                         placed.wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
-        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * home
+        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * placed.agreement
         weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * ratio ** 2 / unit ** 2
         # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
-        own = canvas.own
-        state = np.full(own.shape, OUTSIDE, np.uint8)
-        state[canvas.surface & (canvas.slots >= 0)] = FOREIGN
-        state[own] = ACTIVE
-        state[own & np.append(core, False)[canvas.slots]] = FIXED
+        state = canvas.states(np.ones(len(core), bool))
+        state[canvas.own & np.append(core, False)[canvas.slots]] = FIXED
         active = np.zeros(len(core), bool)
         active[canvas.slots[state == ACTIVE]] = True
         often = float((state == ACTIVE).sum() / max(int(active.sum()), 1))
         exchange(canvas.owner, color)
         sure = np.stack([trust, UNSEEN + (1 - UNSEEN) * skin.seen], axis=1)
-        return self._painter.target(canvas, theirs, size, Wish(
-            shares, tone, detail, wanted, begin, weight, sure, state, color, often))
+        return PatchRequest(shares, tone, detail, placed.wanted, begin, weight, sure, state, color,
+                            often)
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
@@ -546,7 +519,8 @@ def rehearse_painting(skin: Skin) -> None:
     nearest_sites(flat, np.float32(8.0), sites.first, sites.points, number)
     material = np.empty(len(flat), np.int64)
     largest_share(np.zeros((len(flat), len(MATERIALS)), np.float32), material)
-    move_into(flat, material, np.zeros((len(MATERIALS), 48, 48), np.int32), np.empty_like(flat))
+    move_to_material(flat, material, np.zeros((len(MATERIALS), 48, 48), np.int32),
+                     np.empty_like(flat))
     places = canvas.spread(flat)
     guides = canvas.spread(np.repeat(skin.tone[:, None], 4, axis=1))
     source = PatchSource.of(np.zeros((48, 48, 3), np.float32), np.zeros((48, 48, 4), np.float32))

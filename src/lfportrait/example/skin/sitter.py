@@ -33,6 +33,7 @@ from ..exemplar import face_size
 from ..guides.filters import broad_blur, grey, skin_distance
 from ..guides.regions import FaceFrame, region_labels
 from ..kernels.atlas import best_facing, exchange, spread
+from ..kernels.patches import ACTIVE, FOREIGN, OUTSIDE
 from ..painter.light import Cells
 from ..painter.materials import BLUR, contours
 from ..patches import at_middles, coarser_owner
@@ -162,7 +163,7 @@ class Skin:
         float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
         them.
     kept
-        What paintings share, by what it is (`once`).
+        What paintings share, by what it is (`cached`).
     """
 
     atlas: Atlas
@@ -256,7 +257,7 @@ class Skin:
         number[self.index] = np.arange(len(self.index), dtype=np.int32)
         return number
 
-    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+    def cached(self, key: Hashable, make: Callable[[], T]) -> T:
         """What is kept under ``key``; made if there is nothing yet."""
         if key not in self.kept:
             self.kept[key] = make()
@@ -266,7 +267,7 @@ class Skin:
     @property
     def labels(self) -> tuple[UInt8, tuple[str, ...]]:
         """Soft regions of the owning pixels, uint8 [N, R], and the regions' names."""
-        return self.once("labels", self._labels)
+        return self.cached("labels", self._labels)
 
     def _labels(self) -> tuple[UInt8, tuple[str, ...]]:
         points = self.atlas.points.reshape(-1, 3)[self.index]
@@ -332,7 +333,7 @@ def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, 
     out[chosen] = 1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30)))
     # Of what no photo saw, as below a chin, colors say little: it is as what is around.
     known, unseen = below & (seen > 0.5), below & (seen <= 0.5)
-    around = Cells.over(flat, 0.03 * plane.height).carried(4 * out - 2, known, 1.0, 20.0)
+    around = Cells.over(flat, 0.03 * plane.height).extrapolated(4 * out - 2, known, 1.0, 20.0)
     out[unseen] = np.clip(out[unseen] + around[unseen], 0, 1)
     out *= np.clip((depth - 1.0) / 0.15, 0, 1).astype(np.float32)
     return out if hair is None else out * (1 - hair)
@@ -386,6 +387,17 @@ class Canvas:
         index = np.arange(self.owner.size, dtype=np.int32).reshape(self.owner.shape)
         return np.asarray((self.owner == index) & (self.slots >= 0))
 
+    def states(self, painted: Bool) -> UInt8:
+        """What patches do with each pixel if places are ``painted``, bool [N]; uint8 [H, W].
+
+        `ACTIVE` for owners, `FOREIGN` for others' copies, and `OUTSIDE`.
+        """
+        covered = np.append(painted, False)[self.slots]
+        state = np.full(self.slots.shape, OUTSIDE, np.uint8)
+        state[self.surface & (self.slots >= 0) & covered] = FOREIGN
+        state[self.own & covered] = ACTIVE
+        return state
+
     def spread(self, values: Float32, empty: float = 0.0) -> Float32:
         """Values [N, C] of a skin's lists as a picture [H, W, C]."""
         out = np.empty((*self.slots.shape, values.shape[1]), np.float32)
@@ -405,7 +417,7 @@ def canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
 
     Both are made once and kept with the skin.
     """
-    return skin.once(("canvas", step), lambda: _canvas_of(skin, step))
+    return skin.cached(("canvas", step), lambda: _canvas_of(skin, step))
 
 
 def _canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
