@@ -102,12 +102,9 @@ def in_front(way: NDArray[np.floating], painted: NDArray[np.floating], pose: Fac
 
     Parameters
     ----------
-    way
-        [68, 2], pixels, from the landmarks to the places in the painting.
-    painted
-        [68, 2], the landmarks.
-    pose
-        Of the face in the painting.
+    way : [68, 2], pixels, from the landmarks to the places in the painting.
+    painted : [68, 2], the landmarks.
+    pose : Of the face in the painting.
     """
     head = symmetric_landmarks(painted, pose)
     x, y = head[:, 0], head[:, 1]
@@ -568,10 +565,8 @@ def face_aside(landmarks: NDArray[np.floating], least: float) -> FaceAside | Non
 
     Parameters
     ----------
-    landmarks
-        [68, 2] in pixels; rows with NaN are unknown.
-    least
-        Degrees.
+    landmarks : [68, 2] in pixels; rows with NaN are unknown.
+    least : Degrees.
     """
     found = np.asarray(landmarks, np.float64)
     # A pose takes as long as half of a small frame: most faces are seen to be frontal without it.

@@ -82,10 +82,8 @@ def irises_found(image: UInt8, landmarks: Float64) -> Float64 | None:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    landmarks
-        [68, 2] pixels of a face that is seen from the front.
+    image : uint8 [H, W, 3], sRGB.
+    landmarks : [68, 2] pixels of a face that is seen from the front.
 
     Returns
     -------
@@ -247,10 +245,8 @@ def agreed(eyes: Float64, discs: Float64) -> float:
 
     Parameters
     ----------
-    eyes
-        As `looking_apart`.
-    discs
-        float64 [2, 2] pixels, both irises as `irises_found` has them.
+    eyes : As `looking_apart`.
+    discs : float64 [2, 2] pixels, both irises as `irises_found` has them.
 
     Returns
     -------
@@ -271,8 +267,7 @@ def looking_apart(eyes: Float64) -> Float64:
 
     Parameters
     ----------
-    eyes
-        float64 [2, 5, 2] pixels: left and right corner, iris, upper and lower lid of each.
+    eyes : float64 [2, 5, 2] pixels: left and right corner, iris, upper and lower lid of each.
     """
     gaze = [_turned(iris, left, right) for left, right, iris, *_ in eyes]
     return np.asarray(gaze[1] - gaze[0] - USUAL, np.float64)
@@ -384,10 +379,8 @@ def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
 
     Parameters
     ----------
-    image
-        uint8 or float in [0, 1], [H, W, 3], sRGB.
-    outline
-        [6, 2], landmarks of the eye in pixels.
+    image : uint8 or float in [0, 1], [H, W, 3], sRGB.
+    outline : [6, 2], landmarks of the eye in pixels.
     """
     middle = outline.mean(axis=0)
     size = float(np.linalg.norm(outline[3] - outline[0]))

@@ -255,10 +255,8 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
     ----------
     along, up
         Of each place, from the first corner (0) to the other (1), and above the line of both.
-    upper, lower
-        Height of the lids' edges there.
-    brow
-        Landmarks, [5, 2], as ``along`` and ``up``.
+    upper, lower : Height of the lids' edges there.
+    brow : Landmarks, [5, 2], as ``along`` and ``up``.
     """
     # The lids of a narrow strip beyond the corners move less and less.
     inside = np.clip(np.minimum(along + 0.1, 1.1 - along) / 0.2, 0, 1)

@@ -207,10 +207,8 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
 
     Returns
     -------
-    colors
-        float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
-    places
-        int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
+    colors : float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
+    places : int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
     """
     levels = range(min(config.levels, len(source.pictures)) - 1, -1, -1)
     guides = _pyramid(target.guides, len(levels))

@@ -91,12 +91,9 @@ class EdgeMatch:
 
         Parameters
         ----------
-        nodes
-            float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
-        mask
-            float32 [H, W], the same region in the target.
-        scale
-            Exemplar pixels per target pixel.
+        nodes : float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
+        mask : float32 [H, W], the same region in the target.
+        scale : Exemplar pixels per target pixel.
         """
         self.pull(nodes, signed_distance(mask, grid), grid, scale)
 
@@ -147,8 +144,7 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
     -------
     sources, targets
         [M, 2] in the target and in the exemplar; only points known on both sides count.
-    weights, softness
-        [M], see `guides.mls_similarity`.
+    weights, softness : [M], see `guides.mls_similarity`.
     """
     sources, targets = [landmarks], [style_landmarks]
     weights = [np.ones(68)]
@@ -167,10 +163,8 @@ def plain_neck(picture: Float32, landmarks: Float64) -> tuple[float, float]:
 
     Parameters
     ----------
-    picture
-        float32 [h, w], grey.
-    landmarks
-        [68, 2] of the exemplar.
+    picture : float32 [h, w], grey.
+    landmarks : [68, 2] of the exemplar.
     """
     height = float(landmarks[8, 1] - landmarks[17:27, 1].mean())
     chin, half = landmarks[8], 0.15 * height
@@ -200,14 +194,10 @@ def lengthen_neck(nodes: Float32, chin: float, style_height: int,
 
     Parameters
     ----------
-    nodes
-        float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
-    chin
-        Row of the target's chin.
-    style_height, neck
-        Of the exemplar, in pixels; see `plain_neck`.
-    scale
-        Exemplar pixels per target pixel.
+    nodes : float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
+    chin : Row of the target's chin.
+    style_height, neck : Of the exemplar, in pixels; see `plain_neck`.
+    scale : Exemplar pixels per target pixel.
     """
     below = (np.arange(nodes.shape[0]) * grid + 0.5 - chin) * scale
     beyond = np.maximum(nodes[-1, :, 1] - np.float32(style_height - 2), 0)
@@ -226,12 +216,9 @@ def lay_body(nodes: Float32, grid: int, regions: Regions, style_regions: Regions
 
     Parameters
     ----------
-    nodes
-        float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
-    grid
-        In pixels.
-    regions, style_regions
-        Of the target and of the exemplar.
+    nodes : float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
+    grid : In pixels.
+    regions, style_regions : Of the target and of the exemplar.
     """
     frame, style_frame = regions.frame, style_regions.frame
     lowest, style_lowest = regions.lowest(), style_regions.lowest()
@@ -279,10 +266,8 @@ class FlatGuide:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    regions, labels
-        Of the painting; labels uint8 [h, w, len(PICTURE_LABELS)].
+    exemplar : The painting.
+    regions, labels : Of the painting; labels uint8 [h, w, len(PICTURE_LABELS)].
     """
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8) -> None:
@@ -309,14 +294,10 @@ class FlatGuide:
 
         Parameters
         ----------
-        cover
-            float32 [H, W], 0 where nothing is to be painted.
-        landmarks, regions, labels
-            Of the photo.
-        hold
-            Lay neck and body onto the exemplar's, and hold person and background on their sides.
-        aside
-            What is seen of a face that is turned far to one side; ``landmarks`` are its own.
+        cover : float32 [H, W], 0 where nothing is to be painted.
+        landmarks, regions, labels : Of the photo.
+        hold : Lay neck and body onto the exemplar's, and hold person and background on their sides.
+        aside : What is seen of a face that is turned far to one side; ``landmarks`` are its own.
         """
         points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions)
         sources, targets, weights, softness = (
@@ -368,14 +349,10 @@ class FlatGuide:
 
         Parameters
         ----------
-        position
-            float32 [H, W, 2], the guide.
-        landmarks
-            [68, 2] of the photo.
-        labels
-            uint8 [H, W, len(PICTURE_LABELS)] of the photo, changed in place.
-        person
-            float32 [H, W].
+        position : float32 [H, W, 2], the guide.
+        landmarks : [68, 2] of the photo.
+        labels : uint8 [H, W, len(PICTURE_LABELS)] of the photo, changed in place.
+        person : float32 [H, W].
 
         Returns
         -------

@@ -90,10 +90,8 @@ class Patchwork:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    regions
-        Of the exemplar.
+    exemplar : The painting.
+    regions : Of the exemplar.
     """
 
     def __init__(self, exemplar: Exemplar, regions: Regions) -> None:
@@ -139,10 +137,8 @@ class Patchwork:
 
         Parameters
         ----------
-        angle, depth
-            [N], from forward, and below the brows (1 = chin).
-        bare
-            [N], where the guide finds the exemplar's background or its edge.
+        angle, depth : [N], from forward, and below the brows (1 = chin).
+        bare : [N], where the guide finds the exemplar's background or its edge.
         """
         out = np.full(angle.shape, -1)
         out[np.where(depth < 0, angle > CROWN, (angle > BEHIND_EARS) & (depth < 0.7))] = HAIR
@@ -158,12 +154,9 @@ class Patchwork:
 
         Parameters
         ----------
-        wanted
-            float32 [N, 2], where the guide would look.
-        chances
-            float32 [N, 2], random numbers in [0, 1).
-        material
-            [N], not negative.
+        wanted : float32 [N, 2], where the guide would look.
+        chances : float32 [N, 2], random numbers in [0, 1).
+        material : [N], not negative.
         """
         near = wanted + np.float32(2 * self.spread) * (chances - np.float32(0.5))
         rows, columns = self.places.shape[1:3]

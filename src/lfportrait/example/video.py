@@ -61,12 +61,9 @@ def ahead(items: Iterator[Item], count: int = 2,
 
     Parameters
     ----------
-    items
-        What is taken on that thread; what it raises is raised here.
-    count
-        How many may wait.
-    start
-        Called first on that thread.
+    items : What is taken on that thread; what it raises is raised here.
+    count : How many may wait.
+    start : Called first on that thread.
 
     Closing this iterator, or leaving a loop over it, ends the thread.
     """
@@ -278,18 +275,12 @@ def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
 
     Parameters
     ----------
-    prepared
-        The exemplar.
-    frame, landmarks
-        uint8 [H, W, 3] and [68, 2].
-    person
-        Gives the person's mask, float32 [H, W], if it is needed.
-    anchor
-        float32 [H, W, 2].
-    motion, kept
-        From the frame before; bool [h, w], blocks whose anchors came from there.
-    before
-        What the frame before was painted with.
+    prepared : The exemplar.
+    frame, landmarks : uint8 [H, W, 3] and [68, 2].
+    person : Gives the person's mask, float32 [H, W], if it is needed.
+    anchor : float32 [H, W, 2].
+    motion, kept : From the frame before; bool [h, w], blocks whose anchors came from there.
+    before : What the frame before was painted with.
 
     Returns
     -------

@@ -156,12 +156,9 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
 
     Parameters
     ----------
-    values
-        float32 [H, W] in [-1, 1].
-    reference
-        The wanted distribution, or values in [-1, 1] that have it.
-    inside
-        [H, W]: values where it exceeds one half count; all values are mapped.
+    values : float32 [H, W] in [-1, 1].
+    reference : The wanted distribution, or values in [-1, 1] that have it.
+    inside : [H, W]: values where it exceeds one half count; all values are mapped.
     """
     if not isinstance(reference, Distribution):
         reference = Distribution.of(reference)
@@ -181,12 +178,9 @@ def skin_distance(colors: NDArray[np.floating], face: Bool,
 
     Parameters
     ----------
-    colors
-        float [..., 3], sRGB in [0, 1].
-    face
-        bool [...], skin of the face.
-    light
-        How much light and shade count against hue and chroma.
+    colors : float [..., 3], sRGB in [0, 1].
+    face : bool [...], skin of the face.
+    light : How much light and shade count against hue and chroma.
     """
     from skimage.color import rgb2lab
 

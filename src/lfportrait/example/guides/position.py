@@ -30,12 +30,9 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
 
     Parameters
     ----------
-    points
-        [N, 2] points to map.
-    sources, targets
-        [M, 2] control points and their images.
-    weights
-        [M] importance of each control point away from it, default 1.
+    points : [N, 2] points to map.
+    sources, targets : [M, 2] control points and their images.
+    weights : [M] importance of each control point away from it, default 1.
     softness
         [M] distance within which a control point attracts instead of pinning, default 0: then
         ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
@@ -136,14 +133,10 @@ def fold_inside(position: Float32, shape: tuple[int, ...],
 
     Parameters
     ----------
-    position
-        float32 [..., 2], exemplar coordinates.
-    shape
-        (H, W, ...) of the exemplar.
-    inner
-        (left, top, right, bottom): the head's box in the exemplar.
-    out
-        What to change; None makes a copy. ``position`` itself will do.
+    position : float32 [..., 2], exemplar coordinates.
+    shape : (H, W, ...) of the exemplar.
+    inner : (left, top, right, bottom): the head's box in the exemplar.
+    out : What to change; None makes a copy. ``position`` itself will do.
     """
     if out is None:
         out = np.empty(position.shape, np.float32)

@@ -392,23 +392,16 @@ def snap(since, until, nodes, wanted, style, cell, reach, most, keep, rounds):
 
     Parameters
     ----------
-    nodes
-        float32 [h, w, 2], places in exemplar pixels.
-    wanted
-        float32 [h, w], signed distance from the target's edge, in exemplar pixels.
-    style
-        float32 [H, W], the exemplar's signed distances in pixels, one value a cell.
-    cell
-        Side of a cell of ``style`` in pixels.
-    reach
-        The move fades over this distance from the edge (Gaussian sigma).
-    most
-        And where the distances disagree by more than about this: other edges are meant.
+    nodes : float32 [h, w, 2], places in exemplar pixels.
+    wanted : float32 [h, w], signed distance from the target's edge, in exemplar pixels.
+    style : float32 [H, W], the exemplar's signed distances in pixels, one value a cell.
+    cell : Side of a cell of ``style`` in pixels.
+    reach : The move fades over this distance from the edge (Gaussian sigma).
+    most : And where the distances disagree by more than about this: other edges are meant.
     keep
         What is inside ends up inside by half the wanted distance or by this one, whichever is less,
         and what is outside likewise outside; 0 lets it lie where it does.
-    rounds
-        Steps towards the wanted distance.
+    rounds : Steps towards the wanted distance.
     """
     share = np.float32(1) / np.float32(cell)
     right, bottom = np.float32(style.shape[1] - 1), np.float32(style.shape[0] - 1)

@@ -76,14 +76,11 @@ def soft_labels(since, until, person, hair, planes, factor, hair_is_skin, body_i
 
     Parameters
     ----------
-    person, hair
-        float32 [H, W].
+    person, hair : float32 [H, W].
     planes
         float32 [5, h, w], means over blocks of ``factor`` pixels: brows, eyes, nose, lips, body.
-    hair_is_skin, body_is_ground
-        Give hair to the skin, the body to the background.
-    out
-        int32 [H, W, 2].
+    hair_is_skin, body_is_ground : Give hair to the skin, the body to the background.
+    out : int32 [H, W, 2].
     """
     width = person.shape[1]
     rows, columns = planes.shape[1:]
@@ -149,22 +146,14 @@ def pixel_weights(since, until, person, labels, soft, face, factor, place, outli
 
     Parameters
     ----------
-    person
-        float32 [H, W].
-    labels
-        int32 [H, W, 2], eight bytes in two words.
-    soft
-        float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
-    place, look
-        float32 [2] each, weight outside the person and on it.
-    face
-        float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
-    outline
-        Added to the weight of the place where ``soft`` is one half, and along the jaw.
-    hair, body
-        float32 [2] each, factors of the weights of place and appearance there.
-    skin
-        Factor of the weight of the appearance on skin where ``face`` is 0.
+    person : float32 [H, W].
+    labels : int32 [H, W, 2], eight bytes in two words.
+    soft : float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
+    place, look : float32 [2] each, weight outside the person and on it.
+    face : float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
+    outline : Added to the weight of the place where ``soft`` is one half, and along the jaw.
+    hair, body : float32 [2] each, factors of the weights of place and appearance there.
+    skin : Factor of the weight of the appearance on skin where ``face`` is 0.
     """
     width = person.shape[1]
     rows, columns = soft.shape
@@ -240,8 +229,7 @@ def own_body(since, until, position, style, top, labels, person):
     style, labels
         int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body and
         background.
-    person
-        float32 [H, W], follows the background.
+    person : float32 [H, W], follows the background.
     """
     width = person.shape[1]
     byte, nearly = np.int32(255), np.int32(240)
@@ -277,12 +265,9 @@ def move_to_material(since, until, position, material, nearest, out):
 
     Parameters
     ----------
-    position, material
-        float32 [N, 2] (x, y) and int64 [N].
-    nearest
-        int32 [M, h, w], flat index of the nearest pixel of each material.
-    out
-        float32 [N, 2]; a position in its own material stays as it is.
+    position, material : float32 [N, 2] (x, y) and int64 [N].
+    nearest : int32 [M, h, w], flat index of the nearest pixel of each material.
+    out : float32 [N, 2]; a position in its own material stays as it is.
     """
     height, width = nearest.shape[1], nearest.shape[2]
     for n in range(since, until):

@@ -47,21 +47,15 @@ def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, i
 
     Parameters
     ----------
-    there, inside
-        bool [h, w], where the exemplar is background, and where a patch is as a whole.
-    middle
-        Place (x, y) between its eyes, which the ground's middle lies behind.
-    shape, side
-        Of the ground, and of a piece.
-    rng
-        Chooses pieces.
+    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a whole.
+    middle : Place (x, y) between its eyes, which the ground's middle lies behind.
+    shape, side : Of the ground, and of a piece.
+    rng : Chooses pieces.
 
     Returns
     -------
-    start
-        float32 [H, W, 2], (x, y).
-    level
-        int64 [H], row of the exemplar that is as high.
+    start : float32 [H, W, 2], (x, y).
+    level : int64 [H], row of the exemplar that is as high.
     """
     rows, columns = np.nonzero(inside if inside.any() else there)
     left, top = (round(float(v)) for v in middle - np.array(shape[::-1]) / 2)
@@ -176,12 +170,9 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    size
-        How large.
-    seed
-        Of all random choices.
+    exemplar : The painting.
+    size : How large.
+    seed : Of all random choices.
 
     Returns
     -------

@@ -102,10 +102,8 @@ class Cells:
 
         Parameters
         ----------
-        values, inside
-            float32 [N], used where ``inside``, bool [N].
-        blur, reach
-            Sigma of their blur, and how far they reach; in cells.
+        values, inside : float32 [N], used where ``inside``, bool [N].
+        blur, reach : Sigma of their blur, and how far they reach; in cells.
         """
         known, means = self._means(values, inside)
         if not known.any():

@@ -57,10 +57,8 @@ def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Fl
 
     Parameters
     ----------
-    values, inside
-        float32 [H, W], luma times the weight of a pixel, and that weight.
-    size
-        Of the face in pixels.
+    values, inside : float32 [H, W], luma times the weight of a pixel, and that weight.
+    size : Of the face in pixels.
     """
     sigma = BLUR * size
     soft = gaussian_blur(values, 0.2 * sigma)
@@ -191,14 +189,10 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
 
     Parameters
     ----------
-    shares
-        float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
-    tone
-        float32 [N] in [0, 1], the sitter's.
-    theirs
-        The exemplar's materials.
-    shown
-        bool [N], places that photos show; others don't show how light a neck is. None: all.
+    shares : float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
+    tone : float32 [N] in [0, 1], the sitter's.
+    theirs : The exemplar's materials.
+    shown : bool [N], places that photos show; others don't show how light a neck is. None: all.
     """
     neck, face = (mostly(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
     their_neck, their_face = (theirs.shares[..., part].sum(axis=-1) > 0.5
@@ -275,10 +269,8 @@ def material_guides(shares: Float32, tone: Float32, detail: Float32,
 
     Parameters
     ----------
-    shares, tone, detail
-        float32 [..., 7] by `MATERIALS`, and [...].
-    weights
-        Of tone, detail and materials.
+    shares, tone, detail : float32 [..., 7] by `MATERIALS`, and [...].
+    weights : Of tone, detail and materials.
     """
     roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2])
     planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
@@ -295,15 +287,12 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
 
     Parameters
     ----------
-    shares, tone
-        float32 [N, 7] and [N], the places to be painted.
-    theirs
-        The exemplar's materials.
+    shares, tone : float32 [N, 7] and [N], the places to be painted.
+    theirs : The exemplar's materials.
     factor
         Pixels to be painted for each place, times how much more often than evenly the exemplar's
         may be used; one number, or one for each material.
-    reference
-        float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
+    reference : float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
     """
     reference = theirs.tone if reference is None else reference
     factors = np.broadcast_to(np.asarray(factor, np.float32), (len(MATERIALS),))
@@ -363,8 +352,7 @@ def guide_agreement(guided: Float32, wanted: Float32, unit: float) -> Float32:
     guided, wanted
         float32 [N, 2], the guide's places, and those of like material next to them
         (`nearest_of_material`).
-    unit
-        A 50th of the face, in their pixels.
+    unit : A 50th of the face, in their pixels.
     """
     away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
     near, far = AGREES
@@ -416,16 +404,12 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
 
     Parameters
     ----------
-    material
-        int64 [N], what the sitter's places are mostly (`main_material`).
-    theirs
-        The exemplar's.
+    material : int64 [N], what the sitter's places are mostly (`main_material`).
+    theirs : The exemplar's.
     wanted, plane
         float32 [N, 2], the guided places in the exemplar and those in the plane; pixels.
-    tone
-        float32 [N], asked for.
-    size
-        Of the exemplar's face in these pixels.
+    tone : float32 [N], asked for.
+    size : Of the exemplar's face in these pixels.
     """
     side = PIECE * size
     sites = Sites.around(plane, side)

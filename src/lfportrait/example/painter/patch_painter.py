@@ -137,14 +137,10 @@ class PatchPainter:
 
     Parameters
     ----------
-    exemplar, shares
-        The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
-    search, seed
-        How patches are searched.
-    sharp
-        Whether tones are compared with their detail, as on photos, or blurred, as on heads.
-    weights
-        Of the guides.
+    exemplar, shares : The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
+    search, seed : How patches are searched.
+    sharp : Whether tones are compared with their detail, as on photos, or blurred, as on heads.
+    weights : Of the guides.
     """
 
     def __init__(self, exemplar: Exemplar, shares: Float32, search: PatchSearch, seed: int,

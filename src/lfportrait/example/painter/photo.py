@@ -78,14 +78,10 @@ def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Flo
 
     Parameters
     ----------
-    color
-        float32 [H, W, 3] in [0, 1], the painted picture.
-    luma
-        float32 [H, W] in [0, 1], of the photo.
-    worn
-        float32 [H, W] in [0, 1], how far it shows clothes.
-    size
-        Of the face in pixels.
+    color : float32 [H, W, 3] in [0, 1], the painted picture.
+    luma : float32 [H, W] in [0, 1], of the photo.
+    worn : float32 [H, W] in [0, 1], how far it shows clothes.
+    size : Of the face in pixels.
 
     Returns
     -------
@@ -158,8 +154,7 @@ class PhotoPatches:
     ----------
     exemplar, regions, labels
         The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
-    seed
-        Of the search.
+    seed : Of the search.
     """
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8,
@@ -195,14 +190,10 @@ class PhotoPatches:
 
         Parameters
         ----------
-        photo
-            uint8 or float in [0, 1], [H, W, 3].
-        landmarks, regions
-            [68, 2] in pixels, and the regions of the photo.
-        result
-            StyleBlit's, of the same photo and exemplar.
-        scale
-            Exemplar pixels per pixel of the photo (`Transfer.scale`).
+        photo : uint8 or float in [0, 1], [H, W, 3].
+        landmarks, regions : [68, 2] in pixels, and the regions of the photo.
+        result : StyleBlit's, of the same photo and exemplar.
+        scale : Exemplar pixels per pixel of the photo (`Transfer.scale`).
         turned
             Whether the face is turned far: its side, which the exemplar shows as a narrow strip, is
             patches, too.

@@ -51,10 +51,8 @@ class SmallPicture:
 
     Parameters
     ----------
-    picture
-        Painting or photo.
-    regions, labels
-        What is known of it.
+    picture : Painting or photo.
+    regions, labels : What is known of it.
 
     Attributes
     ----------
@@ -194,10 +192,8 @@ def part_headwear(small: SmallPicture, shares: Float32) -> None:
 
     Parameters
     ----------
-    small
-        The painting, made small.
-    shares
-        float32 [h, w, 7] by `MATERIALS`, of the whole painting.
+    small : The painting, made small.
+    shares : float32 [h, w, 7] by `MATERIALS`, of the whole painting.
     """
     _part_cap(small, shares)
     _part_hat(small, shares)
@@ -351,8 +347,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
 
     Parameters
     ----------
-    picture, regions, labels
-        Painting or photo, and what is known of it.
+    picture, regions, labels : Painting or photo, and what is known of it.
     strict
         For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the more
         so the further away, or lie in the chin's shadow; what hangs there may be hair; and paper in
@@ -595,13 +590,11 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
 
     Parameters
     ----------
-    exemplar, regions, labels, strict
-        As there; ``labels`` are the regions' own, uint8 [h, w, K].
+    exemplar, regions, labels, strict : As there; ``labels`` are the regions' own, uint8 [h, w, K].
 
     Returns
     -------
-    shares
-        float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
+    shares : float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
     """
     if exemplar.covered is not None and exemplar.bared is not None:
         return _bared_shares(exemplar, regions, exemplar.covered, exemplar.bared, strict)

@@ -54,12 +54,9 @@ def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    hair
-        float32 [h, w], its hair in [0, 1].
-    labels
-        uint8 [h, w, len(PICTURE_LABELS)].
+    exemplar : The painting.
+    hair : float32 [h, w], its hair in [0, 1].
+    labels : uint8 [h, w, len(PICTURE_LABELS)].
     """
     shape = exemplar.image.shape[:2]
     ratio = min(1.0, LINES_FACE / exemplar.size)
@@ -169,10 +166,8 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
 
     Parameters
     ----------
-    shares
-        float32 [h, w, 7] by `MATERIALS`, of an exemplar.
-    landmarks, image
-        [68, 2] and uint8 [h, w, 3], its own.
+    shares : float32 [h, w, 7] by `MATERIALS`, of an exemplar.
+    landmarks, image : [68, 2] and uint8 [h, w, 3], its own.
 
     Returns
     -------
@@ -206,10 +201,8 @@ def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:
 
     Parameters
     ----------
-    image, shares
-        uint8 [h, w, 3] of an exemplar, and float32 [h, w, 7] by `MATERIALS`.
-    size
-        Of its face.
+    image, shares : uint8 [h, w, 3] of an exemplar, and float32 [h, w, 7] by `MATERIALS`.
+    size : Of its face.
     """
     ratio = min(1.0, FACE / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)

@@ -38,10 +38,8 @@ class CopiedFace:
 
     Parameters
     ----------
-    transfer
-        Of the exemplar.
-    hair, strand
-        float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
+    transfer : Of the exemplar.
+    hair, strand : float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
 
     Attributes
     ----------
@@ -78,14 +76,10 @@ class CopiedFace:
 
         Parameters
         ----------
-        skin, canvas
-            Of the sitter, at the painting's size.
-        face
-            float32 [N, 3], `planes` where the guide leads.
-        ratio
-            float32 [N], how much slower than the plane the guide changes.
-        size
-            Pixels of the canvas per pixel of the exemplar.
+        skin, canvas : Of the sitter, at the painting's size.
+        face : float32 [N, 3], `planes` where the guide leads.
+        ratio : float32 [N], how much slower than the plane the guide changes.
+        size : Pixels of the canvas per pixel of the exemplar.
         """
         # Hair that hangs over the exemplar's cheek is nothing for a bare one.
         bare = 1 if skin.hair is None else 1 - skin.hair

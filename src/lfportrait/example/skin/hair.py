@@ -214,8 +214,7 @@ def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
 
     Parameters
     ----------
-    plane, flat
-        The head's unwrapping, and places [N, 2] in it.
+    plane, flat : The head's unwrapping, and places [N, 2] in it.
     """
     up, angle = -flat[:, 1] / plane.height, _angle(plane, flat)
     # A superellipse: round at the temples, then down to the sideburns.
@@ -294,10 +293,8 @@ def around_face(plane: HeadPlane, flat: Float32, lowest: float) -> Bool:
 
     Parameters
     ----------
-    plane, flat
-        The head's unwrapping, and places [N, 2] in it.
-    lowest
-        How far hair hangs below the brows, in units of the face's height upwards.
+    plane, flat : The head's unwrapping, and places [N, 2] in it.
+    lowest : How far hair hangs below the brows, in units of the face's height upwards.
     """
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     # Above the brows; towards the temples hair grows further down.
@@ -311,8 +308,7 @@ def hair_by_relief(plane: HeadPlane, flat: Float32, contours: Float32, seen: Flo
 
     Parameters
     ----------
-    plane, flat
-        The head's unwrapping, and places [N, 2] in it.
+    plane, flat : The head's unwrapping, and places [N, 2] in it.
     contours, seen, ears
         float32 [N] in [0, 1]: strength of edges and patterns, how well photos saw a place, ears.
     """

@@ -77,12 +77,9 @@ class HatPainter:
 
     Parameters
     ----------
-    exemplar, regions
-        The painting, bared or not, and its regions.
-    hat
-        Its hat.
-    search, seed
-        Of the patches.
+    exemplar, regions : The painting, bared or not, and its regions.
+    hat : Its hat.
+    search, seed : Of the patches.
     """
 
     def __init__(self, exemplar: Exemplar, hat: Hat, search: PatchSearch, seed: int) -> None:
@@ -119,14 +116,11 @@ class HatPainter:
 
         Parameters
         ----------
-        skin, canvas
-            The lists of the canvas's N places, and where they lie.
+        skin, canvas : The lists of the canvas's N places, and where they lie.
         position, anchor
             float32 [N, 2], where the guide leads, and places in its plane; exemplar pixels.
-        size
-            Pixels of the canvas per pixel of the exemplar.
-        color
-            float32 [H, W, 3] in [0, 1].
+        size : Pixels of the canvas per pixel of the exemplar.
+        color : float32 [H, W, 3] in [0, 1].
         """
         places = self._places(skin, position)
         if not self._beside_hair:
@@ -219,12 +213,9 @@ def _edge(turn: Float32, up: Float32, worn: Bool, ears: Float32) -> Float64:
 
     Parameters
     ----------
-    turn, up
-        float32 [N], directions of places (0 forward), and their heights.
-    worn
-        bool [N], where the guide leads into the hat.
-    ears
-        float32 [N] in [0, 1]: they stand out, and say nothing.
+    turn, up : float32 [N], directions of places (0 forward), and their heights.
+    worn : bool [N], where the guide leads into the hat.
+    ears : float32 [N] in [0, 1]: they stand out, and say nothing.
     """
     column = np.clip(((turn / (2 * np.pi) + 0.5) * BINS).astype(int), 0, BINS - 1)
     row = ((up - LOWEST) / (HIGHEST - LOWEST) * STEPS).astype(int)

@@ -100,12 +100,9 @@ def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
 
     Parameters
     ----------
-    skin
-        Of the sitter.
-    labels
-        uint8 [N, K], the exemplar's where the guide leads.
-    present
-        bool [7], what the exemplar shows; others stand in for the rest.
+    skin : Of the sitter.
+    labels : uint8 [N, K], the exemplar's where the guide leads.
+    present : bool [7], what the exemplar shows; others stand in for the rest.
     """
     shares = material_shares(labels)
     shares[:, SKIN] += shares[:, FEATURES]
@@ -462,10 +459,8 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
 
     Parameters
     ----------
-    skin, canvas
-        Of the sitter, as the canvas has it, and of the painting.
-    color
-        float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    skin, canvas : Of the sitter, as the canvas has it, and of the painting.
+    color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
     """
     ears = skin.ears * skin.seen
     if skin.hair is not None:

@@ -64,16 +64,11 @@ def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Flo
 
     Parameters
     ----------
-    plane
-        The head's unwrapping, with its landmarks.
-    camera
-        That sees the face from the front.
-    points, normals
-        float32 [N, 3], the places and the large shape's normals there.
-    flat
-        float32 [N, 2], unwrapped places.
-    hair, ears, clothes
-        float32 [N] in [0, 1]; hair None: by place.
+    plane : The head's unwrapping, with its landmarks.
+    camera : That sees the face from the front.
+    points, normals : float32 [N, 3], the places and the large shape's normals there.
+    flat : float32 [N, 2], unwrapped places.
+    hair, ears, clothes : float32 [N] in [0, 1]; hair None: by place.
     """
     features = _features(plane, camera, points, normals)
     hair = hair_by_place(plane, flat) if hair is None else hair

@@ -248,10 +248,8 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
 
     Parameters
     ----------
-    exemplar
-        The painting, from the front or turned; not bared (`inpainting`).
-    regions
-        Its own, where they are known.
+    exemplar : The painting, from the front or turned; not bared (`inpainting`).
+    regions : Its own, where they are known.
 
     Returns
     -------
@@ -515,12 +513,9 @@ class Hat:
 
     Parameters
     ----------
-    exemplar
-        The painting as its sitter wears it.
-    mask
-        float32 [h, w] in [0, 1], the hat (`headwear`).
-    regions
-        Of the painting.
+    exemplar : The painting as its sitter wears it.
+    mask : float32 [h, w] in [0, 1], the hat (`headwear`).
+    regions : Of the painting.
     """
 
     def __init__(self, exemplar: Exemplar, mask: Float32, regions: Regions) -> None:
@@ -548,17 +543,13 @@ class Hat:
 
         Parameters
         ----------
-        photo
-            uint8 or float in [0, 1], [H, W, 3].
-        regions
-            Of the photo.
+        photo : uint8 or float in [0, 1], [H, W, 3].
+        regions : Of the photo.
 
         Returns
         -------
-        photo, regions
-            Without what sticks out above the hat.
-        layer
-            The hat.
+        photo, regions : Without what sticks out above the hat.
+        layer : The hat.
         """
         shape = photo.shape[0], photo.shape[1]
         right, down = regions.frame.local(shape)

@@ -492,8 +492,7 @@ def ways(gain: Float64) -> NDArray[np.int_]:
 
     Parameters
     ----------
-    gain
-        float64 [K, n, m].
+    gain : float64 [K, n, m].
 
     Returns
     -------
