@@ -21,8 +21,6 @@ from ..media.pictures import read_image
 from ..plugins import provided_styles
 from .guides.regions import Regions, find_regions
 
-__all__ = ["Exemplar", "face_size"]
-
 
 def face_size(landmarks: NDArray[np.floating]) -> float:
     """Size of a face in pixels: root mean square distance of its landmarks from their mean.

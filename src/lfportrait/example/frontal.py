@@ -45,23 +45,6 @@ from .exemplar import Exemplar
 from .frontal_light import Sides, blurred, relit
 from .guides.regions import FaceFrame, polygon
 
-__all__ = [
-    "FRONTAL",
-    "PROFILE",
-    "SPACING",
-    "FaceAside",
-    "Frontal",
-    "clearness",
-    "face_aside",
-    "frontal_view",
-    "frontalised",
-    "head_mesh",
-    "head_oval",
-    "in_front",
-    "painted_places",
-    "suited",
-]
-
 STEP, HARDLY = 0.02, 0.1
 """Step for the slope of the head's surface, in its units; and how little a place may move in the
 painting, over its way on the head, squared, before that is held back."""

@@ -18,8 +18,6 @@ import numpy as np
 
 from ..arrays import Float32
 
-__all__ = ["Sides", "blurred", "relit"]
-
 DARK = 24.0
 """Added to values before their logarithm: the darkest paint is no blacker than that."""
 UNLIKE = 0.6

@@ -33,9 +33,6 @@ from .exemplar import Exemplar
 from .frontal import FRONTAL
 from .guides.regions import polygon
 
-__all__ = ["agreed", "eye_contrast", "irises_found", "looking_apart", "with_even_eyes",
-           "with_parallel_eyes"]
-
 WIDTH = 64
 """Pixels between the corners of an eye in the picture of it that is looked at."""
 HALF = 56, 36

@@ -18,9 +18,6 @@ from .exemplar import Exemplar
 from .guides.filters import grey
 from .guides.regions import polygon
 
-__all__ = ["EYES", "OPEN", "Lids", "asked_lids", "closed", "closed_words", "eye_opening",
-           "eye_openings", "lids_together", "shut_eyes"]
-
 Points = NDArray[np.floating]
 Lids = tuple[bool, bool]
 """Whether the eye on the picture's left and the one on its right are shut."""

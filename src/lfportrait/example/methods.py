@@ -19,9 +19,6 @@ from ..plugins import Choice, Sitting, chosen, offered
 from .exemplar import Exemplar
 from .transfers import Transfer, TransferConfig, face_landmarks, fitting
 
-__all__ = ["GROUP", "OWN", "Method", "MethodConfig", "PhotoMethod", "paint", "photo_method",
-           "prepare"]
-
 GROUP = "lfportrait.transfer_methods"
 """Entry points of the methods of other packages."""
 OWN = "styleblit"

@@ -37,9 +37,6 @@ from .kernels.patches import (
     vote_patches,
 )
 
-__all__ = ["SCALE", "PatchSearch", "PatchSource", "PatchTarget", "at_middles", "coarser_owner",
-           "halved", "middles", "occupancy", "settled", "synthesise_patches"]
-
 SCALE = 4.0
 """Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""
 

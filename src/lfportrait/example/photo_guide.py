@@ -34,9 +34,6 @@ from .kernels.guides import distances, snap
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words
 
-__all__ = ["EdgeMatch", "FlatGuide", "lay_body", "lengthen_neck", "match_regions", "plain_neck",
-           "signed_distance", "signed_distances"]
-
 FAR = 250.0
 """Distances are known up to so many cells."""
 

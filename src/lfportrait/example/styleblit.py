@@ -24,9 +24,6 @@ from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.vote import elect, pack, vote
 from .table import LookUpTable
 
-__all__ = ["BlitConfig", "Seeds", "Synthesis", "TransferResult", "dump_transfer", "finest_level",
-           "label_words", "pack_colors", "plant", "shift_planes", "synthesise"]
-
 BACKGROUND_LEVELS = 8
 """Coarsest level where appearance has little weight (background, clothes)."""
 LANES = 16

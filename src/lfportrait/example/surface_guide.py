@@ -31,8 +31,6 @@ from .guides.position import fold_inside, mls_similarity
 from .guides.regions import Regions
 from .kernels.seeds import nearest_sites, seed_points
 
-__all__ = ["HeadPlane", "Patchwork", "Sites", "SurfaceGuide", "surface_position_guide"]
-
 HAIR, NECK = 0, 1
 """Materials of the pieces; -1 stands for a place that the exemplar shows."""
 CROWN = np.radians(75.0)

@@ -22,8 +22,6 @@ from ..arrays import Float32, Int32
 from ..files import UNREADABLE_ARRAYS, atomic_write
 from .kernels.table import extract_indices, scatter_pixels, sweep_linear, sweep_squared
 
-__all__ = ["LookUpTable", "TableConfig", "build_table", "cached_table"]
-
 FIXED = 64.0
 """Costs are whole numbers of 1 / FIXED."""
 

@@ -67,9 +67,6 @@ from .worn import Hat, Layer, Wear, bared, without_spectacles
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches
 
-__all__ = ["Transfer", "TransferConfig", "TransferResult", "as_painted", "face_landmarks",
-           "fitting", "from_the_front", "mix_regions", "transfer"]
-
 
 @dataclass(frozen=True)
 class TransferConfig:

@@ -45,11 +45,8 @@ from .guides.position import anchor_scale, pixel_centres
 from .guides.regions import Regions, find_regions
 from .kernels.video import carry, carry_shifts, repair, squared_changes, to_bytes, trust, unfold
 from .kernels.vote import blend, vote
-from .styleblit import shift_planes
-from .transfers import Transfer, TransferResult, face_landmarks
-
-__all__ = ["Flow", "Motion", "VideoTransfer", "ahead", "block_side", "in_turn", "paint_onward",
-           "reduced"]
+from .styleblit import TransferResult, shift_planes
+from .transfers import Transfer, face_landmarks
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")

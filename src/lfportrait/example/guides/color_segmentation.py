@@ -14,8 +14,6 @@ from scipy.ndimage import gaussian_filter, zoom
 
 from ...arrays import Bool, Float32, Int64
 
-__all__ = ["guided_filter", "overlap", "resize", "separate"]
-
 BINS = 14
 
 

@@ -16,21 +16,6 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
 
-__all__ = [
-    "Distribution",
-    "appearance_guide",
-    "broad_blur",
-    "dilated",
-    "disk",
-    "enlarged",
-    "gaussian_blur",
-    "gaussian_taps",
-    "grey",
-    "match_histogram",
-    "shrunk",
-    "skin_distance",
-]
-
 
 def gaussian_taps(sigma: float) -> Float32:
     """Gaussian of unit sum, cut at 3 sigma."""

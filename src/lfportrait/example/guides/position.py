@@ -18,9 +18,6 @@ from ...arrays import Float32, Float64, UInt8
 from ..kernels.guides import fold_points, mls_points, resample_fold, resample_grid, stretch
 from .filters import enlarged, gaussian_blur
 
-__all__ = ["Guides", "anchor_scale", "fold_inside", "folded_position_guide", "mls_similarity",
-           "pixel_centres", "position_guide", "relative_stretch", "sample_labels"]
-
 
 def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],

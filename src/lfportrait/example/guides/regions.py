@@ -29,21 +29,6 @@ from ..kernels.labels import soft_labels
 from .color_segmentation import overlap, separate
 from .filters import broad_blur, disk, gaussian_blur, grey, shrunk
 
-__all__ = [
-    "PICTURE_LABELS",
-    "RAYS",
-    "FaceFrame",
-    "Regions",
-    "find_regions",
-    "is_scalp",
-    "missing_labels",
-    "photo_regions",
-    "polygon",
-    "region_labels",
-    "soft_face",
-    "without_hair",
-]
-
 
 @dataclass(frozen=True)
 class FaceFrame:

@@ -14,10 +14,6 @@ from numba import njit
 from ...simd.decorators import kernel, lean, lean_kernel
 from ...simd.threads import shared
 
-__all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate",
-           "look_up_colors", "sample_nodes", "smooth_normals", "spread", "sum_normals",
-           "surface_normals"]
-
 _NOWHERE = -1
 
 

@@ -24,8 +24,6 @@ from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES, round_even
 from .seeds import seed_correction
 
-__all__ = ["TILE", "ask", "blit", "flattened", "label_difference", "look_up"]
-
 AHEAD = 48
 """Pixels that the reading of exemplar and table is asked for in advance."""
 _floats, _ints, _where = LANES.floats, LANES.ints, LANES.where

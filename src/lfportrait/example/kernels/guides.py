@@ -18,10 +18,6 @@ import numpy as np
 from ...simd.decorators import kernel, lean_kernel, woven
 from ...simd.threads import shared
 
-__all__ = ["blur_difference", "count_values", "distances", "edge_distances", "fold_points",
-           "map_values", "mls_points", "resample_fold", "resample_grid", "shrink", "snap",
-           "stretch", "sweep_distances"]
-
 _ORDER_FREE = {"reassoc", "contract", "arcp", "nsz"}
 """Sums may be taken in any order; NaN and infinity keep their meaning."""
 

@@ -15,9 +15,6 @@ from ...simd.interleaved import gather_signed, pairs, singles, store_pairs
 from ...simd.threads import shared
 from ...simd.vectors import LANES
 
-__all__ = ["largest_share", "luma", "move_to_material", "own_body", "pixel_weights", "shrink_label",
-           "soft_labels"]
-
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
 _floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
 

@@ -28,10 +28,6 @@ from ...simd.decorators import identified, kernel, lean_kernel
 from ...simd.threads import shared
 from ...simd.vectors import LANES
 
-__all__ = ["ACTIVE", "BAND", "CELL", "CHANNELS", "FIXED", "FOREIGN", "MARGIN", "OUTSIDE",
-           "count_uses", "finer_places", "level_places", "patch_errors", "search_pass",
-           "vote_patches"]
-
 OUTSIDE, FOREIGN, ACTIVE, FIXED = 0, 1, 2, 3
 
 CHANNELS = 8

@@ -18,9 +18,6 @@ from ...simd.interleaved import load_pairs
 from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
 
-__all__ = ["finite_range", "nearest_sites", "seed_correction", "seed_points", "seed_regular",
-           "seed_splat"]
-
 _M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
                  np.uint64(0x165667B19E3779F9))

@@ -31,8 +31,6 @@ from ..kernels.patches import ACTIVE, MARGIN, finer_places, vote_patches
 from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
 from .picture_materials import EARS, GROUND, SKIN, known_shares
 
-__all__ = ["GroundSize", "first_places", "known_ground", "lit_side", "painted_ground"]
-
 PART = 8
 """Above and below a background goes on as this part of its height does."""
 

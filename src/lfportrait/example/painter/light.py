@@ -23,8 +23,6 @@ from scipy.ndimage import (
 
 from ...arrays import Bool, Float32, Float64
 
-__all__ = ["Cells", "light_beside"]
-
 CELL = 0.03
 """Side of the cells that light is extrapolated in, over the face's height."""
 BLUR, REACH = 1.5, 12.0

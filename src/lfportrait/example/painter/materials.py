@@ -27,25 +27,6 @@ from ..patches import SCALE
 from ..surface_guide import Sites
 from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
 
-__all__ = [
-    "BLUR",
-    "FEW",
-    "ExemplarMaterials",
-    "Placement",
-    "contours",
-    "even_uses",
-    "guide_agreement",
-    "light_neck",
-    "main_material",
-    "matched_looks",
-    "material_guides",
-    "mostly",
-    "nearest_of_material",
-    "pieces",
-    "resized_materials",
-    "stand_in",
-]
-
 BLUR = 0.06
 """Sigma of the blur that separates detail from light, over the face's size (`face_size`)."""
 CONTOUR = 0.016

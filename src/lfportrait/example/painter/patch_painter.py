@@ -27,9 +27,6 @@ from .materials import (
 )
 from .picture_materials import EARS, NECK, SKIN
 
-__all__ = ["FAR_PLACE", "PLACE", "Atlas", "GuideWeights", "PatchPainter", "PatchRequest",
-           "PhotoAtlas", "flesh"]
-
 PLACE, FAR_PLACE = 4.0, 0.15
 """Weight of the position guide around the face; and in hair, neck, clothes and background, where it
 is not rigid. Chosen by eye on the demo's heads and paintings."""

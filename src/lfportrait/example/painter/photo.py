@@ -59,8 +59,6 @@ from .plain_skin import outline, take_out_strands
 if TYPE_CHECKING:
     from ..styleblit import TransferResult
 
-__all__ = ["PhotoPatches", "with_folds"]
-
 CONTRAST = 0.45
 """Contrast of the photo (of log odds of luma) that painted clothes have at the least."""
 FINE, BROAD = 0.012, 0.03

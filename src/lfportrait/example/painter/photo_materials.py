@@ -19,8 +19,6 @@ from ..guides.regions import Regions
 from .materials import BLUR, ExemplarMaterials, contours, matched_looks, stand_in
 from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
 
-__all__ = ["grow_beard", "has_plain_ground", "photo_looks", "photo_shares"]
-
 FACE = 60.0
 """Pixels from the brows to the chin in the picture that is looked at."""
 CHEEKS, CHIN, REACH = (0.12, 0.45), (0.78, 0.98), (0.3, 2.2)

@@ -27,10 +27,6 @@ from ..exemplar import Exemplar
 from ..guides.filters import broad_blur, enlarged, gaussian_blur, grey, shrunk, skin_distance
 from ..guides.regions import Regions, soft_face
 
-__all__ = ["CHEEKS", "CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "LIKE_SKIN", "MATERIALS",
-           "NECK", "PLAIN", "SKIN", "SmallPicture", "has_two_hues", "known_shares",
-           "material_shares", "near_to", "painted_shares", "part_headwear", "picture_shares"]
-
 SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES, EARS = range(7)
 PLAIN = 0.08
 """A background whose colors deviate by no more than this (standard deviation) is plain."""

@@ -24,8 +24,6 @@ from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distanc
 from ..guides.regions import Regions, soft_face
 from .picture_materials import FEATURES, HAIR, NECK, SKIN
 
-__all__ = ["outline", "plain_skin", "strands", "take_out_strands"]
-
 LINES_FACE = 110.0
 """Size of the face in the picture that is looked at."""
 THIN = 0.03
@@ -119,9 +117,14 @@ def take_out_strands(shares: Float32, exemplar: Exemplar, regions: Regions, labe
         hair = np.maximum(hair, regions.hair)
     hair = np.ascontiguousarray(hair)
     strand = strands(exemplar, hair, labels)
+    mask_strands(shares, strand)
+    return hair, strand
+
+
+def mask_strands(shares: Float32, strand: Float32) -> None:
+    """Let skin under strands [h, w] be painted nowhere: in place, in shares [h, w, 7]."""
     shares[..., FEATURES] += shares[..., SKIN] * strand
     shares[..., SKIN] *= 1 - strand
-    return hair, strand
 
 
 def _long(lines: Bool, length: float) -> Bool:

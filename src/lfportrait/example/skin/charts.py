@@ -33,8 +33,6 @@ from ..kernels.atlas import (
 )
 from ..patches import settled
 
-__all__ = ["DIRECTIONS", "Atlas", "Shape", "draw_atlas"]
-
 DIRECTIONS = ((0.0, 5.0), (60.0, 5.0), (-60.0, 5.0), (120.0, 0.0), (-120.0, 0.0), (180.0, 0.0),
               (0.0, 72.0), (0.0, -48.0))
 """Yaw and pitch of the charts in degrees, 0 = from the front."""

@@ -18,8 +18,6 @@ from ...arrays import Bool, Float32
 from ..painter.light import Cells
 from ..surface_guide import HeadPlane
 
-__all__ = ["ear_places", "missing_relief"]
-
 CELL = 0.02
 """Side of the cells that heights above the head are looked at in, over the face's height."""
 STANDS_OUT = 0.035, 0.06

@@ -13,10 +13,8 @@ from ..guides.regions import soft_face
 from ..kernels.atlas import spread
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
-from ..transfers import CALM, LABELS, Transfer
+from ..transfers import CALM, LABEL_WEIGHT, Transfer
 from .sitter import Canvas, Skin
-
-__all__ = ["CopiedFace"]
 
 INSIDE = 0.95
 """Share of the exemplar's face (a soft mask) from which on its paint is copied: not its outline."""
@@ -136,7 +134,7 @@ class CopiedFace:
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
             result = synthesise(
-                guides, weights, LABELS, transfer.appearance, self.labels,
+                guides, weights, LABEL_WEIGHT, transfer.appearance, self.labels,
                 transfer.table, transfer.colors(scale), config.blit, seed=config.seed, scale=None,
                 finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
             picture[part][crop] = result.image

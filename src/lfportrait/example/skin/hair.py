@@ -18,10 +18,6 @@ from ..painter.light import Cells
 from ..surface_guide import HeadPlane
 from .charts import Atlas
 
-__all__ = ["GRAPH", "around_face", "below_hair", "hair_behind", "hair_by_color", "hair_by_place",
-           "hair_by_relief", "network_hair", "plausible_hair", "settled_hair", "with_strands",
-           "without_bays"]
-
 UPRIGHT, TURNED = 30.0, 75.0
 """Charts of this pitch and yaw (degrees) at most are shown to the network of the hair."""
 ROOM, GROUND = 1.4, 0.35

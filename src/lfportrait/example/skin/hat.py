@@ -31,8 +31,6 @@ from ..worn import Hat
 from .hair import hair_by_place
 from .sitter import Canvas, Skin
 
-__all__ = ["HatPainter"]
-
 BINS, STEPS, COLUMNS = 72, 100, 40
 """Directions around the head, and heights, at which the edge is looked for; directions at which
 its front is known."""

@@ -66,17 +66,6 @@ from .hair import below_hair, hair_by_place, without_bays
 from .hat import HatPainter
 from .sitter import Canvas, Skin, canvas_of
 
-__all__ = [
-    "SHOWN",
-    "Painting",
-    "SkinConfig",
-    "SkinPainter",
-    "extrapolated_light",
-    "rehearse_painting",
-    "sitter_looks",
-    "sitter_shares",
-]
-
 MIDDLING = 0.25, 0.75
 """Hair that no photo saw has tones between these quantiles of what they saw."""
 JAW = 0.7

@@ -51,8 +51,6 @@ from .hair import (
     settled_hair,
 )
 
-__all__ = ["PIXELS", "Canvas", "Skin", "canvas_of", "face_pixels", "skin_regions"]
-
 SIDE = 512
 """Side in pixels of the picture that the features are drawn in."""
 

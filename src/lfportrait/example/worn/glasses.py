@@ -28,8 +28,6 @@ from .rims import (
     upright,
 )
 
-__all__ = ["Spectacles", "drawn", "find_spectacles", "lenses", "spectacles"]
-
 SURE = 0.46
 """Product of the three measures from which on a pair of rings is a pair of rims."""
 TRIED = 3

@@ -33,8 +33,6 @@ from ..guides.filters import disk, grey, skin_distance
 from ..guides.regions import Regions, soft_face
 from ..painter.picture_materials import SmallPicture, has_two_hues
 
-__all__ = ["HIDES", "Forehead", "Hat", "Layer", "Wear", "covered_forehead", "headwear", "not_worn"]
-
 HAIRLINE, TEMPLE, ROUND = 0.54, 0.86, 2.0
 """A forehead ends this far above the brows (chin -1), and this far from its middle over half the
 face's width, in a superellipse of this power."""

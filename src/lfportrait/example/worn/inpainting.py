@@ -27,8 +27,6 @@ from ..patches import PatchSearch
 from .glasses import drawn, find_spectacles, lenses
 from .hat import HIDES, covered_forehead
 
-__all__ = ["bared", "without_spectacles"]
-
 MOST = 0.8
 """A forehead is bared if something else than hair hides it (`HIDES`), or if more than this share of
 it is covered by anything."""

@@ -23,22 +23,6 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ...face import FacePose
 from ..guides.filters import disk
 
-__all__ = [
-    "DIRECTIONS",
-    "UNIT",
-    "Rim",
-    "RimPair",
-    "UprightFace",
-    "find_pairs",
-    "followed",
-    "followed_arc",
-    "normals_of",
-    "ridges",
-    "sampled",
-    "upright",
-    "ways",
-]
-
 UNIT = 200.0
 """Pixels a unit of the generic head, whose eyes are 0.36 apart: a rim is 2 to 6 pixels wide."""
 SHAPE = 170, 260
