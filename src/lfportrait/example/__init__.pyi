@@ -1,11 +1,10 @@
-from ..plugins import Sitting
 from .exemplar import Exemplar, face_size
 from .frontal import FRONTAL, PROFILE, frontal_view, head_mesh, suited
 from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
 from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
-from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
+from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchSearch
