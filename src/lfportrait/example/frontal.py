@@ -184,18 +184,12 @@ class Frontal:
 
     Attributes
     ----------
-    image
-        uint8 [h, w, 3], sRGB.
-    landmarks
-        float64 [68, 2], pixels.
-    mirrored
-        float32 [h, w] in [0, 1]: what comes from the other side.
-    places
-        float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
-    mask
-        float32 [h, w], the painting's mask of the person, or None.
-    pose
-        Of the face in the painting.
+    image : uint8 [h, w, 3], sRGB.
+    landmarks : float64 [68, 2], pixels.
+    mirrored : float32 [h, w] in [0, 1]: what comes from the other side.
+    places : float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
+    mask : float32 [h, w], the painting's mask of the person, or None.
+    pose : Of the face in the painting.
     """
 
     image: UInt8
@@ -512,16 +506,11 @@ class FaceAside:
 
     Attributes
     ----------
-    landmarks
-        float64 [68, 2], pixels; those that are hidden lie on the outline.
-    hidden
-        bool [68].
-    points
-        float64 [M, 3], what is seen of the generic head, in its frame.
-    places
-        float64 [M, 2], where the photo shows it, pixels.
-    pose
-        Of the face.
+    landmarks : float64 [68, 2], pixels; those that are hidden lie on the outline.
+    hidden : bool [68].
+    points : float64 [M, 3], what is seen of the generic head, in its frame.
+    places : float64 [M, 2], where the photo shows it, pixels.
+    pose : Of the face.
     share
         How far these points replace the landmarks as control points, in (0, 1]: a head that turns
         in a video does not jump.

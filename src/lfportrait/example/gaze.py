@@ -61,12 +61,9 @@ class _Eye:
 
     Attributes
     ----------
-    luma
-        float32 [2 * HALF[1] + 1, 2 * HALF[0] + 1], blurred.
-    opening
-        float32 of that shape, 1 between the lids.
-    outline
-        float64 [6, 2], pixels of the portrait.
+    luma : float32 [2 * HALF[1] + 1, 2 * HALF[0] + 1], blurred.
+    opening : float32 of that shape, 1 between the lids.
+    outline : float64 [6, 2], pixels of the portrait.
     """
 
     luma: Float32

@@ -74,10 +74,8 @@ class PatchSource:
 
     Attributes
     ----------
-    pictures
-        float32 [h, w, 3] in [0, 1], each half the size of the one before.
-    guides
-        float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
+    pictures : float32 [h, w, 3] in [0, 1], each half the size of the one before.
+    guides : float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
     """
 
     pictures: list[Float32]
@@ -99,12 +97,9 @@ class PatchTarget:
 
     Attributes
     ----------
-    guides
-        float32 [H, W, G] as the source's.
-    start
-        float32 [H, W, 2], exemplar places (x, y) where the search begins.
-    guided
-        float32 [H, W, 2], places that the search always tries.
+    guides : float32 [H, W, G] as the source's.
+    start : float32 [H, W, 2], exemplar places (x, y) where the search begins.
+    guided : float32 [H, W, 2], places that the search always tries.
     wanted, weight, limit
         float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the weight times the
         squared distance from the wanted place, at most ``limit`` (squared pixels), for each pixel
@@ -112,14 +107,10 @@ class PatchTarget:
     even
         float32 [h, w], how often each exemplar pixel would be used if those of its material were
         used alike; None: all alike.
-    trust
-        float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
-    state
-        uint8 [H, W] of `kernels.patches`; None: all is synthesised.
-    owner
-        int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
-    colors
-        float32 [H, W, 3], of the fixed pixels.
+    trust : float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
+    state : uint8 [H, W] of `kernels.patches`; None: all is synthesised.
+    owner : int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
+    colors : float32 [H, W, 3], of the fixed pixels.
     """
 
     guides: Float32

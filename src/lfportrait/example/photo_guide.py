@@ -62,12 +62,9 @@ class EdgeMatch:
 
     Attributes
     ----------
-    distance
-        float32 [h, w], the exemplar's signed distances, slightly smoothed.
-    reach, most
-        See `example.kernels.outline.snap`, in exemplar pixels.
-    cell
-        Side of a cell of ``distance`` in pixels.
+    distance : float32 [h, w], the exemplar's signed distances, slightly smoothed.
+    reach, most : See `example.kernels.outline.snap`, in exemplar pixels.
+    cell : Side of a cell of ``distance`` in pixels.
     """
 
     distance: Float32

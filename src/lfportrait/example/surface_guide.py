@@ -59,12 +59,9 @@ class Sites:
 
     Attributes
     ----------
-    points
-        float32 [Y, X, 2], in exemplar pixels.
-    chances
-        float32 [Y, X, 2], two random numbers in [0, 1) of each.
-    first
-        The first cell (column, row).
+    points : float32 [Y, X, 2], in exemplar pixels.
+    chances : float32 [Y, X, 2], two random numbers in [0, 1) of each.
+    first : The first cell (column, row).
     """
 
     points: Float32
@@ -197,10 +194,8 @@ class HeadPlane:
 
     Attributes
     ----------
-    origin
-        float64 [3], on the head's vertical axis at the height of the brows.
-    radius, height
-        Of the cylinder, and from the brows down to the chin, world units.
+    origin : float64 [3], on the head's vertical axis at the height of the brows.
+    radius, height : Of the cylinder, and from the brows down to the chin, world units.
 
     Raises
     ------

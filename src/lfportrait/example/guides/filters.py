@@ -114,8 +114,7 @@ class Distribution:
 
     Attributes
     ----------
-    share
-        float64 [bins + 1], share of the values below each of the bins' borders.
+    share : float64 [bins + 1], share of the values below each of the bins' borders.
     """
 
     share: Float64

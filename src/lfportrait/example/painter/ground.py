@@ -249,12 +249,9 @@ class _Source:
 
     Attributes
     ----------
-    picture
-        float32 [h, w, 3] in [0, 1], of the whole exemplar.
-    there
-        bool [h, w], where it is background.
-    middle
-        Place (x, y) between the eyes.
+    picture : float32 [h, w, 3] in [0, 1], of the whole exemplar.
+    there : bool [h, w], where it is background.
+    middle : Place (x, y) between the eyes.
     """
 
     picture: Float32

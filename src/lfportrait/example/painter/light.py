@@ -35,10 +35,8 @@ class Cells:
 
     Attributes
     ----------
-    places
-        float64 [N, 2], column and row of each in cells; whole numbers are the cells' middles.
-    shape
-        Rows and columns.
+    places : float64 [N, 2], column and row of each in cells; whole numbers are the cells' middles.
+    shape : Rows and columns.
     """
 
     places: Float64

@@ -87,16 +87,11 @@ class ExemplarMaterials:
 
     Attributes
     ----------
-    shares
-        float32 [h, w, 7] by `MATERIALS`.
-    tone, detail
-        float32 [h, w], luma blurred, and what that leaves out.
-    nearest
-        int32 [7, h, w], flat index of the nearest pixel of each material.
-    deep
-        The same, of the nearest pixel well inside each material.
-    present
-        bool [7], materials that it shows.
+    shares : float32 [h, w, 7] by `MATERIALS`.
+    tone, detail : float32 [h, w], luma blurred, and what that leaves out.
+    nearest : int32 [7, h, w], flat index of the nearest pixel of each material.
+    deep : The same, of the nearest pixel well inside each material.
+    present : bool [7], materials that it shows.
     """
 
     shares: Float32
@@ -346,12 +341,10 @@ class Placement:
 
     Attributes
     ----------
-    material
-        int64 [N], what each place is mostly (`main_material`).
+    material : int64 [N], what each place is mostly (`main_material`).
     wanted
         float32 [N, 2], where the guide leads, moved into like material; pixels of the exemplar.
-    agreement
-        float32 [N] in [0, 1], how far the exemplar has it where the guide leads.
+    agreement : float32 [N] in [0, 1], how far the exemplar has it where the guide leads.
     """
 
     material: Int64

@@ -52,16 +52,11 @@ class SmallPicture:
 
     Attributes
     ----------
-    image
-        float32 [h / factor, w / factor, 3] in [0, 1].
-    factor
-        How much smaller it is.
-    shape
-        Height and width of the picture.
-    size
-        Of its face, in the small picture's pixels.
-    right, down
-        float32 [h, w], the picture's pixels in the face's frame.
+    image : float32 [h / factor, w / factor, 3] in [0, 1].
+    factor : How much smaller it is.
+    shape : Height and width of the picture.
+    size : Of its face, in the small picture's pixels.
+    right, down : float32 [h, w], the picture's pixels in the face's frame.
     """
 
     def __init__(self, picture: Exemplar, regions: Regions, labels: UInt8) -> None:

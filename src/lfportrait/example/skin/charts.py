@@ -58,12 +58,9 @@ class Shape:
 
     Attributes
     ----------
-    normals
-        float32 [Z, Y, X, 3], not of unit length.
-    low
-        float64 [3], corner of the first cell.
-    cell
-        Side of a cell.
+    normals : float32 [Z, Y, X, 3], not of unit length.
+    low : float64 [3], corner of the first cell.
+    cell : Side of a cell.
     """
 
     normals: Float32

@@ -69,18 +69,12 @@ class Forehead:
 
     Attributes
     ----------
-    covered
-        float32 [h, w] in [0, 1], where it is not bare.
-    bare
-        float32 [h, w] in [0, 1], skin of the face.
-    lit
-        The same with the nose: its light goes on there.
-    crown
-        float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
-    share
-        Of the forehead that is covered, in [0, 1].
-    other
-        Of the forehead that is covered or shaded by something else than hair, in [0, 1].
+    covered : float32 [h, w] in [0, 1], where it is not bare.
+    bare : float32 [h, w] in [0, 1], skin of the face.
+    lit : The same with the nose: its light goes on there.
+    crown : float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
+    share : Of the forehead that is covered, in [0, 1].
+    other : Of the forehead that is covered or shaded by something else than hair, in [0, 1].
     """
 
     covered: Float32
@@ -488,12 +482,9 @@ class Layer:
 
     Attributes
     ----------
-    color
-        float32 [H, W, 3] in [0, 1], sRGB.
-    cover
-        float32 [H, W] in [0, 1], where it lies.
-    light
-        float32 [H, W] in [0, 1], what its shade leaves of the light below it.
+    color : float32 [H, W, 3] in [0, 1], sRGB.
+    cover : float32 [H, W] in [0, 1], where it lies.
+    light : float32 [H, W] in [0, 1], what its shade leaves of the light below it.
     """
 
     color: Float32

@@ -51,18 +51,12 @@ class UprightFace:
 
     Attributes
     ----------
-    pose
-        Of the face in the picture.
-    rotation
-        float64 [3, 3], of the pose, without its roll.
-    matrix
-        float64 [2, 3], from the picture's pixels to the upright ones.
-    grey
-        float32 `SHAPE` in [0, 1].
-    eyes
-        bool `SHAPE`: eyes and lids.
-    eye_middles
-        float64 [2, 2], (x, y) of the left and the right one in the picture.
+    pose : Of the face in the picture.
+    rotation : float64 [3, 3], of the pose, without its roll.
+    matrix : float64 [2, 3], from the picture's pixels to the upright ones.
+    grey : float32 `SHAPE` in [0, 1].
+    eyes : bool `SHAPE`: eyes and lids.
+    eye_middles : float64 [2, 2], (x, y) of the left and the right one in the picture.
     """
 
     pose: FacePose
@@ -197,14 +191,10 @@ class Rim:
 
     Attributes
     ----------
-    points
-        float64 [FINE, 2], closed.
-    normals
-        float64 [FINE, 2].
-    answers
-        float64 [FINE] in [0, 1]: how much it is a line there.
-    known
-        bool [FINE]: what no lid hides.
+    points : float64 [FINE, 2], closed.
+    normals : float64 [FINE, 2].
+    answers : float64 [FINE] in [0, 1]: how much it is a line there.
+    known : bool [FINE]: what no lid hides.
     """
 
     points: Float64
