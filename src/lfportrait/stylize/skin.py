@@ -131,7 +131,7 @@ def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
 
     Rows that no chart shows belong to none. Kept with the skin.
     """
-    return skin.cached("row labels", lambda: _row_labels(skin))
+    return skin.once("row labels", lambda: _row_labels(skin))
 
 
 def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
@@ -322,7 +322,7 @@ def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
 
 def _kept(skin: Skin) -> dict[int, ChartLattice]:
     """The lattices that are kept with a skin, by their steps."""
-    return skin.cached("lattices", dict[int, ChartLattice])
+    return skin.once("lattices", dict[int, ChartLattice])
 
 
 def _cached_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
@@ -392,7 +392,7 @@ def surface_texture(styled: VoxelField, painting: Painting,
     detail = _keen(_not_shown(styled, skin, painting.color) if once
                    else lattice.left_out(painting.color, colors))
     detail *= lattice.near[..., None]
-    charts = skin.cached("row charts", lambda: row_charts(skin))
+    charts = skin.once("row charts", lambda: row_charts(skin))
     return SurfaceTexture.of(detail, projections(skin, step), charts,
                              skin.pixels / step)
 
@@ -449,7 +449,7 @@ def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
     ``texture`` is of the skin, with which they are kept.
     """
     shape = tuple(-(-size // BLOCK) for size in texture.texels.shape[:2])
-    return skin.cached(("texel rows", texture.pixels, shape),
+    return skin.once(("texel rows", texture.pixels, shape),
                      lambda: _block_rows(skin, texture, shape))
 
 
