@@ -19,8 +19,7 @@ from skimage.draw import polygon2mask
 
 from lfportrait.example.exemplar import Exemplar
 from lfportrait.example.guides.position import pixel_centres, position_guide
-from lfportrait.example.kernels.vote import elect, vote
-from lfportrait.example.styleblit import pack_colors, shift_planes
+from lfportrait.example.styleblit import elect, pack_colors, shift_planes, vote
 
 from .config import FaceBlitConfig, Painted
 from .kernels import NOWHERE, flood, search_windows, sweep_windows

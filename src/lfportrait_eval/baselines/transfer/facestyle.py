@@ -24,8 +24,8 @@ from lfportrait.example.exemplar import Exemplar, face_size
 from lfportrait.example.guides.filters import Distribution, grey, match_histogram
 from lfportrait.example.guides.position import folded_position_guide, pixel_centres
 from lfportrait.example.guides.regions import Regions, find_regions, missing_labels
-from lfportrait.example.kernels.patches import CELL
 from lfportrait.example.patches import (
+    CELL,
     SCALE,
     PatchSearch,
     PatchSource,
