@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..geometry.chart import Chart
-from ..geometry.plate import roughly_fitted_plate
+from ..geometry.plate import fitted_plate
 
 __all__ = ["FitHead", "FittedHead", "head_distance", "mesh_samples"]
 
@@ -117,7 +117,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
     if not known.any():
         return around
     ratio = np.log(np.where(known, found, around) / around)
-    return np.asarray(around * np.exp(roughly_fitted_plate(
+    return np.asarray(around * np.exp(fitted_plate(
         ratio, np.where(known, 1.0, 0.0), 0.5, 0.01, GIVES_WAY)), np.float64)
 
 
