@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.example import Skin
-from lfportrait.example.guides.appearance import grey
+from lfportrait.example.guides.filters import grey
 from lfportrait.field import VoxelField
 from lfportrait.files import read_json
 from modelled_head import PEOPLE, HeadModel, photograph

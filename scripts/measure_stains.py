@@ -30,9 +30,16 @@ from scipy.spatial import cKDTree
 
 from lfportrait.capture import Capture
 from lfportrait.example import Exemplar, Painting, Skin, SkinPainter
-from lfportrait.example.even_eyes import eye_contrast
-from lfportrait.example.painter.kept import known_shares
-from lfportrait.example.painter.picture_materials import CLOTHES, EARS, GROUND, HAIR, NECK, SKIN
+from lfportrait.example.gaze import eye_contrast
+from lfportrait.example.painter.picture_materials import (
+    CLOTHES,
+    EARS,
+    GROUND,
+    HAIR,
+    NECK,
+    SKIN,
+    known_shares,
+)
 from lfportrait.field import VoxelField
 from lfportrait.files import write_image
 from lfportrait.stylize import StylizeConfig

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 from scipy.ndimage import distance_transform_edt
 
+from lfportrait.example.frontal import face_aside
 from lfportrait.example.guides.regions import Regions
 from lfportrait.example.photo_guide import FlatGuide
-from lfportrait.example.turned import face_aside
 from lfportrait.face.landmarks import GENERIC_LANDMARKS, MIRRORED
 from tests.example.test_turned import SCALE, SIZE, portrait, posed, surface
 

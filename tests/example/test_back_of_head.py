@@ -3,8 +3,8 @@
 import numpy as np
 
 from lfportrait.example import SurfaceGuide
-from lfportrait.example.back_of_head import HAIR, NECK, Patchwork, Sites
 from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.surface_guide import HAIR, NECK, Patchwork, Sites
 from tests.portraits import HEAD_LANDMARKS, ball_head, drawn_face
 
 

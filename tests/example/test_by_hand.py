@@ -5,7 +5,7 @@ import pytest
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, painted_shares
-from lfportrait.example.painter.kept import known_shares
+from lfportrait.example.painter.picture_materials import known_shares
 from lfportrait.example.worn.hat import headwear
 from lfportrait.face import write_landmarks
 from lfportrait.files import write_image
@@ -71,7 +71,7 @@ def test_each_region_is_what_was_painted(painting, name):
 
 
 def test_a_forehead_is_filled_all_the_same(painting):
-    from lfportrait.example.worn.filled import _filled
+    from lfportrait.example.worn.inpainting import _filled
 
     path, values = painting
     values[:40] = BY_HAND.index("hat")

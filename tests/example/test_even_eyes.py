@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.even_eyes import EYES, eye_contrast, with_even_eyes
+from lfportrait.example.gaze import EYE_LANDMARKS, eye_contrast, with_even_eyes
 from tests.portraits import drawn_face
 
 SIDE = 480
@@ -19,7 +19,7 @@ def painted():
 
     def draw(*shade):
         image = drawn.image.astype(np.float64)
-        for eye, left in zip(EYES, shade):
+        for eye, left in zip(EYE_LANDMARKS, shade):
             outline = drawn.landmarks[eye]
             middle, half = outline.mean(axis=0), 0.5 * (outline[3, 0] - outline[0, 0])
             away = np.hypot((x - middle[0]) / half, (y - middle[1]) / (0.6 * half))
@@ -33,7 +33,7 @@ def painted():
 
 
 def contrasts(exemplar):
-    return [eye_contrast(exemplar.image, exemplar.landmarks[eye]) for eye in EYES]
+    return [eye_contrast(exemplar.image, exemplar.landmarks[eye]) for eye in EYE_LANDMARKS]
 
 
 def iris(exemplar, eye):
@@ -55,11 +55,11 @@ def test_an_eye_in_the_shade_becomes_as_clear_as_the_other(painted, weak):
     assert after[weak] > 0.7 * after[1 - weak]
     assert after[1 - weak] == before[1 - weak]
     # It looks the same way, not the other.
-    assert iris(even, EYES[weak]) > 0.1
+    assert iris(even, EYE_LANDMARKS[weak]) > 0.1
     # What is around is the painter's, in his light.
     away = np.abs(even.image.astype(int) - exemplar.image).max(axis=2)
-    middle = exemplar.landmarks[EYES[weak]].mean(axis=0)
-    width = np.ptp(exemplar.landmarks[EYES[weak], 0])
+    middle = exemplar.landmarks[EYE_LANDMARKS[weak]].mean(axis=0)
+    width = np.ptp(exemplar.landmarks[EYE_LANDMARKS[weak], 0])
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5
     assert away[np.hypot(x - middle[0], y - middle[1]) > 1.3 * width].max() == 0
     np.testing.assert_array_equal(even.landmarks, exemplar.landmarks)
@@ -76,6 +76,6 @@ def test_the_contrast_of_an_eye_is_that_of_white_and_iris(painted):
     one, other = contrasts(exemplar)
     assert one == pytest.approx((235 - 43) / 255, abs=0.15)
     assert other == pytest.approx(0.5 * one, rel=0.1)
-    outline = exemplar.landmarks[EYES[0]]
+    outline = exemplar.landmarks[EYE_LANDMARKS[0]]
     closed = outline.mean(axis=0) + (outline - outline.mean(axis=0)) * [1, 0.01]
     assert eye_contrast(exemplar.image, closed) == 0

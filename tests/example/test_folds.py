@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.painter.folds import with_folds
+from lfportrait.example.painter.photo import with_folds
 
 SIDE, FACE = 160, 60.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait import face, models
 from lfportrait.example import gaze
-from lfportrait.example.gaze import EYES, agreed, looking_apart, with_parallel_eyes
+from lfportrait.example.gaze import MESH_EYES, agreed, looking_apart, with_parallel_eyes
 from tests.portraits import drawn_face
 
 WHITE, DARK = (235, 235, 235), (20, 40, 120)
@@ -48,7 +48,7 @@ def painted(monkeypatch, tmp_path):
 
     def mesh(image, landmarks):
         points = np.zeros((478, 2))
-        for (left, end), eye, iris in zip(corners, EYES, irises(image)):
+        for (left, end), eye, iris in zip(corners, MESH_EYES, irises(image)):
             up = np.array([0, 0.2 * (end[0] - left[0])])
             points[list(eye)] = left, end, iris, iris - up, iris + up
         return points
@@ -56,7 +56,7 @@ def painted(monkeypatch, tmp_path):
     monkeypatch.setattr(gaze, "_mesh", mesh)
     # This landmarker is exact.
     monkeypatch.setattr(gaze, "FOLLOWED", 1.0)
-    return draw, lambda image: looking_apart(mesh(image, None)[np.array(EYES)])
+    return draw, lambda image: looking_apart(mesh(image, None)[np.array(MESH_EYES)])
 
 
 def test_eyes_that_look_apart_look_the_same_way(painted):

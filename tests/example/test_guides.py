@@ -8,13 +8,20 @@ from scipy.ndimage import map_coordinates
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, SurfaceGuide, position_guide
-from lfportrait.example.guides.appearance import appearance_guide, match_histogram
-from lfportrait.example.guides.blurs import enlarged, gaussian_blur
-from lfportrait.example.guides.face_frame import FaceFrame
-from lfportrait.example.guides.labels import without_hair
-from lfportrait.example.guides.maps import anchor_scale, relative_stretch
-from lfportrait.example.guides.position import fold_inside, mls_similarity, pixel_centres
-from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.guides.filters import (
+    appearance_guide,
+    enlarged,
+    gaussian_blur,
+    match_histogram,
+)
+from lfportrait.example.guides.position import (
+    anchor_scale,
+    fold_inside,
+    mls_similarity,
+    pixel_centres,
+    relative_stretch,
+)
+from lfportrait.example.guides.regions import FaceFrame, find_regions, without_hair
 from lfportrait.example.surface_guide import squeeze
 from lfportrait.labels import PICTURE_LABELS as LABELS
 from tests.portraits import CANONICAL, HEAD_LANDMARKS, ball_head, drawn_face

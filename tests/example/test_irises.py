@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lfportrait.example.irises import irises_found
+from lfportrait.example.gaze import irises_found
 
 SIDE = 400
 WIDTH = 90.0

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from lfportrait.example.guides.appearance import appearance_guide
-from lfportrait.example.guides.blurs import shrunk
+from lfportrait.example.guides.filters import appearance_guide, shrunk
 from lfportrait.example.guides.position import pixel_centres
+from lfportrait.example.kernels.guides import distances
 from lfportrait.example.kernels.labels import pixel_weights, shrink_label, soft_labels
-from lfportrait.example.kernels.outline import distances
 from lfportrait.example.kernels.vote import elect, vote
 from lfportrait.example.styleblit import label_words, pack_colors, shift_planes
 from tests.reference import transfer as reference

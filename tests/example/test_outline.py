@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from lfportrait.example.guides.control_points import lay_body
-from lfportrait.example.guides.outline import EdgeMatch, signed_distance
 from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.guides.regions import Regions
+from lfportrait.example.photo_guide import EdgeMatch, lay_body, signed_distance
 from tests.portraits import CANONICAL
 
 

@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.kernels.patch_levels import finer_places, level_places
-from lfportrait.example.kernels.patches import ACTIVE, FIXED, MARGIN
+from lfportrait.example.kernels.patches import ACTIVE, FIXED, MARGIN, finer_places, level_places
 from lfportrait.example.patches import (
     PatchSource,
     at_middles,

@@ -61,7 +61,7 @@ def test_light_is_carried_on_from_the_face_and_fades():
         shade = np.full((*core.shape, 3), paint, np.float32)
         work = module._Work(photo.image, photo.landmarks, regions, shade[..., :2], shade[..., :2],
                             shade, 1.0, False)
-        return module._carried_light(work, core, tone)
+        return module._extrapolated_light(work, core, tone)
 
     light = carried(0.45)
     assert not light[core].any()

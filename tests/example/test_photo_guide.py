@@ -3,9 +3,8 @@
 import numpy as np
 
 from lfportrait.example import Exemplar
-from lfportrait.example.guides.control_points import lengthen_neck, plain_neck
 from lfportrait.example.guides.regions import find_regions
-from lfportrait.example.photo_guide import FlatGuide
+from lfportrait.example.photo_guide import FlatGuide, lengthen_neck, plain_neck
 from lfportrait.labels import PICTURE_LABELS as LABELS
 from tests.portraits import drawn_face
 

@@ -8,8 +8,7 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 
 from lfportrait.cli import main
 from lfportrait.example import Exemplar, Transfer, TransferConfig
-from lfportrait.example.guides.labels import soft_face
-from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.guides.regions import find_regions, soft_face
 from lfportrait.example.painter import photo as module
 from lfportrait.files import write_image
 from tests.portraits import drawn_face

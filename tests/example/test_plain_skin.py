@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example.painter.picture_materials import FEATURES, NECK, SKIN
-from lfportrait.example.painter.plain import plain_skin
+from lfportrait.example.painter.plain_skin import plain_skin
 from lfportrait.labels import MATERIALS
 from tests.portraits import drawn_face
 

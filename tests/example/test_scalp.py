@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.guides import scalp
-from lfportrait.example.guides.regions import Regions, find_regions
-from lfportrait.example.guides.scalp import is_scalp, photo_regions
+from lfportrait.example.guides import regions as scalp
+from lfportrait.example.guides.regions import Regions, find_regions, is_scalp, photo_regions
 from lfportrait.face.landmarks import GENERIC_LANDMARKS
 from lfportrait_eval.metrics import head_cameras
 from modelled_head import SITTER, landmarks, photograph

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Transfer, TransferConfig
-from lfportrait.example.guides.labels import soft_face
-from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.guides.regions import find_regions, soft_face
 from lfportrait.example.painter.picture_materials import FEATURES, SKIN
-from lfportrait.example.painter.strands import outline, strands, unpainted
+from lfportrait.example.painter.plain_skin import mask_strands, outline, strands
 from tests.portraits import drawn_face
 
 HEIGHT, WIDTH = 720, 600
@@ -66,7 +65,7 @@ def test_what_is_under_a_strand_is_painted_nowhere():
     shares = np.zeros((4, 4, 7), np.float32)
     shares[..., SKIN] = 1
     strand = np.eye(4, dtype=np.float32)
-    unpainted(shares, strand)
+    mask_strands(shares, strand)
     assert (shares[..., SKIN] == 1 - strand).all() and (shares[..., FEATURES] == strand).all()
 
 

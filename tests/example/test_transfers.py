@@ -19,7 +19,7 @@ from lfportrait.share import write_video
 from tests.portraits import drawn_face
 
 transfers = importlib.import_module("lfportrait.cli.stylization")
-motion_module = importlib.import_module("lfportrait.example.video.motion")
+motion_module = importlib.import_module("lfportrait.example.video")
 
 
 @pytest.fixture

@@ -13,13 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
-from lfportrait.example.turned import (
+from lfportrait.example.frontal import (
     FRONTAL,
+    _normals,
+    clearness,
     frontal_view,
     frontalised,
+    in_front,
     suited,
 )
-from lfportrait.example.turned.seen import _normals, clearness, in_front
 from lfportrait.face import FacePose, face_pose
 from lfportrait.face.landmarks import EGG, GENERIC_LANDMARKS, MIRRORED, generic_depth
 

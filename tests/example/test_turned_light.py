@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.turned.light import DARK, Sides, blurred, relit
+from lfportrait.example.frontal_light import DARK, Sides, blurred, relit
 
 SHAPE = 120, 160
 SKIN = np.array([220.0, 170.0, 110.0])

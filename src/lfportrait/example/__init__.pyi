@@ -1,23 +1,27 @@
 from .exemplar import Exemplar, face_size
-from .guides.appearance import appearance_guide
-from .guides.face_frame import FaceFrame
-from .guides.maps import Guides
-from .guides.position import position_guide
-from .guides.regions import Regions, find_regions
-from .guides.scalp import photo_regions
+from .frontal import FRONTAL, PROFILE, frontal_view, head_mesh, suited
+from .guides.filters import appearance_guide
+from .guides.position import Guides, position_guide
+from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
 from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchSearch
-from .region_styles import mix_regions
 from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
-from .styleblit import BlitConfig, Synthesis, synthesise
+from .styleblit import BlitConfig, Synthesis, TransferResult, synthesise
 from .surface_guide import SurfaceGuide, surface_position_guide
 from .table import LookUpTable, TableConfig, build_table
-from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
-from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
-from .versions import as_painted, fitting, from_the_front
+from .transfers import (
+    Transfer,
+    TransferConfig,
+    as_painted,
+    face_landmarks,
+    fitting,
+    from_the_front,
+    mix_regions,
+    transfer,
+)
 from .video import VideoTransfer
 from .worn import bared, spectacles, without_spectacles
 

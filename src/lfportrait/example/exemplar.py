@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .. import face, models
+from ..arrays import Float32, Float64, UInt8
 from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
@@ -19,8 +20,6 @@ from ..media.masks import read_mask
 from ..media.pictures import read_image
 from ..plugins import provided_styles
 from .guides.regions import Regions, find_regions
-
-__all__ = ["Exemplar", "face_size"]
 
 
 def face_size(landmarks: NDArray[np.floating]) -> float:
@@ -53,8 +52,8 @@ class Exemplar:
     hair
         float32 [H, W] in [0, 1]: the hair where it is known, or None; then it is segmented.
     covered, bared
-        The painting before its forehead was bared (`worn.filled`), and float32 [H, W] in [0, 1],
-        where it was; or None.
+        The painting before its forehead was bared (`worn.inpainting`), and float32 [H, W] in
+        [0, 1], where it was; or None.
     lids
         Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
     opened
@@ -64,17 +63,17 @@ class Exemplar:
         `lfportrait.labels.BY_HAND`; or None.
     """
 
-    image: NDArray[np.uint8]
-    landmarks: NDArray[np.float64]
+    image: UInt8
+    landmarks: Float64
     name: str = "exemplar"
-    mask: NDArray[np.float32] | None = field(default=None, repr=False)
+    mask: Float32 | None = field(default=None, repr=False)
     faces: int = 1
-    hair: NDArray[np.float32] | None = field(default=None, repr=False)
+    hair: Float32 | None = field(default=None, repr=False)
     covered: Exemplar | None = field(default=None, repr=False)
-    bared: NDArray[np.float32] | None = field(default=None, repr=False)
+    bared: Float32 | None = field(default=None, repr=False)
     lids: tuple[bool, bool] = (False, False)
     opened: Exemplar | None = field(default=None, repr=False)
-    by_hand: NDArray[np.uint8] | None = field(default=None, repr=False)
+    by_hand: UInt8 | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -203,7 +202,7 @@ class Exemplar:
         return Exemplar(image, points, path.stem, mask, faces, by_hand=_by_hand(path, image))
 
 
-def _by_hand(path: Path, image: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+def _by_hand(path: Path, image: UInt8) -> UInt8 | None:
     """The regions of a painting that were painted over by hand, from the file beside it."""
     beside = path.with_suffix(".regions.png")
     if not beside.exists():
@@ -227,7 +226,7 @@ def _built_in(name: str) -> Exemplar:
                     f"{', '.join(styles)}")
 
 
-def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
+def _landmarks_beside(path: Path, image: UInt8) -> tuple[Float64, int]:
     """Landmarks from the file beside the picture, else of its largest face; and how many it has."""
     beside = path.with_suffix(".landmarks.txt")
     if beside.exists():

@@ -13,14 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Bool, Float64, UInt8
 from .exemplar import Exemplar
-from .guides.appearance import grey
-from .guides.labels import polygon
+from .guides.filters import grey
+from .guides.regions import polygon
 
-__all__ = ["EYES", "OPEN", "Lids", "asked_lids", "closed", "closed_words", "eye_opening",
-           "eye_openings", "lids_together", "shut_eyes"]
-
-Float64 = NDArray[np.float64]
 Points = NDArray[np.floating]
 Lids = tuple[bool, bool]
 """Whether the eye on the picture's left and the one on its right are shut."""
@@ -157,7 +154,7 @@ def closed(exemplar: Exemplar, lids: Lids) -> Exemplar:
                    opened=exemplar)
 
 
-def _drawn_down(image: NDArray[np.uint8], points: Float64, first: int) -> NDArray[np.uint8]:
+def _drawn_down(image: UInt8, points: Float64, first: int) -> UInt8:
     """A picture whose upper lid of one eye covers it down to the lower one, uint8 [H, W, 3]."""
     eye = points[first:first + 6]
     brow = points[17:22] if first == EYES[0] else points[22:27]
@@ -193,8 +190,8 @@ def _drawn_down(image: NDArray[np.uint8], points: Float64, first: int) -> NDArra
     return out
 
 
-def _as_above(part: NDArray[np.uint8], lid: NDArray[np.bool_], shown: NDArray[np.uint8],
-              above: NDArray[np.bool_], sigma: float) -> None:
+def _as_above(part: UInt8, lid: Bool, shown: UInt8,
+              above: Bool, sigma: float) -> None:
     """Keep the broad colors of a lid [h, w] among those that a picture shows above it; in place.
 
     A thin edge of another color, drawn down over a whole eye, would be a stain.
@@ -215,7 +212,7 @@ def _line(along: Float64, above: Float64) -> Float64:
     return np.asarray(ends * np.exp(-0.5 * ((above - LINE / 2) / (LINE / 2)) ** 2))
 
 
-def _dark(image: NDArray[np.uint8], eye: Float64) -> Float64:
+def _dark(image: UInt8, eye: Float64) -> Float64:
     """Mean color of the darkest part of an open eye [6, 2], float64 [3]."""
     places = np.argwhere(polygon(image.shape[:2], eye) > 0)
     if not len(places):
@@ -225,7 +222,7 @@ def _dark(image: NDArray[np.uint8], eye: Float64) -> Float64:
     return np.asarray(colors[light <= np.quantile(light, DARKEST)].mean(axis=0), np.float64)
 
 
-def _edge(image: NDArray[np.uint8], eye: Float64, corner: Float64, back: Float64,
+def _edge(image: UInt8, eye: Float64, corner: Float64, back: Float64,
           room: float) -> float:
     """How far above its landmarks the upper lid's edge is, over the eye's width.
 
@@ -255,10 +252,8 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
     ----------
     along, up
         Of each place, from the first corner (0) to the other (1), and above the line of both.
-    upper, lower
-        Height of the lids' edges there.
-    brow
-        Landmarks, [5, 2], as ``along`` and ``up``.
+    upper, lower : Height of the lids' edges there.
+    brow : Landmarks, [5, 2], as ``along`` and ``up``.
     """
     # The lids of a narrow strip beyond the corners move less and less.
     inside = np.clip(np.minimum(along + 0.1, 1.1 - along) / 0.2, 0, 1)

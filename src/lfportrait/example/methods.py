@@ -14,13 +14,10 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import UInt8
 from ..plugins import Choice, Sitting, chosen, offered
 from .exemplar import Exemplar
-from .transfers import Transfer, TransferConfig, face_landmarks
-from .versions import fitting
-
-__all__ = ["GROUP", "OWN", "Method", "MethodConfig", "PhotoMethod", "paint", "photo_method",
-           "prepare"]
+from .transfers import Transfer, TransferConfig, face_landmarks, fitting
 
 GROUP = "lfportrait.transfer_methods"
 """Entry points of the methods of other packages."""
@@ -28,7 +25,6 @@ OWN = "styleblit"
 """The method of this stage."""
 
 Method = Annotated[str, Choice(GROUP, OWN)]
-
 
 MethodConfig = Any
 """Parameters of a method: a `TransferConfig`, or those of another package's method."""
@@ -88,7 +84,7 @@ def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None 
     raise TypeError(f"no installed method of transfer has parameters like {config!r}")
 
 
-def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
+def paint(image: UInt8, exemplar: Exemplar, config: MethodConfig,
           landmarks: NDArray[np.floating] | None = None) -> Any:
     """Stylise one photo by the method of ``config``.
 

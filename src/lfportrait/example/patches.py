@@ -22,25 +22,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Int32, UInt8
 from .kernels.atlas import exchange
-from .kernels.patch_levels import finer_places, level_places
 from .kernels.patches import (
     ACTIVE,
     CELL,
     CHANNELS,
     MARGIN,
     count_uses,
+    finer_places,
+    level_places,
     patch_errors,
     search_pass,
     vote_patches,
 )
-
-__all__ = ["SCALE", "PatchSearch", "PatchSource", "PatchTarget", "at_middles", "coarser_owner",
-           "halved", "middles", "occupancy", "settled", "synthesise_patches"]
-
-Float32 = NDArray[np.float32]
-Int32 = NDArray[np.int32]
-UInt8 = NDArray[np.uint8]
 
 SCALE = 4.0
 """Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""
@@ -79,10 +74,8 @@ class PatchSource:
 
     Attributes
     ----------
-    pictures
-        float32 [h, w, 3] in [0, 1], each half the size of the one before.
-    guides
-        float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
+    pictures : float32 [h, w, 3] in [0, 1], each half the size of the one before.
+    guides : float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
     """
 
     pictures: list[Float32]
@@ -104,12 +97,9 @@ class PatchTarget:
 
     Attributes
     ----------
-    guides
-        float32 [H, W, G] as the source's.
-    start
-        float32 [H, W, 2], exemplar places (x, y) where the search begins.
-    guided
-        float32 [H, W, 2], places that the search always tries.
+    guides : float32 [H, W, G] as the source's.
+    start : float32 [H, W, 2], exemplar places (x, y) where the search begins.
+    guided : float32 [H, W, 2], places that the search always tries.
     wanted, weight, limit
         float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the weight times the
         squared distance from the wanted place, at most ``limit`` (squared pixels), for each pixel
@@ -117,14 +107,10 @@ class PatchTarget:
     even
         float32 [h, w], how often each exemplar pixel would be used if those of its material were
         used alike; None: all alike.
-    trust
-        float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
-    state
-        uint8 [H, W] of `kernels.patches`; None: all is synthesised.
-    owner
-        int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
-    colors
-        float32 [H, W, 3], of the fixed pixels.
+    trust : float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
+    state : uint8 [H, W] of `kernels.patches`; None: all is synthesised.
+    owner : int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
+    colors : float32 [H, W, 3], of the fixed pixels.
     """
 
     guides: Float32
@@ -209,10 +195,8 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
 
     Returns
     -------
-    colors
-        float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
-    places
-        int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
+    colors : float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
+    places : int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
     """
     levels = range(min(config.levels, len(source.pictures)) - 1, -1, -1)
     guides = _pyramid(target.guides, len(levels))

@@ -1,4 +1,4 @@
-"""StyleBlit (Sykora et al. 2019): copy chunks of the exemplar, coarse to fine, guided.
+"""Result of a transfer: the picture and its intermediates as pictures.
 
 The synthesis walks levels 6 to 1 (cells of 64 to 2 exemplar pixels). A pixel takes the shift of the
 nearest jittered seed if the guides agree well enough there, else it tries the next finer level, and
@@ -8,21 +8,21 @@ at last its own look-up. Seeds live in the anchor plane: for a capture they stic
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .guides.maps import Guides, anchor_scale
-from .kernels.blit import blit
-from .kernels.lookup import look_up
+from ..arrays import Float32, Float64, Int32, Int64, UInt8
+from ..files import write_image
+from ..labels import PICTURE_LABELS
+from .guides.position import Guides, anchor_scale
+from .kernels.blit import blit, look_up
 from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.vote import elect, pack, vote
 from .table import LookUpTable
-
-__all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colors",
-           "plant", "shift_planes", "synthesise"]
 
 BACKGROUND_LEVELS = 8
 """Coarsest level where appearance has little weight (background, clothes)."""
@@ -70,25 +70,25 @@ class Synthesis:
         float32 [H, W], guide error of each pixel's own look-up.
     """
 
-    image: NDArray[np.float32]
-    shift: NDArray[np.float32]
-    level: NDArray[np.uint8]
-    error: NDArray[np.float32]
+    image: Float32
+    shift: Float32
+    level: UInt8
+    error: Float32
 
 
 @dataclass
 class Seeds:
     """Seeds of all levels from ``finest``, one level after the other (`example.kernels.seeds`)."""
 
-    points: NDArray[np.float32]
-    pixels: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    firsts: NDArray[np.int64]
-    shapes: NDArray[np.int64]
+    points: Float32
+    pixels: Int32
+    starts: Int64
+    firsts: Int64
+    shapes: Int64
     finest: int
 
 
-def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _extent(anchor: Float32) -> tuple[Float64, Float64]:
     """Least and largest finite place of an anchor plane, [2] each; 0 where there is none."""
     low, high = (np.empty((anchor.shape[0], 2), np.float32) for _ in range(2))
     finite_range(anchor, low, high)
@@ -105,7 +105,7 @@ def finest_level(scale: float) -> int:
     return max(1, int(np.ceil(np.log2(1.5 * scale))))
 
 
-def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None,
+def plant(anchor: Float32, top: int, seed: int, scale: float | None,
           finest: int = 1) -> Seeds:
     """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
 
@@ -142,14 +142,14 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None,
 
 @functools.lru_cache(maxsize=32)
 def _jittered(seed: int, level: int, first_x: int, first_y: int, rows: int,
-              columns: int) -> NDArray[np.float32]:
+              columns: int) -> Float32:
     """Jittered seeds of some cells, [rows, columns, 2]; not to be changed."""
     points = np.empty((rows, columns, 2), np.float32)
     seed_points(seed, level, first_x, first_y, points)
     return points
 
 
-def label_words(labels: NDArray[np.uint8]) -> NDArray[np.int32]:
+def label_words(labels: UInt8) -> Int32:
     """Up to eight labels [H, W, K] of a pixel as the bytes of two words, [H, W, 2]."""
     height, width, count = labels.shape
     if count > 8:
@@ -159,7 +159,7 @@ def label_words(labels: NDArray[np.uint8]) -> NDArray[np.int32]:
     return np.ascontiguousarray(labels).view(np.int32).reshape(height, width, 2)
 
 
-def shift_planes(height: int, width: int, margin: int) -> NDArray[np.float32]:
+def shift_planes(height: int, width: int, margin: int) -> Float32:
     """Planes for the shifts of a picture, float32 [2, rows, columns], with a margin of NaN.
 
     Pixel (x, y) is at [:, margin + y, margin + x]. Only the margin is filled.
@@ -171,16 +171,16 @@ def shift_planes(height: int, width: int, margin: int) -> NDArray[np.float32]:
     return planes
 
 
-def pack_colors(picture: NDArray[Any]) -> NDArray[np.int32]:
+def pack_colors(picture: NDArray[Any]) -> Int32:
     """Colors [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
     words = np.empty(picture.shape[:2], np.int32)
     pack(picture, words)
     return words
 
 
-def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float,
-               style_appearance: NDArray[np.float32], style_labels: NDArray[np.uint8],
-               table: LookUpTable, picture: NDArray[np.float32] | NDArray[np.int32],
+def synthesise(guides: Guides, weights: Float32, label_weight: float,
+               style_appearance: Float32, style_labels: UInt8,
+               table: LookUpTable, picture: Float32 | Int32,
                config: BlitConfig, *,
                seed: int = 0, scale: float | None = None, seeds: Seeds | None = None,
                finest: int = 1, calm: float = 0.0) -> Synthesis:
@@ -245,3 +245,86 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     vote(colors, guides.anchor, reach, shift, margin, config.radius, exact, image)
     inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
     return Synthesis(image, inside, level, error)
+
+
+LABEL_COLORS = np.array([[0.8, 0.2, 0.2], [0.2, 0.3, 0.9], [0.9, 0.8, 0.2], [0.9, 0.3, 0.8],
+                          [0.3, 0.75, 0.4], [0.95, 0.55, 0.15], [0.4, 0.4, 0.5], [0, 0, 0]])
+LEVEL_COLORS = np.array([[0, 0, 0], [0.5, 0, 0.5], [0.2, 0.2, 0.9], [0.1, 0.6, 0.8],
+                          [0.2, 0.75, 0.3], [0.8, 0.8, 0.2], [1, 0.6, 0.2], [1, 0.9, 0.8],
+                          [1, 1, 1]])
+
+
+def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[Any]:
+    """Positions as red (x) and green (y), as the paper shows them; black without a position."""
+    height, width = shape
+    picture = np.zeros((*position.shape[:2], 3), np.float32)
+    picture[..., :2] = np.nan_to_num(position / np.array([width, height], np.float32))
+    return picture
+
+
+def chunk_picture(shift: NDArray[np.floating], level: UInt8) -> NDArray[Any]:
+    """Chunks by level (own look-up black, coarse light), their borders drawn."""
+    picture = LEVEL_COLORS[np.minimum(level, len(LEVEL_COLORS) - 1)]
+    border = np.zeros(level.shape, bool)
+    border[:, 1:] |= (shift[:, 1:] != shift[:, :-1]).any(axis=-1)
+    border[1:] |= (shift[1:] != shift[:-1]).any(axis=-1)
+    return picture * np.where(border, 0.6, 1.0)[..., None]
+
+
+@dataclass
+class TransferResult:
+    """A stylised picture with everything that led to it.
+
+    Attributes
+    ----------
+    image
+        float32 [H, W, 3] in [0, 1].
+    guides
+        Position, appearance, labels and anchor of the target.
+    mask
+        float32 [H, W], where the synthesis covers the photo.
+    synthesis
+        Chunk shifts, levels and table error.
+    seconds
+        ``table_seconds`` and ``regions_seconds`` (segmentation by networks): pre-calculation of
+        the style and of the photo; ``guides_seconds``, ``synthesis_seconds`` (with voting and
+        blending).
+    """
+
+    image: Float32
+    guides: Guides
+    mask: Float32
+    synthesis: Synthesis
+    seconds: dict[str, float]
+    exemplar_shape: tuple[int, int] = (0, 0)
+    style_appearance: Float32 | None = field(default=None, repr=False)
+
+    def dump(self, folder: str | Path) -> None:
+        """Write every intermediate as a picture into ``folder``."""
+        dump_transfer(self, Path(folder))
+
+
+def dump_transfer(result: TransferResult, folder: Path) -> None:
+    """Write guides, labels, table error, chunks and mask of ``result`` into ``folder``.
+
+    Files: ``position.png``, ``appearance.png``, ``style_appearance.png``, ``labels.png``,
+    ``table_error.png`` (white = 100), ``chunks.png``, ``synthesis.png``, ``mask.png``,
+    ``result.png``.
+    """
+    guides, synthesis = result.guides, result.synthesis
+    error = np.where(np.isfinite(synthesis.error), synthesis.error, 0)
+    labels = guides.labels.astype(np.float32) / 255
+    pictures = {
+        "position": position_picture(guides.position, result.exemplar_shape),
+        "appearance": 0.5 + guides.appearance,
+        "labels": labels @ LABEL_COLORS[:len(PICTURE_LABELS)],
+        "table_error": error / 100,
+        "chunks": chunk_picture(synthesis.shift, synthesis.level),
+        "synthesis": synthesis.image,
+        "mask": result.mask,
+        "result": result.image,
+    }
+    if result.style_appearance is not None:
+        pictures["style_appearance"] = 0.5 + result.style_appearance
+    for name, picture in pictures.items():
+        write_image(folder / f"{name}.png", picture)

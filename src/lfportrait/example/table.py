@@ -17,12 +17,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Float32, Int32
 from ..files import UNREADABLE_ARRAYS, atomic_write
 from .kernels.table import extract_indices, scatter_pixels, sweep_linear, sweep_squared
-
-__all__ = ["LookUpTable", "TableConfig", "build_table", "cached_table"]
 
 FIXED = 64.0
 """Costs are whole numbers of 1 / FIXED."""
@@ -60,14 +58,14 @@ class LookUpTable:
         Appearance of level 0, and the distance of levels.
     """
 
-    indices: NDArray[np.int32]
+    indices: Int32
     cell: int
     low: float
     step: float
 
 
-def quantise(appearance: NDArray[np.float32],
-             levels: int) -> tuple[NDArray[np.int32], float, float]:
+def quantise(appearance: Float32,
+             levels: int) -> tuple[Int32, float, float]:
     """Levels of an appearance guide: (int32 [H, W], value of level 0, distance of levels)."""
     reach = float(max(np.abs(appearance).max(), 1e-3))
     step = 2 * reach / (levels - 1)
@@ -90,7 +88,7 @@ def integer_costs(config: TableConfig, unit: float, step: float) -> tuple[int, i
     return max(1, round(FIXED * position)), max(1, round(FIXED * appearance))
 
 
-def build_table(appearance: NDArray[np.float32], config: TableConfig, unit: float) -> LookUpTable:
+def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUpTable:
     """Build the exact table of one exemplar (Eq. 6).
 
     Parameters
@@ -117,7 +115,7 @@ def build_table(appearance: NDArray[np.float32], config: TableConfig, unit: floa
     return LookUpTable(indices, config.cell, low, step)
 
 
-def cached_table(appearance: NDArray[np.float32], config: TableConfig, unit: float,
+def cached_table(appearance: Float32, config: TableConfig, unit: float,
                  cache: Path | None) -> LookUpTable:
     """`build_table`, kept in the folder ``cache`` under a hash of all that it depends on."""
     if cache is None:

@@ -1,57 +1,232 @@
-"""Example-based transfer of one exemplar to any number of pictures (Paper 2.2, Eq. 6)."""
+"""Example-based transfer of one exemplar to any number of pictures (Paper 2.2, Eq. 6).
+
+What is painted from is the version of a painting that fits a sitter: spectacles are taken off, a
+turned face is seen from the front where that is nearer to the sitter, the forehead is bared, an eye
+that cannot be made out is painted as the other one is, eyes that look apart look the same way, and
+are shut where the sitter's are. Regions of a photo may come from different paintings
+(`mix_regions`).
+"""
 
 from __future__ import annotations
 
 import copy
 import functools
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
+from ..arrays import Float32, Float64, Int32, UInt8
 from ..errors import UserError
+from ..face import FacePose
+from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
 from .exemplar import Exemplar, face_size
-from .guides.appearance import Distribution, appearance_guide, match_histogram
-from .guides.blurs import broad_blur, gaussian_blur, shrunk
-from .guides.labels import missing_labels, soft_face, without_hair
-from .guides.maps import Guides, anchor_scale, relative_stretch, sample_labels
-from .guides.position import pixel_centres
-from .guides.regions import Regions
-from .guides.scalp import photo_regions
+from .frontal import face_aside, frontalised, suited
+from .gaze import with_even_eyes, with_parallel_eyes
+from .guides.filters import (
+    Distribution,
+    appearance_guide,
+    broad_blur,
+    gaussian_blur,
+    match_histogram,
+    shrunk,
+)
+from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
+from .guides.regions import (
+    Regions,
+    find_regions,
+    missing_labels,
+    photo_regions,
+    soft_face,
+    without_hair,
+)
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
-from .lids import lids_together
+from .lids import Lids, asked_lids, closed, lids_together
+from .painter.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
 from .photo_guide import GRID, FlatGuide
-from .result import TransferResult
 from .styleblit import (
+    BlitConfig,
     Seeds,
+    TransferResult,
     finest_level,
     label_words,
     pack_colors,
     plant,
     synthesise,
 )
-from .table import cached_table
-from .transfer_config import TransferConfig
-from .turned import face_aside
-from .versions import fitting
-from .worn import Hat, Layer
+from .table import TableConfig, cached_table
+from .worn import Hat, Layer, Wear, bared, without_spectacles
 
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches
 
-__all__ = ["Transfer", "TransferConfig", "TransferResult", "face_landmarks", "transfer"]
 
-Float32 = NDArray[np.float32]
+@dataclass(frozen=True)
+class TransferConfig:
+    """Parameters of the example-based transfer; lengths are relative to the face."""
+
+    quality: Literal["fast", "best"] = "fast"
+    """fast: StyleBlit alone, a tenth of a second. best: patch synthesis outside the face, without
+    repeated rows and stripes, in seconds; only for photos in `lfportrait transfer`. It uses patch
+    search: see the note on patents in docs/methods.md."""
+    extent: Literal["picture", "head", "face"] = "picture"
+    """Painted area: the whole picture, the head (person), or the face alone (as in the paper)."""
+    strength: float = 1.0
+    """0 leaves the photo, 1 gives the painting."""
+    eyes: Literal["auto", "painted"] = "auto"
+    """auto: eyes that are closed in a photo are painted closed; painted: open, as in the painting.
+    For photos only; a frame of a video that blinks is painted open."""
+    wear: tuple[Wear, ...] = ()
+    """Put on the sitter of a photo what the painting's wears: hat, spectacles."""
+    aside: float = 20.0
+    """For faces turned by more than this angle, guide by the visible part of a generic head instead
+    of hidden landmarks; in degrees, 90 = never."""
+    table: TableConfig = field(default_factory=TableConfig)
+    """Look-up table."""
+    blit: BlitConfig = field(default_factory=BlitConfig)
+    """Synthesis."""
+    seed: tyro.conf.Suppress[int] = 0
+    """Seed of the chunks' jitter."""
+
+
+Points = NDArray[np.floating]
+
+
+def as_painted(exemplar: Exemplar, wear: Sequence[str] = ()) -> Exemplar:
+    """The exemplar for photos whose face is turned as its own and has open eyes."""
+    return bared(_plain(exemplar, wear), fringe=True)
+
+
+def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes: str = "auto",
+            wear: Sequence[str] = ()) -> Exemplar:
+    """The exemplar's version that fits a photo.
+
+    Parameters
+    ----------
+    exemplar
+        The painting.
+    points
+        [68, 2] in pixels, of the photo's face.
+    photo
+        uint8 or float in [0, 1], [H, W, 3].
+    eyes
+        ``"painted"`` leaves the painting's eyes open.
+    wear
+        What is left on: ``"spectacles"``.
+
+    Raises
+    ------
+    UserError
+        As `suited`.
+    """
+    chosen = _with_both_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
+    return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
+
+
+def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
+                   wear: Sequence[str] = ()) -> Exemplar:
+    """The exemplar's version for a head.
+
+    Parameters
+    ----------
+    exemplar, pose
+        The painting, and how its face is turned.
+    fringe
+        Whether a painted fringe is taken off (`bared`).
+    lids
+        Which eyes are shut.
+    wear
+        What is left on: ``"spectacles"``.
+
+    Raises
+    ------
+    UserError
+        As `frontalised`.
+    """
+    front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
+    return closed(_with_both_eyes(front), lids)
+
+
+def _with_both_eyes(exemplar: Exemplar) -> Exemplar:
+    return with_parallel_eyes(with_even_eyes(exemplar))
+
+
+def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
+    if "spectacles" in wear:
+        return exemplar
+    with ThreadPoolExecutor(1, "regions") as aside:
+        # Of who wears no spectacles the regions are asked for next: they are kept.
+        aside.submit(exemplar.regions)
+        return without_spectacles(exemplar)
+
+
+def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
+                choices: Sequence[RegionStyle], others: dict[str, Float32]) -> Float32:
+    """Blend paintings of one photo by its soft regions.
+
+    Parameters
+    ----------
+    photo
+        uint8 [H, W, 3].
+    landmarks
+        [68, 2] of the photo.
+    painted
+        float32 [H, W, 3] in [0, 1], the painting of all other regions.
+    choices
+        What regions get; later ones win.
+    others
+        The photo painted by the other exemplars, by `RegionStyle.style`.
+
+    Returns
+    -------
+    float32 [H, W, 3] in [0, 1].
+    """
+    shares = _region_shares(photo, landmarks, [choice.region for choice in choices])
+    plain = photo[..., :3].astype(np.float32) / np.float32(255)
+    out = np.array(painted, np.float32)
+    for choice in choices:
+        share = shares[choice.region][..., None]
+        wanted = others[choice.style] if choice.style else painted
+        out += share * (plain + np.float32(choice.strength) * (wanted - plain) - out)
+    return np.clip(out, 0, 1)
+
+
+def _region_shares(photo: UInt8, landmarks: NDArray[np.floating],
+                   names: Sequence[str]) -> dict[str, Float32]:
+    """How far each pixel lies in each region, float32 [H, W] by its name.
+
+    The labels of pictures (`PICTURE_LABELS`) do not separate ears from skin, nor neck from clothes:
+    where one of those is asked for, they are parted as a painter parts them.
+    """
+    regions = find_regions(photo, landmarks)
+    labels = regions.labels()
+    found = {name: labels[..., n] / np.float32(255) for n, name in enumerate(PICTURE_LABELS)}
+    if any(name in ("ears", "skin", "neck", "clothes") for name in names):
+        picture = Exemplar(np.ascontiguousarray(photo[..., :3]),
+                           np.asarray(landmarks, np.float64), "")
+        parts = picture_shares(picture, regions, labels)
+        for whole, (one, two), columns in (("skin", ("skin", "ears"), (SKIN, EARS)),
+                                           ("body", GROUPS["body"], (NECK, CLOTHES))):
+            first, second = (parts[..., column] for column in columns)
+            share = first / np.maximum(first + second, np.float32(1e-3))
+            known = found[whole]
+            found[one], found[two] = known * share, known * (1 - share)
+    return {name: np.asarray(sum(found[part] for part in (
+        (name,) if name in found else members(name, LABELS))), np.float32) for name in names}
+
 
 FIRM = 2.0
 """Factor of the labels' weight in a video, where a stretched position asks for less."""
 BLUR = 0.06
 """Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
-LABELS = 40.0
+LABEL_WEIGHT = 40.0
 """Error of copying from a wrong region (hair for skin, lips for skin, ...)."""
 VIEW_GAIN = 10.0
 """Factor of `BlitConfig.min_improvement` where the target is no photo but a place on a surface:
@@ -137,7 +312,7 @@ class Transfer:
         return missing_labels(self.labels)
 
     @functools.cached_property
-    def _bald(self) -> NDArray[np.uint8]:
+    def _bald(self) -> UInt8:
         """The labels for photos without hair."""
         return without_hair(self.labels)
 
@@ -216,7 +391,7 @@ class Transfer:
         appearance = self._appearance(photo, scale, person)
         guides = Guides(position, appearance, labels, anchor)
         weights = self.weights(person, labels, position, scale)
-        blit, label_weight = config.blit, LABELS
+        blit, label_weight = config.blit, LABEL_WEIGHT
         if seeds is None:
             blit = replace(blit, min_improvement=VIEW_GAIN * blit.min_improvement)
             # On a photo the position is as smooth as the grid that it was computed on.
@@ -249,7 +424,7 @@ class Transfer:
                   made.image)
         return made
 
-    def _refined(self, photo: NDArray[np.generic], points: NDArray[np.float64], regions: Regions,
+    def _refined(self, photo: NDArray[np.generic], points: Float64, regions: Regions,
                  made: TransferResult, turned: bool) -> Float32:
         """The picture with patches around the face; its seconds are noted."""
         start = time.perf_counter()
@@ -276,14 +451,14 @@ class Transfer:
                 min(finest_level(scale), self.config.blit.levels))
         return self._plan[1:]
 
-    def scale(self, landmarks: NDArray[np.float64]) -> float:
+    def scale(self, landmarks: Float64) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
         if self._exact:
             return 1.0
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
-    def colors(self, scale: float) -> NDArray[np.int32]:
+    def colors(self, scale: float) -> Int32:
         """The exemplar's colors, low-passed where a target pixel covers several of its pixels.
 
         Packed (`styleblit.pack_colors`), int32 [h, w].
@@ -303,7 +478,7 @@ class Transfer:
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self.distribution, person)
 
-    def weights(self, person: Float32, labels: NDArray[np.uint8], position: Float32,
+    def weights(self, person: Float32, labels: UInt8, position: Float32,
                  scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
@@ -335,7 +510,7 @@ class Transfer:
         """Whether nothing of a photo is left."""
         return self.config.extent == "picture" and self.config.strength == 1
 
-    def cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+    def cover(self, photo: NDArray[np.generic], landmarks: Float64,
                person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
@@ -383,7 +558,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
         image, points, **options)
 
 
-def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:
+def face_landmarks(image: NDArray[np.generic]) -> Float64:
     """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3].
 
     Raises

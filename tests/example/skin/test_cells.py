@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import grey_closing, grey_opening
 
-from lfportrait.example.painter.cells import Cells
+from lfportrait.example.painter.light import Cells
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def test_what_is_carried_begins_as_it_is_and_fades(flat):
     values = np.where(flat[:, 1] < 0, 0.3, -0.2).astype(np.float32)
     values[~inside] = 99  # nobody asks
     cells = Cells.over(flat, 0.05)
-    carried = cells.carried(values, inside, 1.0, 10.0)
+    carried = cells.extrapolated(values, inside, 1.0, 10.0)
     away, upper, lower = flat[:, 0], flat[:, 1] < -0.3, flat[:, 1] > 0.3
     for part, value in ((upper, 0.3), (lower, -0.2)):
         assert np.allclose(carried[part & (away < -0.2)], value, atol=0.02)
@@ -29,7 +29,7 @@ def test_what_is_carried_begins_as_it_is_and_fades(flat):
 
 
 def test_nothing_inside_is_carried_nowhere(flat):
-    assert not Cells.over(flat, 0.1).carried(flat[:, 0], np.zeros(len(flat), bool), 1, 5).any()
+    assert not Cells.over(flat, 0.1).extrapolated(flat[:, 0], np.zeros(len(flat), bool), 1, 5).any()
 
 
 @pytest.mark.parametrize(("name", "whole"), [("closed", grey_closing), ("opened", grey_opening)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.skin.ear_places import _ellipsoids, ear_places
+from lfportrait.example.skin.ears import _ellipsoids, ear_places
 from lfportrait.example.surface_guide import HeadPlane
 from tests.portraits import HEAD_LANDMARKS
 

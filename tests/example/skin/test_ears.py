@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.guides.appearance import grey
-from lfportrait.example.skin.canvas import canvas_of
-from lfportrait.example.skin.ears import shade_ears
+from lfportrait.example.guides.filters import grey
+from lfportrait.example.skin.painting import shade_ears
+from lfportrait.example.skin.sitter import canvas_of
 
 
 @pytest.fixture

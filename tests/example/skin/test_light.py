@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfportrait.example.skin.canvas import canvas_of
-from lfportrait.example.skin.light import carried_light
+from lfportrait.example.skin.painting import extrapolated_light
+from lfportrait.example.skin.sitter import canvas_of
 
 
 @pytest.mark.parametrize("step", [1, 2])
@@ -19,7 +19,7 @@ def test_a_cheek_that_ends_in_shade_goes_on_in_shade(skin, step):
     # What is not painted yet says nothing.
     paint[~core] = 0
     color = np.repeat(canvas.spread(paint[:, None]), 3, axis=2)
-    light = carried_light(places, canvas, core, color, tone)
+    light = extrapolated_light(places, canvas, core, color, tone)
     assert light.shape == core.shape and not light[core].any()
     beside = (np.abs(np.abs(right) - 0.55) < 0.03) & (down > 0.2) & (down < 0.8) & ~core
     for side, wanted in ((right < 0, -0.2), (right > 0, 0.1)):

@@ -9,16 +9,16 @@ from scipy.ndimage import binary_erosion
 
 from lfportrait import cache
 from lfportrait.example import Exemplar, Regions
-from lfportrait.example.kernels.materials import move_into
-from lfportrait.example.painter import kept as storage
-from lfportrait.example.painter.kept import known_shares
+from lfportrait.example.kernels.labels import move_to_material
+from lfportrait.example.painter import picture_materials as storage
 from lfportrait.example.painter.materials import (
     RARE,
     ExemplarMaterials,
-    at_home,
     even_uses,
+    guide_agreement,
     light_neck,
-    mainly,
+    main_material,
+    pieces,
 )
 from lfportrait.example.painter.picture_materials import (
     CLOTHES,
@@ -28,13 +28,13 @@ from lfportrait.example.painter.picture_materials import (
     HAIR,
     NECK,
     SKIN,
+    known_shares,
     material_shares,
     painted_shares,
     picture_shares,
 )
-from lfportrait.example.painter.pieces import pieces
-from lfportrait.example.skin.materials import DARKEST, sitter_looks, sitter_shares
-from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
+from lfportrait.example.skin.hair import below_hair, hair_by_place, without_bays
+from lfportrait.example.skin.painting import DARKEST, sitter_looks, sitter_shares
 from lfportrait.example.surface_guide import HeadPlane
 from lfportrait.labels import MATERIALS
 from lfportrait.labels import PICTURE_LABELS as LABELS
@@ -626,13 +626,13 @@ def test_pieces_come_from_where_the_exemplar_has_the_tone():
     # All are guided to the border of dark and light.
     wanted = np.full((4000, 2), side / 2, np.float32)
     tone = np.where(plane[:, 0] < 100, 0.0, 0.8).astype(np.float32)
-    found = pieces(mainly(shares), theirs, wanted, plane, tone, size)
+    found = pieces(main_material(shares), theirs, wanted, plane, tone, size)
     x, y = np.clip(found, 0, side - 1).astype(int).T
     far = np.abs(plane[:, 0] - 100) > 0.5 * size
     assert (np.abs(theirs.tone[y, x] - tone)[far] < 0.1).mean() > 0.8
     # They are rigid: what lies side by side comes from side by side.
     near = plane[0] + np.float32([0.01, 0.01])
-    again = pieces(mainly(np.repeat(shares[:1], 2, 0)), theirs, wanted[:2],
+    again = pieces(main_material(np.repeat(shares[:1], 2, 0)), theirs, wanted[:2],
                    np.stack([plane[0], near]), tone[:2], size)
     assert np.allclose(again[1] - again[0], near - plane[0], atol=1e-4)
 
@@ -640,7 +640,7 @@ def test_pieces_come_from_where_the_exemplar_has_the_tone():
 def test_places_that_are_moved_far_are_not_at_home():
     guided = np.zeros((4, 2), np.float32)
     wanted = np.float32([[0, 0], [0.9, 0], [0, 3.5], [6, 8]])
-    assert np.allclose(at_home(guided, wanted, 2.0), [1, 1, 0.5, 0])
+    assert np.allclose(guide_agreement(guided, wanted, 2.0), [1, 1, 0.5, 0])
 
 
 def test_what_a_painting_is_made_of_is_kept(drawn, monkeypatch, tmp_path):
@@ -663,13 +663,13 @@ def test_what_a_painting_is_made_of_is_kept(drawn, monkeypatch, tmp_path):
 def test_kernels_of_the_materials(count):
     random = np.random.default_rng(count)
     shares = random.integers(0, 4, (count, len(MATERIALS))).astype(np.float32)  # with ties
-    found = mainly(shares)
+    found = main_material(shares)
     assert np.array_equal(found, shares.argmax(axis=1))
     nearest = random.integers(0, 30 * 20, (len(MATERIALS), 30, 20)).astype(np.int32)
     nearest[:, ::2] = np.arange(30 * 20).reshape(30, 20)[::2]  # at home in every second row
     position = random.uniform(-5, 40, (count, 2)).astype(np.float32)
     moved = np.empty_like(position)
-    move_into(position, found, nearest, moved)
+    move_to_material(position, found, nearest, moved)
     x, y = (np.clip(position[:, axis], 0, size - 1).astype(int)
             for axis, size in ((0, 20), (1, 30)))
     near = nearest[found, y, x]

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from lfportrait.example import Exemplar
-from lfportrait.example.guides.labels import soft_face
+from lfportrait.example.guides.regions import soft_face
 from lfportrait.example.skin import Painting, SkinPainter, canvas_of
-from lfportrait.example.skin.copied_face import CopiedFace
+from lfportrait.example.skin.face import CopiedFace
 from lfportrait.example.skin.painting import NAPE, THROAT, _meeting_behind
 from lfportrait.example.surface_guide import SurfaceGuide
 

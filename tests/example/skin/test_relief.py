@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfportrait.example.skin.relief import around_face, hair_by_relief
+from lfportrait.example.skin.hair import around_face, hair_by_relief
 from lfportrait.example.surface_guide import HeadPlane
 from tests.portraits import HEAD_LANDMARKS
 

@@ -8,9 +8,10 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
-from lfportrait.example.guides.appearance import grey, skin_distance
+from lfportrait.example.guides.filters import grey, skin_distance
 from lfportrait.example.skin import Skin
-from lfportrait.example.skin.sitter import _as_a_whole, _clothes, _told_apart
+from lfportrait.example.skin.hair import _classified_hair, settled_hair
+from lfportrait.example.skin.sitter import _clothes
 from lfportrait.field.surface import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
@@ -161,7 +162,7 @@ def test_hair_at_the_temples_has_no_level_edge(skin):
     colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6]) + np.random.default_rng(
         0).normal(0, 0.02, (len(up), 3))
     flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
-    told = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
+    told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
                        np.ones(len(up), np.float32), np.zeros(len(up), np.float32), up > 0.7,
                        (angle < 0.7) & (up < 0.1), -0.75)
     near = (angle < 0.88) & (up > 0.1)
@@ -180,9 +181,9 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6])
         colors[seen == 0] = 0.5
         flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
-        told = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32), seen,
-                           np.zeros(len(up), np.float32), up > 0.7,
-                           (angle < 0.7) & (up < 0.1), -0.75)
+        told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
+                                seen, np.zeros(len(up), np.float32), up > 0.7,
+                                (angle < 0.7) & (up < 0.1), -0.75)
         clear = (np.abs(up - line) > 0.08) & (seen == 0) & (up < 0.2)
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 
@@ -196,7 +197,7 @@ def test_a_seam_where_photos_end_is_hair_between_hair_and_skin_between_skin():
     seam = np.abs(x - 42) < 4
     told = np.where(seam, np.where(truth, 0.3, 0.7), truth).astype(np.float32)
     graph = SurfaceGraph.over(np.stack([x, y, 0 * x], axis=1), colors, 1.0)
-    found = _as_a_whole(graph, told, seen)
+    found = settled_hair(graph, told, seen)
     assert ((told > 0.5) == truth)[seam].mean() < 0.1
     assert ((found > 0.5) == truth).mean() > 0.99
     # What photos show for sure stays to the bit.
@@ -217,7 +218,7 @@ def test_strands_in_the_color_of_skin_are_hair_and_a_bare_patch_is_not(skin):
     colors[strand | (from_ear < 0.02)] = (0.72, 0.55, 0.46)
     colors[patch] = (0.9, 0.7, 0.6)
     flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
-    found = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
+    found = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
                         np.ones(len(up), np.float32), ear, truth & ~strand & ~patch,
                         (angle < 0.7) & (up < 0.1), -0.75)
     assert strand.sum() > 1000 and patch.sum() > 1000 and (from_ear < 0.02).sum() > 20

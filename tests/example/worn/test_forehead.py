@@ -10,10 +10,9 @@ from skimage.color import rgb2lab
 
 from lfportrait.demo import demo_exemplar
 from lfportrait.example import Exemplar, bared
-from lfportrait.example.guides.appearance import grey
-from lfportrait.example.guides.face_frame import FaceFrame
-from lfportrait.example.painter.kept import known_shares
-from lfportrait.example.painter.picture_materials import FEATURES, GROUND, HAIR, SKIN
+from lfportrait.example.guides.filters import grey
+from lfportrait.example.guides.regions import FaceFrame
+from lfportrait.example.painter.picture_materials import FEATURES, GROUND, HAIR, SKIN, known_shares
 
 LINEN = np.array([238, 236, 226], np.uint8)
 HAT = np.array([25, 35, 110], np.uint8)

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Exemplar, Transfer, TransferConfig, bared
-from lfportrait.example.guides.labels import soft_face
-from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.frontal import frontalised
+from lfportrait.example.guides.regions import find_regions, soft_face
 from lfportrait.example.transfers import transfer
-from lfportrait.example.turned import frontalised
 from lfportrait.example.worn import headwear, not_worn
 from tests.portraits import drawn_face
 

@@ -1,6 +1,6 @@
 """Guides of the transfer: position in the painting, appearance and region of each pixel.
 
-Where: `position`, from landmarks and `control_points`, with an `outline` that meets the painting's.
-How: `appearance` (`blurs` helps it). What: `regions` finds person and hair, `labels` makes soft
-labels of them; `face_frame` and `color_segmentation` help. `maps` holds the guides of a picture.
+Where: `position`, from control points. How: `filters`, with the appearance guide and the blurs that
+it needs. What: `regions` finds person and hair and makes soft labels of them; `color_segmentation`
+helps where networks fail.
 """

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter, zoom
 
-__all__ = ["guided_filter", "overlap", "resize", "separate"]
+from ...arrays import Bool, Float32, Int64
 
-Float32 = NDArray[np.float32]
 BINS = 14
 
 
@@ -40,14 +38,14 @@ def guided_filter(guide: Float32, values: Float32, radius: int, epsilon: float) 
     return np.asarray(np.clip(mean(slope) * guide + mean(offset), 0, 1), np.float32)
 
 
-def _histogram(cells: NDArray[np.int64], weights: Float32) -> Float32:
+def _histogram(cells: Int64, weights: Float32) -> Float32:
     """Smoothed color distribution of the weighted pixels, [BINS^3]."""
     counts = np.bincount(cells.ravel(), weights.ravel().astype(np.float64), BINS ** 3)
     smooth = gaussian_filter(counts.reshape(BINS, BINS, BINS), 0.8)
     return np.asarray((smooth / max(smooth.sum(), 1e-9)).ravel() + 1e-4, np.float32)
 
 
-def _cells(image: Float32) -> NDArray[np.int64]:
+def _cells(image: Float32) -> Int64:
     """Histogram cell of every pixel, colors in [0, 1]."""
     index = np.minimum((image * BINS).astype(np.int64), BINS - 1)
     return (index[..., 0] * BINS + index[..., 1]) * BINS + index[..., 2]
@@ -60,7 +58,7 @@ def overlap(image: Float32, first: Float32, second: Float32) -> float:
     return float(np.sqrt(one / one.sum() * two / two.sum()).sum())
 
 
-def _minimum_cut(image: Float32, unary: Float32, smoothness: float) -> NDArray[np.bool_]:
+def _minimum_cut(image: Float32, unary: Float32, smoothness: float) -> Bool:
     """Labels of least energy: ``unary`` > 0 pulls a pixel into the class."""
     # Here: a twentieth of a second, for what networks have mostly seen.
     from scipy.sparse import coo_matrix
@@ -105,21 +103,16 @@ def separate(image: Float32, prior: Float32, *, sure: float = 0.02, smoothness: 
 
     Parameters
     ----------
-    image
-        float32 [H, W, 3] in [0, 1].
+    image : float32 [H, W, 3] in [0, 1].
     prior
         float32 [H, W], probability of the class; below ``sure`` and above 1 - ``sure`` it is final.
-    smoothness
-        Strength of the term that keeps neighbours together.
-    rounds
-        Times that colors and labels are estimated in turn.
-    size
-        Longer side of the picture that is cut.
+    smoothness : Strength of the term that keeps neighbours together.
+    rounds : Times that colors and labels are estimated in turn.
+    size : Longer side of the picture that is cut.
     blur
         Sigma in pixels of that picture of the blur before colors are compared: drawings show
         hair as a density of strokes.
-    reach
-        Largest log likelihood ratio that a color may have.
+    reach : Largest log likelihood ratio that a color may have.
 
     Returns
     -------

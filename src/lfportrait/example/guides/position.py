@@ -2,38 +2,34 @@
 
 Similarities lead from the target's control points to the exemplar's (Schaefer et al. 2006). What
 falls outside the exemplar is folded back inside. Positions are continuous pixel coordinates: the
-middle of the first pixel is (0.5, 0.5).
+middle of the first pixel is (0.5, 0.5). `Guides` holds all guides of a target, and the mapping of
+its pixels to the plane of its seeds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.guides import fold_points, mls_points, resample_fold, resample_grid
-
-__all__ = ["fold_inside", "folded_position_guide", "mls_similarity", "pixel_centres",
-           "position_guide"]
-
-Float32 = NDArray[np.float32]
+from ...arrays import Float32, Float64, UInt8
+from ..kernels.guides import fold_points, mls_points, resample_fold, resample_grid, stretch
+from .filters import enlarged, gaussian_blur
 
 
 def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],
                    weights: NDArray[np.floating] | None = None,
-                   softness: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
+                   softness: NDArray[np.floating] | None = None) -> Float64:
     """Moving least squares with similarities (Schaefer et al. 2006, alpha = 1).
 
     Parameters
     ----------
-    points
-        [N, 2] points to map.
-    sources, targets
-        [M, 2] control points and their images.
-    weights
-        [M] importance of each control point away from it, default 1.
+    points : [N, 2] points to map.
+    sources, targets : [M, 2] control points and their images.
+    weights : [M] importance of each control point away from it, default 1.
     softness
         [M] distance within which a control point attracts instead of pinning, default 0: then
         ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
@@ -134,14 +130,10 @@ def fold_inside(position: Float32, shape: tuple[int, ...],
 
     Parameters
     ----------
-    position
-        float32 [..., 2], exemplar coordinates.
-    shape
-        (H, W, ...) of the exemplar.
-    inner
-        (left, top, right, bottom): the head's box in the exemplar.
-    out
-        What to change; None makes a copy. ``position`` itself will do.
+    position : float32 [..., 2], exemplar coordinates.
+    shape : (H, W, ...) of the exemplar.
+    inner : (left, top, right, bottom): the head's box in the exemplar.
+    out : What to change; None makes a copy. ``position`` itself will do.
     """
     if out is None:
         out = np.empty(position.shape, np.float32)
@@ -156,3 +148,62 @@ def pixel_centres(shape: tuple[int, ...]) -> Float32:
     x, y = np.meshgrid(np.arange(shape[1], dtype=np.float32) + np.float32(0.5),
                        np.arange(shape[0], dtype=np.float32) + np.float32(0.5))
     return np.stack([x, y], axis=-1)
+
+
+@dataclass
+class Guides:
+    """Guides of one target picture.
+
+    Attributes
+    ----------
+    position
+        float32 [H, W, 2], exemplar pixel coordinates (x, y); NaN where nothing is to be painted.
+    appearance
+        float32 [H, W], grey minus blur in [-1, 1], matched to the exemplar's distribution.
+    labels
+        uint8 [H, W, K], soft region labels (255 = wholly inside), by `PICTURE_LABELS`.
+    anchor
+        float32 [H, W, 2], the pixel's place in the plane of the seed grid, in exemplar pixels.
+    """
+
+    position: Float32
+    appearance: Float32
+    labels: UInt8
+    anchor: Float32
+
+
+def sample_labels(labels: UInt8, position: Float32) -> UInt8:
+    """Labels [h, w, K] of the exemplar at the positions [H, W, 2]; 0 where those are NaN."""
+    known = np.isfinite(position[..., 0])
+    safe = np.where(known[..., None], position, 0)
+    x = np.clip(safe[..., 0].astype(np.int64), 0, labels.shape[1] - 1)
+    y = np.clip(safe[..., 1].astype(np.int64), 0, labels.shape[0] - 1)
+    return np.ascontiguousarray(np.where(known[..., None], labels[y, x], 0), np.uint8)
+
+
+def anchor_scale(anchor: Float32) -> float:
+    """Exemplar pixels per target pixel of an anchor plane: median of its smaller steps.
+
+    In every eighth pixel of every eighth row.
+    """
+    here = anchor[:-1:8, :-1:8]
+    along_x, along_y = (np.hypot(*np.moveaxis(next_one[:here.shape[0], :here.shape[1]] - here,
+                                              -1, 0))
+                        for next_one in (anchor[:-1:8, 1::8], anchor[1::8, :-1:8]))
+    smaller = np.fmin(along_x, along_y)
+    smaller = smaller[np.isfinite(smaller)]
+    return float(np.median(smaller)) if smaller.size else 1.0
+
+
+def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1,
+                     cell: int = 1) -> Float32:
+    """How much slower the position changes than the anchor, float32 [H, W] in [least, 1].
+
+    Where many surface points share a place in the exemplar (the back of a head), the position can't
+    ask for more than that: its weight falls in proportion. Only one pixel of each ``cell`` x
+    ``cell`` is looked at.
+    """
+    height, width = position.shape[:2]
+    ratio = np.empty((-(-height // cell), -(-width // cell)), np.float32)
+    stretch(position, anchor, np.float32(least), cell, ratio)
+    return enlarged(gaussian_blur(ratio, 2.0 / cell), cell, (height, width))

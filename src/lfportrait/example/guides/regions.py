@@ -1,10 +1,15 @@
-"""Regions of a portrait: the person and its hair, and where rays from the face meet their edges.
+"""Regions of a portrait: the person, its hair, and soft labels of all parts.
 
 The 68 landmarks end at the brows: without more, moving least squares extrapolates hair, ears and
 neck from the face, and the exemplar's hairline lands wherever it may. So the person and its hair
 are segmented in both pictures, and rays from the middle of the face meet the hairline and the
-outline of the head at points that correspond (`control_points`). The soft labels of all regions are
-compared during the synthesis (`labels`), so that skin is not painted with hair.
+outline of the head at points that correspond (`photo_guide`). The soft labels of all regions are
+compared during the synthesis, so that skin is not painted with hair.
+
+Photos need more care (`photo_regions`). The network of the hair takes the shaded half of a shaven
+head for hair, and the lit half for skin; and where it finds none, colors do so. Hair is rougher
+than skin, or of another color; a scalp is neither. The network of the person takes things in the
+room for a part of the person.
 """
 
 from __future__ import annotations
@@ -12,19 +17,187 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
+from ...arrays import Float32, Float64, UInt8
 from ...labels import PICTURE_LABELS
+from ..kernels.labels import soft_labels
 from .color_segmentation import overlap, separate
-from .face_frame import FaceFrame
-from .labels import polygon, region_labels
+from .filters import broad_blur, disk, gaussian_blur, grey, shrunk
 
-__all__ = ["PICTURE_LABELS", "RAYS", "FaceFrame", "Regions", "find_regions"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+@dataclass(frozen=True)
+class FaceFrame:
+    """The upright frame of a face: origin between the eyes' height and the brows, unit = chin.
+
+    Attributes
+    ----------
+    origin
+        [2], middle of the brows.
+    right, down
+        [2] each, the face's axes in the picture, orthonormal.
+    height
+        Distance from the brows to the chin in pixels.
+    width
+        Distance of the jaw's ends in pixels.
+    """
+
+    origin: Float64
+    right: Float64
+    down: Float64
+    height: float
+    width: float
+
+    @staticmethod
+    def of(landmarks: NDArray[np.floating]) -> FaceFrame:
+        """Frame of 68 landmarks; roll is taken out by the line of eyes and chin."""
+        points = np.asarray(landmarks, np.float64)
+        brows = np.nanmean(points[17:27], axis=0)
+        eyes = np.nanmean(points[42:48], axis=0) - np.nanmean(points[36:42], axis=0)
+        chin = points[8] - brows
+        # The chin alone would lean with the yaw, the eyes alone vanish in profile.
+        down = chin / np.linalg.norm(chin) + np.array([-eyes[1], eyes[0]]) / max(
+            float(np.linalg.norm(chin)), 1e-9)
+        down /= np.linalg.norm(down)
+        right = np.array([down[1], -down[0]])
+        extent = points[[0, 16]] @ right
+        return FaceFrame(brows, right, down, float(chin @ down), float(abs(extent[1] - extent[0])))
+
+    def local(self, shape: tuple[int, ...]) -> tuple[Float32, Float32]:
+        """Coordinates of all pixels of a picture in units of ``height``: (right, down)."""
+        y, x = (np.arange(n, dtype=np.float32) + np.float32(0.5) - np.float32(at)
+                for n, at in zip(shape[:2], self.origin[::-1]))
+        # Row and column by themselves: no products of whole pictures.
+        along, below = (np.asarray(way / self.height, np.float32)
+                        for way in (self.right, self.down))
+        return x * along[0] + (y * along[1])[:, None], x * below[0] + (y * below[1])[:, None]
+
+    def point(self, right: NDArray[np.floating], down: NDArray[np.floating]) -> Float64:
+        """Picture coordinates [N, 2] of local ones."""
+        return np.asarray(self.origin + self.height * (
+            np.multiply.outer(right, self.right) + np.multiply.outer(down, self.down)), np.float64)
+
+    def turn(self, landmarks: NDArray[np.floating]) -> float:
+        """How far the nose lies to the right of the middle of the jaw's ends, over half the width.
+
+        0 seen from the front, about 1.25 for a head turned by 50 degrees.
+        """
+        across = np.asarray(landmarks, np.float64) @ self.right
+        return float((across[30] - 0.5 * (across[0] + across[16])) / max(0.5 * self.width, 1e-9))
+
+
+OUTLINE_BLUR = 0.02
+"""Sigma of the blur of the person's outline, over the distance of brows and chin."""
+
+
+def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, frame: FaceFrame,
+                  like: frozenset[str] = frozenset()) -> UInt8:
+    """Soft labels of a picture.
+
+    Parameters
+    ----------
+    person, hair : float32 [H, W]; no hair if None.
+    landmarks, frame : [68, 2] and the face's frame.
+    like
+        Labels (``hair``, ``body``) to give to those that stand in for them, where the exemplar has
+        none (`missing_labels`): hair to the skin, the body to the background.
+
+    Returns
+    -------
+    uint8 [H, W, len(PICTURE_LABELS)], 255 = wholly inside; about 255 in sum.
+    """
+    blur = 0.03 * frame.height
+    factor = 2 * min(4, max(1, int(blur / 4))) if blur >= 2 else 1
+    planes = _feature_planes(person.shape, landmarks, factor, blur / factor)
+    if hair is None:
+        hair = np.zeros(person.shape, np.float32)
+    out = np.empty((*person.shape, 2), np.int32)
+    # Paint of the outline lies outside the mask too: labels that fall off gently hold it there.
+    soft = broad_blur(np.ascontiguousarray(person, np.float32), OUTLINE_BLUR * frame.height)
+    soft_labels(soft, np.ascontiguousarray(hair, np.float32),
+                planes, factor, "hair" in like, "body" in like, out)
+    return out.view(np.uint8)
+
+
+def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) -> UInt8:
+    """The face between jaw and brows with soft edges, uint8 [H, W].
+
+    It ends ``above`` of its height above the brows.
+    """
+    frame = FaceFrame.of(landmarks)
+    brows = landmarks[17:27][::-1] - above * frame.height * frame.down
+    drawn = polygon(shape, np.concatenate([landmarks[:17], brows]))
+    return np.asarray(broad_blur(drawn, 0.05 * frame.height) * 255 + np.float32(0.5), np.uint8)
+
+
+def missing_labels(style: UInt8) -> frozenset[str]:
+    """Labels among hair and body that an exemplar [h, w, len(PICTURE_LABELS)] does not show.
+
+    Hair of an exemplar whose hair can't be separated from its skin (a statue) is skin, a body that
+    it does not show is background.
+    """
+    return frozenset(name for name in ("hair", "body")
+                     if style[..., PICTURE_LABELS.index(name)].mean() < 0.5)
+
+
+def without_hair(labels: UInt8) -> UInt8:
+    """Labels [h, w, len(PICTURE_LABELS)] whose hair is skin, for a target that shows no hair."""
+    out = labels.copy()
+    hair, skin = PICTURE_LABELS.index("hair"), PICTURE_LABELS.index("skin")
+    out[..., skin] = np.minimum(out[..., skin].astype(np.int64) + out[..., hair], 255)
+    out[..., hair] = 0
+    return out
+
+
+def _feature_planes(shape: tuple[int, ...], landmarks: Float64, factor: int,
+                    blur: float) -> Float32:
+    """Brows, eyes, nose, lips, and what is below the jaw, blurred block means [5, h, w]."""
+    # Drawn at twice the resolution of the blocks: their edges are a quarter grey at the least.
+    fine = max(1, factor // 2)
+    ratio = factor // fine
+    rows, columns = -(-shape[0] // factor) * ratio, -(-shape[1] // factor) * ratio
+    points = landmarks / fine
+    frame = FaceFrame.of(points)
+    size = (rows, columns)
+    drawn = [
+        np.maximum(polygon(size, _thicken(points[17:22], frame)),
+                   polygon(size, _thicken(points[22:27], frame))),
+        np.maximum(polygon(size, points[36:42]), polygon(size, points[42:48])),
+        polygon(size, np.concatenate([points[27:28], points[31:36]])),
+        polygon(size, points[48:60]),
+        _below_jaw(size, points, frame)]
+    return np.stack([gaussian_blur(shrunk(plane, ratio), blur * (1.5 if n == 4 else 1.0))
+                     for n, plane in enumerate(drawn)])
+
+
+def polygon(shape: tuple[int, ...], points: NDArray[np.floating]) -> Float32:
+    """Filled polygon, float32 [H, W]."""
+    picture = Image.new("L", (shape[1], shape[0]))
+    if np.isfinite(points).all():
+        ImageDraw.Draw(picture).polygon([(float(x), float(y)) for x, y in points - 0.5], fill=1)
+    return np.asarray(picture, np.float32)
+
+
+def _thicken(brow: Float64, frame: FaceFrame) -> Float64:
+    """A brow's line of landmarks as a strip."""
+    half = 0.035 * frame.height * frame.down
+    return np.concatenate([brow - half, (brow + 1.6 * half)[::-1]])
+
+
+def _below_jaw(shape: tuple[int, ...], points: Float64, frame: FaceFrame) -> Float32:
+    """Everything below the jaw line: neck, shoulders and whatever is beside them."""
+    jaw = points[3:14]
+    far = 6.0 * max(shape)
+    left, right = jaw[0], jaw[-1]
+    border = [left - far * frame.right, left, *jaw[1:-1], right, right + far * frame.right,
+              right + far * frame.right + far * frame.down,
+              left - far * frame.right + far * frame.down]
+    return polygon(shape, np.array(border))
+
 
 RAYS = np.radians(np.arange(-75, 76, 15.0))
 """Directions of the rays to hairline and outline: from straight up, clockwise."""
@@ -176,8 +349,8 @@ class Regions:
             nearest = np.where((down > 1.0)[..., None], own, nearest)
         return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
 
-    def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
-        """Soft labels, uint8 [H, W, len(PICTURE_LABELS)]; see `labels.region_labels`."""
+    def labels(self, like: frozenset[str] = frozenset()) -> UInt8:
+        """Soft labels, uint8 [H, W, len(PICTURE_LABELS)]; see `region_labels`."""
         return region_labels(self.person, self.hair, self.landmarks, self.frame, like)
 
 
@@ -234,7 +407,7 @@ def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
     return np.asarray(np.clip(prior, 0, 0.97) * person, np.float32)
 
 
-def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Float32 | None]:
+def _networks(image: UInt8, size: int) -> tuple[Float32 | None, Float32 | None]:
     """Person and hair from the segmentation networks, None where their weights are missing."""
     try:
         from ... import face, models
@@ -354,3 +527,107 @@ class _Plausibility:
         if inner:
             face &= (np.abs(self.right) < 0.3) & (self.down > -0.1)
         return bool(face.any() and hair[self.every][face].mean() > 0.1)
+
+
+SIZE, LARGE = 384, 512
+"""Side of the picture that the network of the hair sees, and where the face is small in it."""
+SMALL = 80.0
+"""Pixels from the brows to the chin, in the picture that the network sees, of a small face."""
+DENIED = 0.1
+"""Where the network finds less hair than this, there is none, whatever colors say."""
+NARROW = 0.11
+"""What hangs on the person by no more than twice this, over that height, is no part of it."""
+FACE = 100.0
+"""Pixels from the brows to the chin in the picture that is looked at."""
+FINE = 0.02
+"""What is finer than this over that height is texture."""
+SMOOTH = 1.0
+"""Hair of skin's colors is rougher than this times skin."""
+LIKE = 0.6
+"""Overlap of its colors with the skin's: smooth hair shares less."""
+SURE = 0.2
+"""Share of what may be hair that is hair rather than not; a head of hair has more of it."""
+SHADE = 0.5
+"""A scalp in the shade is not darker than this over the face's skin."""
+LEAST = 30
+"""Pixels that suffice for a decision."""
+
+
+def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],
+                  mask: Float32 | None = None) -> Regions:
+    """Segment a photo: `find_regions`, without hair where that is a bare scalp.
+
+    What the person's network finds beside the person is left out, too.
+
+    Parameters
+    ----------
+    photo
+        uint8 or float in [0, 1], [H, W, 3].
+    landmarks
+        [68, 2].
+    mask
+        float32 [H, W], the person where it is known.
+    """
+    height = FaceFrame.of(np.asarray(landmarks, np.float64)).height
+    size = SIZE if height * SIZE >= SMALL * max(photo.shape[:2]) else LARGE
+    found = find_regions(photo, landmarks, mask, size=size, denied=DENIED)
+    hair = found.hair
+    if hair is not None and is_scalp(photo, found):
+        hair = None
+    if mask is not None:
+        return Regions(found.landmarks, found.person, hair)
+    person = _one_person(found)
+    return Regions(found.landmarks, person, None if hair is None else np.minimum(hair, person))
+
+
+def _one_person(regions: Regions) -> Float32:
+    """The person [H, W] without what is apart from it, or hangs on it by a narrow bridge."""
+    person = regions.person
+    step = max(1, int(NARROW * regions.frame.height / 4))
+    there = np.asarray(person[::step, ::step] > 0.5, np.uint8)
+    kernel = disk(NARROW * regions.frame.height / step)
+    count, parts = cv2.connectedComponents(cv2.erode(there, kernel))
+    if count <= 2:
+        return person
+    inside = [parts[y, x] for x, y in (regions.landmarks[27:36] / step).astype(int)
+              if 0 <= y < parts.shape[0] and 0 <= x < parts.shape[1]]
+    own = np.bincount([part for part in inside if part], minlength=count)
+    if not own.any():
+        return person
+    # Of what is narrow itself, a strand or a finger, the wide part next to it decides.
+    ours, others = (distance_transform_edt(~part) for part in (
+        parts == own.argmax(), (parts > 0) & (parts != own.argmax())))
+    kept = np.asarray(ours <= others, np.float32)
+    if kept[there > 0].all():
+        return person
+    return person * cv2.resize(kept, person.shape[::-1], interpolation=cv2.INTER_LINEAR)
+
+
+def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
+    """Whether what is taken for hair in a photo, [H, W, 3], has the looks of skin."""
+    assert regions.hair is not None
+    ratio = min(1.0, FACE / max(regions.frame.height, 1.0))
+    size = tuple(max(round(n * ratio), 1) for n in photo.shape[1::-1])
+    colors, person, hair = (
+        np.asarray(cv2.resize(np.asarray(plane, np.float32), size,
+                              interpolation=cv2.INTER_AREA), np.float32)
+        for plane in (photo, regions.person, regions.hair))
+    colors *= np.float32(1 / 255 if photo.dtype == np.uint8 else 1)
+    hair *= person
+    sure = (hair > 0.7).sum() > SURE * (hair > 0.2).sum()
+    small = Regions(regions.landmarks * ratio, person, hair)
+    skin = small.labels()[..., PICTURE_LABELS.index("skin")] > 230
+    # Edges of either are rough, whatever lies between them.
+    kernel = np.ones((5, 5), np.uint8)
+    scalp, skin = (cv2.erode(np.asarray(one, np.uint8), kernel) > 0
+                   for one in (hair > 0.7, skin & (hair < 0.05)))
+    if min(scalp.sum() if sure else hair.sum(), skin.sum()) < LEAST:
+        return False
+    shared = overlap(colors, np.asarray(scalp, np.float32) if sure else hair,
+                     np.asarray(skin, np.float32))
+    if not sure:
+        return shared > LIKE
+    luma = grey(colors)
+    rough = np.abs(luma - broad_blur(luma, FINE * FACE))
+    return bool(shared > LIKE and np.median(luma[scalp]) > SHADE * np.median(luma[skin])
+                and rough[scalp].mean() < SMOOTH * rough[skin].mean())

@@ -14,10 +14,6 @@ from numba import njit
 from ...simd.decorators import kernel, lean, lean_kernel
 from ...simd.threads import shared
 
-__all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate",
-           "look_up_colors", "sample_nodes", "smooth_normals", "spread", "sum_normals",
-           "surface_normals"]
-
 _NOWHERE = -1
 
 
@@ -167,18 +163,13 @@ def find_owners(since, until, points, grid, low, cell, own, cameras, bias, boxes
 
     Parameters
     ----------
-    points
-        float32 [H, W, 3] of the atlas.
-    grid, low, cell
-        Normals of the large shape, see `_between`.
-    own
-        int8 [H, W], the chart that a pixel lies in.
+    points : float32 [H, W, 3] of the atlas.
+    grid, low, cell : Normals of the large shape, see `_between`.
+    own : int8 [H, W], the chart that a pixel lies in.
     cameras, bias, boxes, depths
         Of the charts, see `_find`; ``bias`` is added to the cosine of a chart.
-    tolerance
-        Depths that differ by less are the same surface.
-    owner
-        Filled with flat indices.
+    tolerance : Depths that differ by less are the same surface.
+    owner : Filled with flat indices.
     """
     width = own.shape[1]
     for row in range(since, until):

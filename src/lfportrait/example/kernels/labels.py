@@ -1,4 +1,4 @@
-"""Hot loops of the soft region labels and of the guides' weights.
+"""Hot loops of soft labels and materials, and of the guides' weights.
 
 Features (brows, eyes, nose, lips, and all that is below the jaw) are soft and come as block means
 of the picture; person and hair come at full size. Both loops interpolate the former on the fly,
@@ -14,8 +14,6 @@ from ...simd.decorators import kernel, lean_kernel, woven
 from ...simd.interleaved import gather_signed, pairs, singles, store_pairs
 from ...simd.threads import shared
 from ...simd.vectors import LANES
-
-__all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
 
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
 _floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
@@ -75,14 +73,11 @@ def soft_labels(since, until, person, hair, planes, factor, hair_is_skin, body_i
 
     Parameters
     ----------
-    person, hair
-        float32 [H, W].
+    person, hair : float32 [H, W].
     planes
         float32 [5, h, w], means over blocks of ``factor`` pixels: brows, eyes, nose, lips, body.
-    hair_is_skin, body_is_ground
-        Give hair to the skin, the body to the background.
-    out
-        int32 [H, W, 2].
+    hair_is_skin, body_is_ground : Give hair to the skin, the body to the background.
+    out : int32 [H, W, 2].
     """
     width = person.shape[1]
     rows, columns = planes.shape[1:]
@@ -148,22 +143,14 @@ def pixel_weights(since, until, person, labels, soft, face, factor, place, outli
 
     Parameters
     ----------
-    person
-        float32 [H, W].
-    labels
-        int32 [H, W, 2], eight bytes in two words.
-    soft
-        float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
-    place, look
-        float32 [2] each, weight outside the person and on it.
-    face
-        float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
-    outline
-        Added to the weight of the place where ``soft`` is one half, and along the jaw.
-    hair, body
-        float32 [2] each, factors of the weights of place and appearance there.
-    skin
-        Factor of the weight of the appearance on skin where ``face`` is 0.
+    person : float32 [H, W].
+    labels : int32 [H, W, 2], eight bytes in two words.
+    soft : float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
+    place, look : float32 [2] each, weight outside the person and on it.
+    face : float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
+    outline : Added to the weight of the place where ``soft`` is one half, and along the jaw.
+    hair, body : float32 [2] each, factors of the weights of place and appearance there.
+    skin : Factor of the weight of the appearance on skin where ``face`` is 0.
     """
     width = person.shape[1]
     rows, columns = soft.shape
@@ -239,8 +226,7 @@ def own_body(since, until, position, style, top, labels, person):
     style, labels
         int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body and
         background.
-    person
-        float32 [H, W], follows the background.
+    person : float32 [H, W], follows the background.
     """
     width = person.shape[1]
     byte, nearly = np.int32(255), np.int32(240)
@@ -255,3 +241,38 @@ def own_body(since, until, position, style, top, labels, person):
                 labels[y, x, 0], labels[y, x, 1] = style[j, i, 0], style[j, i, 1]
                 ground = (style[j, i, 1] >> 24) & byte
                 person[y, x] = np.float32(byte - ground) * np.float32(1 / 255)
+
+
+@shared("shares")
+@lean_kernel
+def largest_share(since, until, shares, out):
+    """The first of each row's largest values, float32 [N, M], into ``out`` int64 [N]."""
+    for n in range(since, until):
+        best = 0
+        for m in range(1, shares.shape[1]):
+            if shares[n, m] > shares[n, best]:
+                best = m
+        out[n] = best
+
+
+@shared("position")
+@lean_kernel
+def move_to_material(since, until, position, material, nearest, out):
+    """Positions [N, 2], moved to the nearest pixel of each place's material, into ``out``.
+
+    Parameters
+    ----------
+    position, material : float32 [N, 2] (x, y) and int64 [N].
+    nearest : int32 [M, h, w], flat index of the nearest pixel of each material.
+    out : float32 [N, 2]; a position in its own material stays as it is.
+    """
+    height, width = nearest.shape[1], nearest.shape[2]
+    for n in range(since, until):
+        x = np.int64(min(max(position[n, 0], np.float32(0)), np.float32(width - 1)))
+        y = np.int64(min(max(position[n, 1], np.float32(0)), np.float32(height - 1)))
+        near = nearest[material[n], y, x]
+        if near == y * width + x:
+            out[n, 0], out[n, 1] = position[n, 0], position[n, 1]
+        else:
+            out[n, 0] = np.float32(near % width) + np.float32(0.5)
+            out[n, 1] = np.float32(near // width) + np.float32(0.5)

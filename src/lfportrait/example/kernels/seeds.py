@@ -1,8 +1,11 @@
-"""Hot loops of the seeds of StyleBlit (Sykora et al. 2019): a jittered grid for every level.
+"""Hot loops of jittered grids: the seeds of StyleBlit (Sykora et al. 2019), and the nearest site.
 
 Seeds lie in the anchor plane. Cells of all levels stand one after the other in flat arrays; each
 level has a border of empty cells, and an empty cell's seed lies at infinity, so that the search for
 the nearest seed needs no bounds.
+
+Sites of a patchwork are the jittered middles of square cells, one each; the nearest one lies in the
+place's own cell or in one of the eight around it.
 """
 
 from __future__ import annotations
@@ -14,8 +17,6 @@ from ...simd.decorators import lean, lean_kernel
 from ...simd.interleaved import load_pairs
 from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
-
-__all__ = ["finite_range", "seed_correction", "seed_points", "seed_regular", "seed_splat"]
 
 _M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
@@ -238,3 +239,30 @@ def seed_correction(places, anchors, pixel, width, x, y):
     gy = along * _slope(places, pixel, right, 1) + down * _slope(places, pixel, below, 1) - oy
     most = np.float32(2)
     return (zero, zero) if abs(gx) > most or abs(gy) > most else (gx, gy)
+
+
+@numba.njit(cache=True, inline="always")
+def _nearest(x, y, share, first, sites):
+    """Row and column of the site nearest to (x, y)."""
+    i, j = np.int64(np.floor(x * share)) - first[0], np.int64(np.floor(y * share)) - first[1]
+    best, row, column = np.float32(np.inf), np.int64(0), np.int64(0)
+    for v in range(max(j - 1, 0), min(j + 2, sites.shape[0])):
+        for u in range(max(i - 1, 0), min(i + 2, sites.shape[1])):
+            dx, dy = x - sites[v, u, 0], y - sites[v, u, 1]
+            distance = dx * dx + dy * dy
+            if distance < best:
+                best, row, column = distance, v, u
+    return row, column
+
+
+@shared("places")
+@lean_kernel
+def nearest_sites(since, until, places, side, first, sites, out):
+    """Flat number of the site nearest to each of ``places`` [N, 2], into ``out`` int32 [N].
+
+    ``sites`` float32 [Y, X, 2] are those of the cells ``first`` + (i, j), of ``side`` each.
+    """
+    share = np.float32(1) / np.float32(side)
+    for n in range(since, until):
+        row, column = _nearest(places[n, 0], places[n, 1], share, first, sites)
+        out[n] = row * sites.shape[1] + column

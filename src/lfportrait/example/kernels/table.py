@@ -15,9 +15,6 @@ import numpy as np
 from ...simd.decorators import kernel, lean, lean_kernel
 from ...simd.threads import share_out, shared
 
-__all__ = ["EMPTY", "INDEX_BITS", "extract_indices", "scatter_pixels", "sweep_linear",
-           "sweep_squared"]
-
 INDEX_BITS = 28
 EMPTY = np.int64(1) << 60
 _MASK = (np.int64(1) << INDEX_BITS) - 1

@@ -12,8 +12,6 @@ import numpy as np
 from ...simd.decorators import kernel, lean_kernel
 from ...simd.threads import shared
 
-__all__ = ["carry", "carry_shifts", "repair", "squared_changes", "to_bytes", "trust", "unfold"]
-
 
 @numba.njit(cache=True, inline="always")
 def _place(n, factor, count):

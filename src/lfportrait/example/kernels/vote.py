@@ -17,8 +17,6 @@ from ...simd.interleaved import gather_neighbours, gather_signed, load_pairs, pa
 from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
 
-__all__ = ["blend", "elect", "pack", "vote"]
-
 _floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
 _load, _store, _bits, _lane = LANES.load, LANES.store, LANES.bits, LANES.lane
 _floor, _absolute = LANES.floor, LANES.absolute

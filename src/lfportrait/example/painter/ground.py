@@ -5,6 +5,8 @@ with by patches of its own (`lfportrait.example.patches`): what lies at a height
 height, where the painting has background there, so that a sky stays above its hills; how light and
 dark lie in it is kept by its blurred colors. Patches hold nothing but background: no hat, no hair,
 no clothes. Where a painting has too little of it for patches, its mean color is laid in its grain.
+
+Where the search for a ground's patches begins: pieces of the exemplar's background.
 """
 
 from __future__ import annotations
@@ -17,24 +19,105 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from ... import models
+from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey
-from ..kernels.patch_levels import finer_places
-from ..kernels.patches import ACTIVE, MARGIN, vote_patches
+from ..guides.filters import grey
+from ..kernels.patches import ACTIVE, MARGIN, finer_places, vote_patches
 from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
-from .ground_pieces import first_places
-from .kept import known_shares
-from .picture_materials import EARS, GROUND, SKIN
+from .picture_materials import EARS, GROUND, SKIN, known_shares
 
-__all__ = ["GroundSize", "known_ground", "lit_side", "painted_ground"]
+PART = 8
+"""Above and below a background goes on as this part of its height does."""
 
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+
+def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, int],
+                 side: int, rng: np.random.Generator,
+                 ) -> tuple[Float32, Int64]:
+    """Places of the exemplar where the search begins, and each row's own height in it.
+
+    Where the exemplar has background it stays where it is. Beyond, whole pieces of it lie side by
+    side, each from about its own height; what is not background in them comes from smaller pieces.
+
+    Parameters
+    ----------
+    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a whole.
+    middle : Place (x, y) between its eyes, which the ground's middle lies behind.
+    shape, side : Of the ground, and of a piece.
+    rng : Chooses pieces.
+
+    Returns
+    -------
+    start : float32 [H, W, 2], (x, y).
+    level : int64 [H], row of the exemplar that is as high.
+    """
+    rows, columns = np.nonzero(inside if inside.any() else there)
+    left, top = (round(float(v)) for v in middle - np.array(shape[::-1]) / 2)
+    level = _folded(np.arange(shape[0]) + top, int(rows.min()), int(rows.max()))
+    y, x = np.indices(shape)
+    u, v = x + left, y + top
+    order = np.argsort(rows, kind="stable")
+    for piece in (side, max(side // 3, 6), 6):
+        missing = ~_within(there, u, v)
+        moved = _pieces(rows[order], columns[order], level, piece, shape, rng)
+        u, v = np.where(missing, moved[0], u), np.where(missing, moved[1], v)
+    missing = ~_within(there, u, v)
+    _, nearest = distance_transform_edt(~there, return_indices=True)
+    at = np.clip(v, 0, len(nearest[0]) - 1), np.clip(u, 0, nearest.shape[2] - 1)
+    u, v = np.where(missing, nearest[1][at], u), np.where(missing, nearest[0][at], v)
+    return np.asarray(np.stack([u, v], axis=-1) + 0.5, np.float32), level
+
+
+def _folded(rows: Int64, first: int, last: int) -> Int64:
+    """Rows of the picture that stand for rows above and below its background, int64 [H].
+
+    There the nearest part of it is gone up and down: one row again and again would be stripes.
+    """
+    part = max((last - first) // PART, 1)
+
+    def fold(beyond: Int64) -> Int64:
+        turned = beyond % (2 * part)
+        return np.minimum(turned, 2 * part - turned)
+
+    out = np.where(rows < first, first + fold(first - rows), rows)
+    return np.asarray(np.where(rows > last, last - fold(rows - last), out), np.int64)
+
+
+def _within(there: Bool, u: Int64, v: Int64) -> Bool:
+    """Whether places (column u, row v) lie in the picture and in a mask."""
+    height, width = there.shape
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    inside[inside] = there[v[inside], u[inside]]
+    return inside
+
+
+def _pieces(rows: Int64, columns: Int64, level: Int64,
+            side: int, shape: tuple[int, int], rng: np.random.Generator,
+            ) -> tuple[Int64, Int64]:
+    """Columns and rows [H, W] of a ground of square pieces, each from about its height.
+
+    ``rows`` and ``columns`` are the places that pieces may have their middles at, from above; every
+    second line of pieces is half a piece aside.
+    """
+    y, x = np.indices(shape)
+    line = y // side
+    count = int(line.max()) + 1, -(-shape[1] // side) + 1
+    middle = level[np.minimum(np.arange(count[0]) * side + side // 2, shape[0] - 1)]
+    # One of those that are at most half a piece, or a twentieth of them all, above or below.
+    few = len(rows) // 20
+    at = np.searchsorted(rows, middle)
+    first = np.minimum(np.searchsorted(rows, middle - side // 2), np.maximum(at - few, 0))
+    last = np.maximum(np.searchsorted(rows, middle + side // 2), np.minimum(at + few, len(rows)))
+    chosen = first[:, None] + (rng.random(count) * (last - first)[:, None]).astype(np.int64)
+    chosen = np.minimum(chosen, len(rows) - 1)
+    aside = x + line % 2 * (side // 2)
+    one = chosen[line, aside // side]
+    return (columns[one] + aside % side - side // 2, rows[one] + y % side - side // 2)
+
 
 MOST = 30
 """Grounds that are kept: six megabytes each."""
@@ -61,7 +144,6 @@ BLOCK = 0.4
 TURN = 1.5
 """Slope of the light per share by which one side of a face is lighter than the other."""
 
-
 TONE, HEIGHT = 1.0, 0.5
 """Weights of the background's lights and darks, and of staying at one's height, in the search."""
 SEARCH = PatchSearch(uniformity=4000.0, votes=2, last_votes=1, final_3x3=False)
@@ -81,17 +163,14 @@ class GroundSize:
 
 
 def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
-                   ) -> tuple[NDArray[np.uint8], float]:
+                   ) -> tuple[UInt8, float]:
     """Paint the ground behind a head.
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    size
-        How large.
-    seed
-        Of all random choices.
+    exemplar : The painting.
+    size : How large.
+    seed : Of all random choices.
 
     Returns
     -------
@@ -119,7 +198,7 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
 
 
 def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
-                 ) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
+                 ) -> tuple[UInt8, float, Float64]:
     """`painted_ground` and `lit_side`, from the user's cache where they have been found before.
 
     Returns
@@ -140,7 +219,7 @@ def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int =
     return kept["picture"], float(kept["pixels"]), kept["light"]
 
 
-def lit_side(exemplar: Exemplar) -> NDArray[np.float64]:
+def lit_side(exemplar: Exemplar) -> Float64:
     """Where a painting's light comes from: a direction in the portrait frame, float64 [3].
 
     It falls from above on the side of the face that is lighter. Both sides are compared by the
@@ -170,17 +249,14 @@ class _Source:
 
     Attributes
     ----------
-    picture
-        float32 [h, w, 3] in [0, 1], of the whole exemplar.
-    there
-        bool [h, w], where it is background.
-    middle
-        Place (x, y) between the eyes.
+    picture : float32 [h, w, 3] in [0, 1], of the whole exemplar.
+    there : bool [h, w], where it is background.
+    middle : Place (x, y) between the eyes.
     """
 
     picture: Float32
-    there: Bools
-    middle: NDArray[np.float64]
+    there: Bool
+    middle: Float64
 
     @staticmethod
     def of(exemplar: Exemplar, shares: Float32, size: float) -> _Source:
@@ -199,7 +275,7 @@ class _Source:
         whole = _Source(picture, there, exemplar.landmarks[36:48].mean(axis=0) * scale)
         return replace(whole, there=there & ~whole.strays(STRAY * exemplar.size * size))
 
-    def strays(self, reach: float) -> Bools:
+    def strays(self, reach: float) -> Bool:
         """Strokes of the person's on the background, and what is within ``reach`` of them.
 
         They are much farther from the background's blurred colors than nearly all of it is.
@@ -217,7 +293,7 @@ class _Source:
         return _Source(halved(self.picture), there, self.middle / 2)
 
     @functools.cached_property
-    def inside(self) -> Bools:
+    def inside(self) -> Bool:
         """Where a patch is background as a whole, bool [h, w]."""
         return np.asarray(_depth(np.pad(self.there, 1))[1:-1, 1:-1] > MARGIN + 1)
 
@@ -257,7 +333,7 @@ class _Source:
         out[..., 4] = np.where(self.there, 0, FORBIDDEN)
         return out
 
-    def asked(self, tones: Float32, level: NDArray[np.int64]) -> Float32:
+    def asked(self, tones: Float32, level: Int64) -> Float32:
         """Guides of a ground with blurred colors [H, W, 3] and rows as high as its own."""
         return _guides(tones, self.height(level))
 
@@ -276,13 +352,13 @@ class _Source:
         return np.where(self.there, np.float32(often), np.float32(0))
 
 
-def _depth(inside: Bools) -> Float32:
+def _depth(inside: Bool) -> Float32:
     """Distance of places inside a mask from what is outside, in pixels, float32 [h, w]."""
     return np.asarray(cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2,
                                             cv2.DIST_MASK_PRECISE), np.float32)
 
 
-def _finer(places: NDArray[np.int32], source: _Source, whole: _Source) -> Float32:
+def _finer(places: Int32, source: _Source, whole: _Source) -> Float32:
     """The strokes that patches make at twice the size at which they were found, [2 H, 2 W, 3].
 
     Their middles go on to the finer pixels; colors are voted from the finer exemplar. A search
@@ -308,7 +384,7 @@ def _guides(tones: Float32, height: Float32) -> Float32:
     return planes * roots.astype(np.float32)
 
 
-def _asked(source: _Source, shape: tuple[int, int], level: NDArray[np.int64], blur: float,
+def _asked(source: _Source, shape: tuple[int, int], level: Int64, blur: float,
            ) -> Float32:
     """Blurred colors of the ground, float32 [H, W, 3]: those of the exemplar, gone on with."""
     left = source.middle[0] - shape[1] / 2
@@ -323,7 +399,7 @@ def _twice(tones: Float32) -> Float32:
     return np.asarray(cv2.resize(tones, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR))
 
 
-def _plain(source: _Source, shape: tuple[int, int], seed: int) -> NDArray[np.uint8]:
+def _plain(source: _Source, shape: tuple[int, int], seed: int) -> UInt8:
     """A ground in the mean color of what background there is, in the grain of the painting."""
     picture = source.picture
     border = np.zeros(source.there.shape, bool)
@@ -338,7 +414,7 @@ def _plain(source: _Source, shape: tuple[int, int], seed: int) -> NDArray[np.uin
     return _bytes(np.median(picture[chosen], axis=0).astype(np.float32) + noise[..., None])
 
 
-def _bytes(color: Float32) -> NDArray[np.uint8]:
+def _bytes(color: Float32) -> UInt8:
     """Colors in [0, 1] as whole numbers of 255ths."""
     return np.asarray(np.clip(color, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
 

@@ -1,8 +1,149 @@
-"""Extrapolate the light of the painted part to its surroundings."""
+"""Square cells of an unwrapped head or a photo, and light that is extrapolated over them.
 
-__all__ = ["BLUR", "CELL", "REACH"]
+Statistics of a neighbourhood go across charts. The painted face's light and shade goes on beside
+it: tones of patches come from the photo. Where the painter's light falls otherwise, the face ends
+in his shade and they would begin in full light, or the reverse: a seam along the cheek.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.ndimage import (
+    binary_dilation,
+    distance_transform_edt,
+    gaussian_filter,
+    grey_closing,
+    grey_opening,
+    label,
+    map_coordinates,
+)
+
+from ...arrays import Bool, Float32, Float64
 
 CELL = 0.03
-"""Side of the cells that light is carried in, over the face's height."""
+"""Side of the cells that light is extrapolated in, over the face's height."""
 BLUR, REACH = 1.5, 12.0
-"""Sigma of its blur, and how far it is carried, in cells."""
+"""Sigma of its blur, and how far it reaches, in cells."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A grid over N places of the unwrapped head.
+
+    Attributes
+    ----------
+    places : float64 [N, 2], column and row of each in cells; whole numbers are the cells' middles.
+    shape : Rows and columns.
+    """
+
+    places: Float64
+    shape: tuple[int, int]
+
+    @staticmethod
+    def over(flat: Float32, side: float) -> Cells:
+        """Of unwrapped places [N, 2]; ``side`` of a cell in their unit."""
+        # Axis by axis: many times as fast as the ends of both at once.
+        places = (flat.astype(np.float64) - [axis.min() for axis in flat.T]) / side
+        columns, rows = (int(np.ceil(axis.max())) + 1 for axis in places.T)
+        return Cells(places, (rows, columns))
+
+    def closed(self, values: Float32, reach: int) -> Float32:
+        """Values [N] after a closing by a disk of ``reach`` cells, float32 [N]."""
+        return self._at(grey_closing(self._filled(values), footprint=_disk(reach), mode="nearest"))
+
+    def gaps(self, values: Float32, known: Bool, reach: int) -> Float32:
+        """What a closing by a disk of ``reach`` cells adds to values [N], float32 [N].
+
+        Nothing at edges that are straight, however steep. Cells without a place that is ``known``,
+        bool [N], take the nearest one's value.
+        """
+        if not known.any():
+            return np.zeros(len(values), np.float32)
+        filled = self._filled(values, known)
+        kernel = np.asarray(_disk(reach), np.uint8)
+        closed = cv2.morphologyEx(filled, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_REPLICATE)
+        return self._at(np.asarray(closed - filled, np.float64))
+
+    def opened(self, values: Float32, reach: int) -> Float32:
+        """Values [N] after an opening by a disk of ``reach`` cells, float32 [N]."""
+        return self._at(grey_opening(self._filled(values), footprint=_disk(reach), mode="nearest"))
+
+    def joined(self, values: Float32, seeds: Bool) -> Float32:
+        """Values [N] of what hangs together with seeds, bool [N]; 0 elsewhere.
+
+        What is above one half hangs together, and has its slopes of two cells with it.
+        """
+        means = self._filled(values)
+        pieces, count = label(means > 0.5)
+        kept = np.zeros(count + 1, bool)
+        row, column = np.rint(self.places[seeds, ::-1]).astype(int).T
+        kept[pieces[row, column]] = True
+        kept[0] = False
+        return self._at(means * binary_dilation(kept[pieces], iterations=2))
+
+    def _filled(self, values: Float32, known: Bool | None = None) -> Float64:
+        """Means of the cells' known places (all by default); the nearest ones' where there is none.
+
+        ``values`` float32 [N], ``known`` bool [N], at least one of them; float64 [rows, columns].
+        """
+        found, means = self._means(values, np.ones(len(values), bool) if known is None else known)
+        _, nearest = distance_transform_edt(~found, return_indices=True)
+        return np.asarray(means[tuple(nearest)], np.float64)
+
+    def extrapolated(self, values: Float32, inside: Bool, blur: float, reach: float) -> Float32:
+        """Values [N] of the places inside, extrapolated and fading outside, float32 [N].
+
+        Parameters
+        ----------
+        values, inside : float32 [N], used where ``inside``, bool [N].
+        blur, reach : Sigma of their blur, and how far they reach; in cells.
+        """
+        known, means = self._means(values, inside)
+        if not known.any():
+            return np.zeros(len(values), np.float32)
+        weight = gaussian_filter(known.astype(np.float64), blur)
+        means = gaussian_filter(means, blur) / np.maximum(weight, 1e-6)
+        away, nearest = distance_transform_edt(~known, return_indices=True)
+        fade = np.clip(1 - away / reach, 0, 1)
+        return self._at(gaussian_filter(means[tuple(nearest)], blur) * fade * fade * (3 - 2 * fade))
+
+    def _means(self, values: Float32, inside: Bool,
+               ) -> tuple[Bool, Float64]:
+        """Cells that hold places inside, and the means of their values; 0 in others."""
+        row, column = np.rint(self.places[inside, ::-1]).astype(int).T
+        number, size = row * self.shape[1] + column, self.shape[0] * self.shape[1]
+        count = np.bincount(number, minlength=size)
+        total = np.bincount(number, values[inside], size)
+        means = np.asarray(total / np.maximum(count, 1), np.float64)
+        return (count > 0).reshape(self.shape), means.reshape(self.shape)
+
+    def _at(self, grid: Float64) -> Float32:
+        """A grid's values at the places, float32 [N]."""
+        return np.asarray(map_coordinates(grid, self.places[:, ::-1].T, order=1, mode="nearest"),
+                          np.float32)
+
+
+def _disk(reach: int) -> Bool:
+    """A disk of cells."""
+    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+    return np.asarray(np.hypot(y, x) <= reach)
+
+
+def light_beside(flat: Float32, height: float, painted: Bool, more: Float32, known: Bool,
+                 most: float = np.inf) -> Float32:
+    """How much lighter places beside a painted face are to become, float32 [N]; 0 in the face.
+
+    Parameters
+    ----------
+    flat : float32 [N, 2], places of a photo, or of the unwrapped head
+    height : of the face, in their unit
+    painted : bool [N], places of the face
+    more : float32 [N], luma of the paint there, less the tones that were asked for
+    known : bool [N], places of the face that say so
+    most : nothing becomes lighter or darker by more: beyond it is a cast shadow, not light
+    """
+    light = Cells.over(flat, CELL * height).extrapolated(more, known, BLUR, REACH)
+    return np.where(painted, np.float32(0), np.clip(light, -most, most))

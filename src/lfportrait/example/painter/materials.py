@@ -1,7 +1,9 @@
-"""Materials for the patches: what each place consists of, and its tones in the exemplar.
+"""Initialise the patch search: rigid pieces of the exemplar of the same material and tone.
+
+Split a photo's luma for the patches: tone, detail, and edge strength.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
-to be painted says what each of its places is made of (`photo_materials`, `skin.materials`); tones
+to be painted says what each of its places is made of (`photo_materials`, `skin.painting`); tones
 and detail of each material become those of the exemplar's.
 """
 
@@ -15,20 +17,39 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
+from ...arrays import Bool, Float32, Int32, Int64
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.appearance import Distribution, grey, match_histogram
-from ..guides.blurs import broad_blur
-from ..kernels.materials import largest_share, move_into
+from ..guides.filters import Distribution, broad_blur, gaussian_blur, grey, match_histogram
+from ..kernels.labels import largest_share, move_to_material
+from ..kernels.seeds import nearest_sites
 from ..patches import SCALE
-from .looks import BLUR
+from ..surface_guide import Sites
 from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
 
-__all__ = ["FEW", "STAND_INS", "ExemplarMaterials", "at_home", "even_uses", "into", "light_neck",
-           "mainly", "matched_looks", "material_guides", "mostly", "resized_materials"]
+BLUR = 0.06
+"""Sigma of the blur that separates detail from light, over the face's size (`face_size`)."""
+CONTOUR = 0.016
+"""Detail of this strength (root mean square of luma) counts half."""
 
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+
+def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
+    """Luma without grain, and edge strength (edges and patterns), float32 [H, W] each.
+
+    Parameters
+    ----------
+    values, inside : float32 [H, W], luma times the weight of a pixel, and that weight.
+    size : Of the face in pixels.
+    """
+    sigma = BLUR * size
+    soft = gaussian_blur(values, 0.2 * sigma)
+    soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
+    near = broad_blur(values, 0.6 * sigma)
+    near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
+    fine = (soft - near) * inside
+    energy = broad_blur(fine * fine, 0.5 * sigma)
+    return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
+
 
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255],
                   [174, 150]], np.float32)
@@ -49,7 +70,7 @@ exemplar's white collar on a dark coat."""
 TONES, RARE, FINE = 24, 4.0, 1023
 """Tones that uses of the exemplar are evened out in; none is used so many times more than another;
 and steps that are told apart between them."""
-HOME = 0.5, 3.0
+AGREES = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""
 LIT = 0.06, 0.12
@@ -66,24 +87,19 @@ class ExemplarMaterials:
 
     Attributes
     ----------
-    shares
-        float32 [h, w, 7] by `MATERIALS`.
-    tone, detail
-        float32 [h, w], luma blurred, and what that leaves out.
-    nearest
-        int32 [7, h, w], flat index of the nearest pixel of each material.
-    deep
-        The same, of the nearest pixel well inside each material.
-    present
-        bool [7], materials that it shows.
+    shares : float32 [h, w, 7] by `MATERIALS`.
+    tone, detail : float32 [h, w], luma blurred, and what that leaves out.
+    nearest : int32 [7, h, w], flat index of the nearest pixel of each material.
+    deep : The same, of the nearest pixel well inside each material.
+    present : bool [7], materials that it shows.
     """
 
     shares: Float32
     tone: Float32
     detail: Float32
-    nearest: NDArray[np.int32]
-    deep: NDArray[np.int32]
-    present: Bools
+    nearest: Int32
+    deep: Int32
+    present: Bool
 
     @property
     def luma(self) -> Float32:
@@ -110,7 +126,7 @@ class ExemplarMaterials:
         return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
 
 
-def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
+def _nearest(there: Bool, shape: tuple[int, ...]) -> Int32:
     """Flat index of the nearest pixel of a mask of every second pixel, int32 [h, w]."""
     rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
     if not there.any():
@@ -128,8 +144,19 @@ def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
     return np.where(own, (rows * shape[1] + columns).astype(np.int32), out)
 
 
+def stand_in(shares: Float32, present: Bool) -> None:
+    """Let others stand in for materials that an exemplar does not show; in place.
+
+    ``shares`` float32 [..., 7] by `MATERIALS`, ``present`` bool [7].
+    """
+    for material, other in STAND_INS:
+        if not present[material]:
+            shares[..., other] += shares[..., material]
+            shares[..., material] = 0
+
+
 def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
-               shown: Bools | None = None) -> None:
+               shown: Bool | None = None) -> None:
     """Let skin stand in for a neck that the exemplar shows in another light, in place.
 
     The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
@@ -138,14 +165,10 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
 
     Parameters
     ----------
-    shares
-        float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
-    tone
-        float32 [N] in [0, 1], the sitter's.
-    theirs
-        The exemplar's materials.
-    shown
-        bool [N], places that photos show; others don't show how light a neck is. None: all.
+    shares : float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
+    tone : float32 [N] in [0, 1], the sitter's.
+    theirs : The exemplar's materials.
+    shown : bool [N], places that photos show; others don't show how light a neck is. None: all.
     """
     neck, face = (mostly(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
     their_neck, their_face = (theirs.shares[..., part].sum(axis=-1) > 0.5
@@ -165,14 +188,14 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     shares[:, NECK] -= other
 
 
-def mostly(share: Float32, shown: Bools | None) -> Bools:
+def mostly(share: Float32, shown: Bool | None) -> Bool:
     """Places [N] that are mostly of a material: those that are shown, where they are enough."""
     inside = share > 0.5
     seen = inside if shown is None else inside & shown
     return seen if seen.sum() >= FEW else inside
 
 
-def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Float32:
+def _like(tone: Float32, ours: Bool, reference: Float32, theirs: Bool) -> Float32:
     """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
     wanted = Distribution.of(reference, theirs.astype(np.float32))
     return match_histogram(np.ascontiguousarray(tone[None]), wanted,
@@ -180,7 +203,7 @@ def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Floa
 
 
 def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
-                  reference: Float32 | None = None, shown: Bools | None = None,
+                  reference: Float32 | None = None, shown: Bool | None = None,
                   darkest: float = 0.0) -> tuple[Float32, Float32]:
     """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
@@ -222,10 +245,8 @@ def material_guides(shares: Float32, tone: Float32, detail: Float32,
 
     Parameters
     ----------
-    shares, tone, detail
-        float32 [..., 7] by `MATERIALS`, and [...].
-    weights
-        Of tone, detail and materials.
+    shares, tone, detail : float32 [..., 7] by `MATERIALS`, and [...].
+    weights : Of tone, detail and materials.
     """
     roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2])
     planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
@@ -242,15 +263,12 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
 
     Parameters
     ----------
-    shares, tone
-        float32 [N, 7] and [N], the places to be painted.
-    theirs
-        The exemplar's materials.
+    shares, tone : float32 [N, 7] and [N], the places to be painted.
+    theirs : The exemplar's materials.
     factor
         Pixels to be painted for each place, times how much more often than evenly the exemplar's
         may be used; one number, or one for each material.
-    reference
-        float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
+    reference : float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
     """
     reference = theirs.tone if reference is None else reference
     factors = np.broadcast_to(np.asarray(factor, np.float32), (len(MATERIALS),))
@@ -285,21 +303,21 @@ def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
     return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
 
 
-def mainly(shares: Float32) -> NDArray[np.int64]:
+def main_material(shares: Float32) -> Int64:
     """The material that each place is mostly, int64 [N], of shares float32 [N, 7]."""
     out = np.empty(len(shares), np.int64)
     largest_share(np.ascontiguousarray(shares, np.float32), out)
     return out
 
 
-def into(material: NDArray[np.int64], theirs: ExemplarMaterials, position: Float32) -> Float32:
-    """Positions [N, 2], moved to the exemplar's nearest place of a material [N] (`mainly`)."""
+def nearest_of_material(material: Int64, theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of a material, int64 [N]."""
     out = np.empty(position.shape, np.float32)
-    move_into(np.ascontiguousarray(position, np.float32), material, theirs.nearest, out)
+    move_to_material(np.ascontiguousarray(position, np.float32), material, theirs.nearest, out)
     return out
 
 
-def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
+def guide_agreement(guided: Float32, wanted: Float32, unit: float) -> Float32:
     """How far the exemplar has the material where the guide leads, [N] in [0, 1].
 
     A place under a hat that is to be a forehead has been moved to the rim of the hat's shade: that
@@ -308,10 +326,97 @@ def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
     Parameters
     ----------
     guided, wanted
-        float32 [N, 2], the guide's places, and those of like material next to them (`into`).
-    unit
-        A 50th of the face, in their pixels.
+        float32 [N, 2], the guide's places, and those of like material next to them
+        (`nearest_of_material`).
+    unit : A 50th of the face, in their pixels.
     """
     away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
-    near, far = HOME
+    near, far = AGREES
     return np.asarray(np.clip((far - away) / (far - near), 0, 1), np.float32)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where an exemplar has what N places are made of.
+
+    Attributes
+    ----------
+    material : int64 [N], what each place is mostly (`main_material`).
+    wanted
+        float32 [N, 2], where the guide leads, moved into like material; pixels of the exemplar.
+    agreement : float32 [N] in [0, 1], how far the exemplar has it where the guide leads.
+    """
+
+    material: Int64
+    wanted: Float32
+    agreement: Float32
+
+    @staticmethod
+    def of(shares: Float32, theirs: ExemplarMaterials, guided: Float32, unit: float) -> Placement:
+        """Of shares [N, 7] and guided places [N, 2]; ``unit`` as for `guide_agreement`."""
+        material = main_material(shares)
+        wanted = nearest_of_material(material, theirs, guided)
+        return Placement(material, wanted, guide_agreement(guided, wanted, unit))
+
+
+PIECE = 0.3
+"""Side of the pieces that the search begins with, over the exemplar's face size."""
+PLACES, R2 = 16, (0.7548776662, 0.5698402910)
+"""So many places are tried for a piece, one after the other of this sequence."""
+FAR, AWAY = 2.0, 0.05
+"""Breadth of where these lie, over the face's size, and the tone that so far away costs."""
+
+
+def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+           tone: Float32, size: float) -> Float32:
+    """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
+
+    Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
+    material, near the guided place or some way off: alike, but not the same next to each other. Of
+    a few such places that is taken whose tone is the nearest to the one asked for, so that a dark
+    piece does not lie beside a light one where the sitter is all alike.
+
+    Parameters
+    ----------
+    material : int64 [N], what the sitter's places are mostly (`main_material`).
+    theirs : The exemplar's.
+    wanted, plane
+        float32 [N, 2], the guided places in the exemplar and those in the plane; pixels.
+    tone : float32 [N], asked for.
+    size : Of the exemplar's face in these pixels.
+    """
+    side = PIECE * size
+    sites = Sites.around(plane, side)
+    number = np.empty(len(plane), np.int32)
+    nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
+    middles = sites.points.reshape(-1, 2)
+    count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
+    guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
+                       for axis in range(2)], axis=-1)
+    asked = np.bincount(number, tone, len(middles)) / count
+    votes = np.bincount(number * len(MATERIALS) + material,
+                        minlength=len(middles) * len(MATERIALS))
+    kinds = votes.reshape(len(middles), -1).argmax(axis=1)
+    best, chosen = np.full(len(middles), np.inf), np.zeros((len(middles), 2))
+    for turn in range(PLACES):
+        # The R2 sequence: places that lie evenly, in another order for each site.
+        chance = (sites.chances.reshape(-1, 2) + turn * np.array(R2)) % 1
+        place = guided + FAR * size * (chance - 0.5)
+        there = theirs.deep[kinds, *_pixels(place, theirs)]
+        off = np.abs(theirs.tone.reshape(-1)[there] - asked)
+        off += AWAY / size * np.linalg.norm(place - guided, axis=1)
+        better = off < best - 1e-6
+        best[better], chosen[better] = off[better], place[better]
+    y, x = _pixels(chosen, theirs)
+    found, width = theirs.deep[material, y[number], x[number]], theirs.tone.shape[1]
+    piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
+    piece += plane - middles[number]
+    return nearest_of_material(material, theirs, np.asarray(piece, np.float32))
+
+
+def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
+            ) -> tuple[Int64, Int64]:
+    """Rows and columns of the exemplar's pixels at places [N, 2] (x, y), or next to them."""
+    height, width = theirs.tone.shape
+    return (np.clip(places[:, 1], 0, height - 1).astype(np.int64),
+            np.clip(places[:, 0], 0, width - 1).astype(np.int64))

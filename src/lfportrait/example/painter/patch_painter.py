@@ -1,9 +1,10 @@
 """The patch painter for photos and heads: exemplar patches of the same material over an atlas.
 
 An atlas is a picture whose pixels are places of what is painted: the charts of a head's surface
-(`skin.canvas.Canvas`), or a photo, which is an atlas with one chart (`Sheet`). Who paints says of
-each place what it is made of, how light it is to be and where in the exemplar the guide leads
-(`Wish`); the painter lays patches that agree with each other and with what is painted already.
+(`skin.sitter.Canvas`), or a photo, which is an atlas with one chart (`PhotoAtlas`). Who paints says
+of each place what it is made of, how light it is to be and where in the exemplar the guide leads
+(`PatchRequest`); the painter lays patches that agree with each other and with what is painted
+already.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Int32, UInt8
 from ..exemplar import Exemplar
 from ..kernels.patches import ACTIVE
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
@@ -25,11 +26,6 @@ from .materials import (
     resized_materials,
 )
 from .picture_materials import EARS, NECK, SKIN
-
-__all__ = ["FAR_PLACE", "PLACE", "Atlas", "GuideWeights", "PatchPainter", "Sheet", "Wish", "flesh"]
-
-Float32 = NDArray[np.float32]
-
 
 PLACE, FAR_PLACE = 4.0, 0.15
 """Weight of the position guide around the face; and in hair, neck, clothes and background, where it
@@ -63,11 +59,11 @@ class Atlas(Protocol):
     """
 
     @property
-    def slots(self) -> NDArray[np.int32]:
+    def slots(self) -> Int32:
         """See above."""
 
     @property
-    def owner(self) -> NDArray[np.int32] | None:
+    def owner(self) -> Int32 | None:
         """See above."""
 
     def spread(self, values: Float32) -> Float32:
@@ -75,13 +71,13 @@ class Atlas(Protocol):
 
 
 @dataclass(frozen=True)
-class Sheet:
+class PhotoAtlas:
     """A photo [H, W]: an atlas with one chart, whose places are its pixels."""
 
     shape: tuple[int, int]
 
     @property
-    def slots(self) -> NDArray[np.int32]:
+    def slots(self) -> Int32:
         """The pixels' numbers."""
         return np.arange(self.shape[0] * self.shape[1], dtype=np.int32).reshape(self.shape)
 
@@ -96,27 +92,22 @@ class Sheet:
 
 
 @dataclass
-class Wish:
+class PatchRequest:
     """What is to be painted at N places, and what is painted already.
 
     Attributes
     ----------
-    shares
-        float32 [N, 7] by `MATERIALS`.
-    tone, detail
-        float32 [N], luma and its fine part as the exemplar would have them.
+    shares : float32 [N, 7] by `MATERIALS`.
+    tone, detail : float32 [N], luma and its fine part as the exemplar would have them.
     wanted, begin
         float32 [N, 2], places in the exemplar (in pixels of the painting's size): where the guide
         leads, moved into like material, and where the search begins.
-    weight
-        float32 [N], of staying near ``wanted``, in units of a squared pixel.
-    sure
-        float32 [N, 2], how far detail and tone are to be trusted.
+    weight : float32 [N], of staying near ``wanted``, in units of a squared pixel.
+    sure : float32 [N, 2], how far detail and tone are to be trusted.
     state
         uint8 [H, W]: `ACTIVE` is to be painted, `FIXED` is, `FOREIGN` is another's copy, `OUTSIDE`
         is nothing.
-    color
-        float32 [H, W, 3] in [0, 1], what is painted.
+    color : float32 [H, W, 3] in [0, 1], what is painted.
     often
         How often the exemplar's pixels may be used, against evenly: a number, or one a material.
     """
@@ -128,7 +119,7 @@ class Wish:
     begin: Float32
     weight: Float32
     sure: Float32
-    state: NDArray[np.uint8]
+    state: UInt8
     color: Float32
     often: float | Float32 = 1.0
 
@@ -138,14 +129,10 @@ class PatchPainter:
 
     Parameters
     ----------
-    exemplar, shares
-        The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
-    search, seed
-        How patches are searched.
-    sharp
-        Whether tones are compared with their detail, as on photos, or blurred, as on heads.
-    weights
-        Of the guides.
+    exemplar, shares : The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
+    search, seed : How patches are searched.
+    sharp : Whether tones are compared with their detail, as on photos, or blurred, as on heads.
+    weights : Of the guides.
     """
 
     def __init__(self, exemplar: Exemplar, shares: Float32, search: PatchSearch, seed: int,
@@ -163,33 +150,38 @@ class PatchPainter:
         return theirs.luma if self._sharp else theirs.tone
 
     def source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
-        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
+        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept.
+
+        Three decimals of the size count: its pictures serve all that are nearly as large.
+        """
+        size = round(size, 3)
         if size not in self._sources:
             picture, theirs = resized_materials(self.exemplar, self.shares, size)
             self._sources = {size: (PatchSource.of(picture, self._guides(
                 theirs.shares, self.tones(theirs), theirs.detail)), theirs)}
         return self._sources[size]
 
-    def target(self, atlas: Atlas, theirs: ExemplarMaterials, size: float,
-               wish: Wish) -> PatchTarget:
+    def _target(self, atlas: Atlas, theirs: ExemplarMaterials, size: float,
+                request: PatchRequest) -> PatchTarget:
         """What the patches are to do."""
-        painted = wish.state == ACTIVE
-        active = np.zeros(len(wish.shares), bool)
+        painted = request.state == ACTIVE
+        active = np.zeros(len(request.shares), bool)
         active[atlas.slots[painted]] = True
-        even = even_uses(wish.shares[active], wish.tone[active], theirs, wish.often,
+        even = even_uses(request.shares[active], request.tone[active], theirs, request.often,
                          self.tones(theirs))
-        guides = self._guides(wish.shares, wish.tone, wish.detail)
+        guides = self._guides(request.shares, request.tone, request.detail)
         asked, start, weight, sure = (atlas.spread(values) for values in (
-            wish.wanted, wish.begin, wish.weight[:, None], wish.sure))
+            request.wanted, request.begin, request.weight[:, None], request.sure))
         return PatchTarget(atlas.spread(guides), start, start, asked,
                            np.ascontiguousarray(weight[..., 0]),
-                           float((ROAM * self.unit(size)) ** 2), even, sure, wish.state,
-                           atlas.owner, wish.color)
+                           float((ROAM * self.unit(size)) ** 2), even, sure, request.state,
+                           atlas.owner, request.color)
 
-    def lay(self, target: PatchTarget, source: PatchSource) -> Float32:
-        """The painting, float32 [H, W, 3] in [0, 1]."""
-        color, _ = synthesise_patches(target, source, self.search, self.seed)
-        return color
+    def paint(self, atlas: Atlas, size: float, request: PatchRequest) -> Float32:
+        """The painting at ``size`` times the exemplar's own, float32 [H, W, 3] in [0, 1]."""
+        source, theirs = self.source(size)
+        target = self._target(atlas, theirs, size, request)
+        return synthesise_patches(target, source, self.search, self.seed)[0]
 
     def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
         return material_guides(shares, tone, detail, self._weights)

@@ -9,6 +9,10 @@ nearly rigidly begins with StyleBlit's own chunks, all else with rigid pieces fr
 material.
 
 Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
+
+A painter's white shirt or black coat has no paint for the folds, patches and zips of what a sitter
+wears: patches of it alone are a flat shape. Where the paint does not have the photo's light and
+shade, it becomes lighter or darker as paint does: no further than to white and black, its hue kept.
 """
 
 from __future__ import annotations
@@ -22,51 +26,94 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
-from ..guides.appearance import grey
-from ..guides.blurs import broad_blur, enlarged, gaussian_blur
-from ..guides.labels import soft_face
-from ..guides.maps import relative_stretch
-from ..guides.position import pixel_centres
-from ..guides.regions import Regions
-from ..guides.shapes import disk
+from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
+from ..guides.position import pixel_centres, relative_stretch
+from ..guides.regions import Regions, soft_face
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchSearch, PatchSource
-from .cells import Cells
-from .folds import with_folds
-from .kept import known_shares
-from .light import BLUR, REACH
-from .light import CELL as CELL_OF_LIGHT
+from .light import light_beside
 from .materials import (
     ExemplarMaterials,
-    at_home,
-    into,
+    Placement,
+    guide_agreement,
     light_neck,
-    mainly,
+    nearest_of_material,
+    pieces,
 )
 from .patch_painter import (
     FAR_PLACE,
     PLACE,
     GuideWeights,
     PatchPainter,
-    Sheet,
-    Wish,
+    PatchRequest,
+    PhotoAtlas,
     flesh,
 )
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
-from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN
-from .pieces import pieces
-from .strands import outline, strands, unpainted
+from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN, known_shares
+from .plain_skin import outline, take_out_strands
 
 if TYPE_CHECKING:
-    from ..result import TransferResult
+    from ..styleblit import TransferResult
 
-__all__ = ["PhotoPatches"]
+CONTRAST = 0.45
+"""Contrast of the photo (of log odds of luma) that painted clothes have at the least."""
+FINE, BROAD = 0.012, 0.03
+"""Blurs of the photo and of its paint before they are compared, over the face's size."""
+UTMOST_ODDS = 1.6
+"""Nothing becomes lighter or darker by more than this, in log odds."""
+LEAST = 0.03
+"""Black and white are this far from 0 and 1."""
+FEW = 100
+"""Fewer pixels are no clothes."""
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+
+def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Float32:
+    """A painted picture whose clothes have at least the photo's light and shade.
+
+    Parameters
+    ----------
+    color : float32 [H, W, 3] in [0, 1], the painted picture.
+    luma : float32 [H, W] in [0, 1], of the photo.
+    worn : float32 [H, W] in [0, 1], how far it shows clothes.
+    size : Of the face in pixels.
+
+    Returns
+    -------
+    float32 [H, W, 3] in [0, 1]; the same array where nothing is worn.
+    """
+    rows, columns = (np.flatnonzero((worn > 0.02).any(axis=axis)) for axis in (1, 0))
+    if (worn > 0.5).sum() < FEW:
+        return color
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    worn = np.ascontiguousarray(worn[box])
+    paint = color[box]
+    inside = worn > 0.5
+    asked = _odds(gaussian_blur(np.ascontiguousarray(luma[box]), max(0.5, FINE * size)))
+    there = paint @ np.array([0.299, 0.587, 0.114], np.float32)
+    there = _odds(broad_blur(there * worn, BROAD * size)
+                  / np.maximum(broad_blur(worn, BROAD * size), np.float32(1e-3)))
+    asked = np.float32(CONTRAST) * (asked - np.median(asked[inside]))
+    lacking = asked - (there - np.median(there[inside]))
+    # Not more than asked for, and nothing against it: the rest are the painter's own strokes.
+    lacking = np.clip(lacking, np.minimum(asked, 0), np.maximum(asked, 0))
+    lacking = np.clip(lacking, -UTMOST_ODDS, UTMOST_ODDS) * worn
+    out = color.copy()
+    chosen = worn > 0.02
+    colors = _odds(paint[chosen]) + lacking[chosen][:, None]
+    # Exact where nothing is lacking, black and white included.
+    out[box][chosen] += 1 / (1 + np.exp(-colors)) - np.clip(paint[chosen], LEAST, 1 - LEAST)
+    return np.clip(out, 0, 1, out=out)
+
+
+def _odds(values: NDArray[np.floating]) -> Float32:
+    """Log odds of values in [0, 1]."""
+    values = np.clip(values, np.float32(LEAST), np.float32(1 - LEAST))
+    return np.asarray(np.log(values / (1 - values)), np.float32)
+
 
 LARGEST = 1.7e6
 """Photos of more pixels than this are refined at a smaller size and enlarged, but for the face."""
@@ -105,27 +152,19 @@ class PhotoPatches:
     ----------
     exemplar, regions, labels
         The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
-    seed
-        Of the search.
+    seed : Of the search.
     """
 
-    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8,
                  seed: int = 0) -> None:
         self.exemplar = exemplar
         shares = known_shares(exemplar, regions, labels, strict=False)
         self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
-        hair = shares[..., HAIR]
-        if regions.hair is not None:
-            hair = np.maximum(hair, regions.hair)
-        hair = np.ascontiguousarray(hair)
-        # With a cap's ribbon, which is hair in its place but no paint for it.
-        self._hair = hair
-        self._strand = strands(exemplar, hair, labels)
-        unpainted(shares, self._strand)
+        self._hair, self._strand = take_out_strands(shares, exemplar, regions, labels)
         self._painter = PatchPainter(exemplar, shares, PatchSearch(last_votes=1), seed,
                                      sharp=True, weights=WEIGHTS)
         # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
-        self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
+        self._covered = np.stack([broad_blur(self._hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
         self._outline = outline(exemplar)
 
@@ -149,14 +188,10 @@ class PhotoPatches:
 
         Parameters
         ----------
-        photo
-            uint8 or float in [0, 1], [H, W, 3].
-        landmarks, regions
-            [68, 2] in pixels, and the regions of the photo.
-        result
-            StyleBlit's, of the same photo and exemplar.
-        scale
-            Exemplar pixels per pixel of the photo (`Transfer.scale`).
+        photo : uint8 or float in [0, 1], [H, W, 3].
+        landmarks, regions : [68, 2] in pixels, and the regions of the photo.
+        result : StyleBlit's, of the same photo and exemplar.
+        scale : Exemplar pixels per pixel of the photo (`Transfer.scale`).
         turned
             Whether the face is turned far: its side, which the exemplar shows as a narrow strip, is
             patches, too.
@@ -189,7 +224,7 @@ class PhotoPatches:
         """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
         painter = self._painter
         size = round(1 / work.scale, 3)
-        source, theirs = self._source(size)
+        _, theirs = self._source(size)
         unit = painter.unit(size)
         covered = np.isfinite(work.position[..., 0])
         position = np.nan_to_num(work.position)
@@ -203,13 +238,10 @@ class PhotoPatches:
         rigid = _rigid(work.position * np.float32(size))
         near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
         guided = position.reshape(-1, 2) * np.float32(size)
-        material = mainly(shares)
-        wanted = into(material, theirs, guided)
-        home = at_home(guided, wanted, unit)
+        placed = Placement.of(shares, theirs, guided, unit)
         # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.
         behind = shares[:, GROUND] > 0.5
-        begin, kept = self._begin(work, material, theirs, behind, wanted, tone.reshape(-1), rigid,
-                                  size)
+        begin, kept = self._begin(work, placed, theirs, behind, tone.reshape(-1), rigid, size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
@@ -217,27 +249,26 @@ class PhotoPatches:
         core = _round(work, core & bare & clear) | core & (planes[..., FEATURES] > 0.5)
         # Under a strand is plain skin: a fold there would be painted with what is left of it.
         trust = np.where(clear, trust, np.minimum(trust, np.float32(UNDER)))
-        tone = tone + flesh(planes) * _carried_light(work, core, tone)
+        tone = tone + flesh(planes) * _extrapolated_light(work, core, tone)
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
-        wanted = np.where(kept[:, None], begin, wanted)
+        wanted = np.where(kept[:, None], begin, placed.wanted)
         # But not under the photo's patterns; those of its hair are none.
         loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
         weight = np.where(kept, CHUNK * (1 - loose), FAR_PLACE)
-        weight = np.maximum(weight, PLACE * near * shares[:, SKIN] * home) / unit ** 2
+        weight = np.maximum(weight, PLACE * near * shares[:, SKIN] * placed.agreement) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         often = EVEN.copy()
         if has_plain_ground(theirs):
             often[GROUND] = PLAIN_EVEN
         trusted = trust.reshape(-1)
-        wish = Wish(shares, tone.reshape(-1), detail.reshape(-1), wanted, begin,
-                    weight.astype(np.float32), np.stack([trusted, trusted], axis=1), state,
-                    work.painted, often)
-        target = painter.target(Sheet((soft.shape[0], soft.shape[1])), theirs, size, wish)
-        color = with_folds(painter.lay(target, source), grey(work.photo), planes[..., CLOTHES],
+        color = painter.paint(PhotoAtlas((soft.shape[0], soft.shape[1])), size, PatchRequest(
+            shares, tone.reshape(-1), detail.reshape(-1), wanted, begin, weight.astype(np.float32),
+            np.stack([trusted, trusted], axis=1), state, work.painted, often))
+        color = with_folds(color, grey(work.photo), planes[..., CLOTHES],
                            face_size(work.landmarks))
         return color, core.astype(np.float32)
 
-    def _bare(self, work: _Work) -> tuple[Bools, Bools]:
+    def _bare(self, work: _Work) -> tuple[Bool, Bool]:
         """Where StyleBlit has not laid the exemplar's hair over a face, nor a strand, bool [H, W].
 
         A fringe, a curl, the shade at its hairline: on a higher forehead they would be stains.
@@ -256,17 +287,17 @@ class PhotoPatches:
         clear = gaussian_blur(np.asarray(strand, np.float32), edge / 2) < 0.1
         return np.asarray((bare > 0.8) & (inside > 0.95)), np.asarray(clear)
 
-    def _begin(self, work: _Work, material: NDArray[np.int64], theirs: ExemplarMaterials,
-               behind: Bools, wanted: Float32, tone: Float32, rigid: Bools, size: float,
-               ) -> tuple[Float32, Bools]:
+    def _begin(self, work: _Work, placed: Placement, theirs: ExemplarMaterials, behind: Bool,
+               tone: Float32, rigid: Bool, size: float) -> tuple[Float32, Bool]:
         """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
         plane = pixel_centres(work.painted.shape[:2]).reshape(-1, 2)
-        piece = pieces(material, theirs, wanted, plane, tone, self.exemplar.size * size)
+        piece = pieces(placed.material, theirs, placed.wanted, plane, tone,
+                       self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
-        moved = into(material, theirs, own)
-        moved[behind] = wanted[behind]
+        moved = nearest_of_material(placed.material, theirs, own)
+        moved[behind] = placed.wanted[behind]
         kept = rigid.reshape(-1) & (moved == own).all(axis=1) & ~behind
-        home = behind | (at_home(own, moved, self.exemplar.size * size / 50) > 0.5)
+        home = behind | (guide_agreement(own, moved, self.exemplar.size * size / 50) > 0.5)
         return np.where((rigid.reshape(-1) & home)[:, None], moved, piece), kept
 
 
@@ -274,7 +305,7 @@ class PhotoPatches:
 class _Work:
     """A photo and what StyleBlit did, at the size at which patches are laid."""
 
-    photo: NDArray[np.uint8]
+    photo: UInt8
     landmarks: Float64
     regions: Regions
     position: Float32
@@ -317,7 +348,7 @@ def _resized(planes: Float32, size: tuple[int, int],
                      for n in range(planes.shape[2])], axis=-1)
 
 
-def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
+def _core(work: _Work, soft: Float32, kept: Bool, skin: Float32) -> Bool:
     """The face that stays as StyleBlit painted it, and the forehead where that is skin, [H, W]."""
     frame = work.regions.frame
     right, down = frame.local(soft.shape)
@@ -336,25 +367,21 @@ def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
     return np.asarray(face | (forehead & (broad > 0.9)), bool)
 
 
-def _round(work: _Work, core: Bools) -> Bools:
+def _round(work: _Work, core: Bool) -> Bool:
     """A face without what is narrow at its edge, bool [H, W]: skin that shows between locks."""
     kernel = disk(0.08 * face_size(work.landmarks))
     return cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 
-def _carried_light(work: _Work, core: Bools, tone: Float32) -> Float32:
-    """How much lighter the face is painted than its tones ask for, carried on; float32 [H, W].
-
-    Patches beside the face begin in its painted light, not in the photo's, as on a skin
-    (`skin.light`).
-    """
-    cells = Cells.over(pixel_centres(core.shape).reshape(-1, 2),
-                       CELL_OF_LIGHT * work.regions.frame.height)
-    light = cells.carried((grey(work.painted) - tone).reshape(-1), core.reshape(-1), BLUR, REACH)
-    return np.where(core, np.float32(0), np.clip(light.reshape(core.shape), -UTMOST, UTMOST))
+def _extrapolated_light(work: _Work, core: Bool, tone: Float32) -> Float32:
+    """How much lighter the face is painted than its tones ask for, [H, W] (`light_beside`)."""
+    light = light_beside(pixel_centres(core.shape).reshape(-1, 2), work.regions.frame.height,
+                         core.reshape(-1), (grey(work.painted) - tone).reshape(-1),
+                         core.reshape(-1), UTMOST)
+    return light.reshape(core.shape)
 
 
-def _rigid(position: Float32) -> Bools:
+def _rigid(position: Float32) -> Bool:
     """Where a map [H, W, 2] is nearly a turn by a small angle and a change of size, bool [H, W]."""
     shape = position.shape[0], position.shape[1]
     small: Float32 = np.nan_to_num(position[CELL // 2::CELL, CELL // 2::CELL])

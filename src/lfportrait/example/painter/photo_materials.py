@@ -2,28 +2,79 @@
 
 The photo says itself what is hair, neck, clothes and background; what the exemplar does not show
 is painted with what comes nearest.
+
+A sitter's beard in a photo: hair below the cheeks, which the networks take for skin.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, UInt8
+from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
-from ..guides.appearance import grey, skin_distance
-from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import Regions
-from ..guides.shapes import disk
-from .looks import BLUR, contours
-from .materials import STAND_INS, ExemplarMaterials, matched_looks
-from .photo_beard import grow_beard
-from .picture_materials import CLOTHES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
+from .materials import BLUR, ExemplarMaterials, contours, matched_looks, stand_in
+from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
 
-__all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
+FACE = 60.0
+"""Pixels from the brows to the chin in the picture that is looked at."""
+CHEEKS, CHIN, REACH = (0.12, 0.45), (0.78, 0.98), (0.3, 2.2)
+"""Cheeks, a chin and all of a beard lie between these (brows 0, chin 1)."""
+ASIDE = 0.75, 0.4, 1.25
+"""And so far from the middle, over half the face's width."""
+BARE = 2.3
+"""A chin nearer to the cheeks' colors than this, in standard deviations, is bare, or in shade."""
+NEARER = 0.6
+"""A beard's distance from the colors of the hair is no more than this share of that from skin's."""
+FEW = 30
+"""Fewer pixels than this have no color."""
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+
+def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
+               shares: Float32) -> None:
+    """Let a beard be hair, in place: what hangs together with a chin that is as the hair is.
+
+    Parameters
+    ----------
+    photo, regions, labels
+        uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(PICTURE_LABELS)]).
+    shares : float32 [H, W, 7] by `MATERIALS`.
+    """
+    step = max(1, int(regions.frame.height / FACE))
+    part = shares[::step, ::step]
+    size = part.shape[1], part.shape[0]
+    colors = cv2.resize(photo, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+    right, down = (plane[::step, ::step] for plane in regions.frame.local(shares.shape[:2]))
+    half = 0.5 * regions.frame.width / regions.frame.height
+    lips = labels[::step, ::step, PICTURE_LABELS.index("lips")] > 60
+    bare = (part[..., SKIN] > 0.9) & (part[..., FEATURES] < 0.05) & ~lips
+    cheeks, chin, low = ((down > high) & (down < deep) & (np.abs(right) < aside * half)
+                         for (high, deep), aside in zip((CHEEKS, CHIN, REACH), ASIDE))
+    cheeks, chin = cheeks & bare, chin & ~lips
+    hair = (part[..., HAIR] > 0.8) & (down < CHEEKS[1])
+    low &= (part[..., [SKIN, NECK, CLOTHES]].sum(axis=-1) > 0.02) & ~lips
+    if min(one.sum() for one in (cheeks, chin, hair)) < FEW:
+        return
+    chosen = cheeks | chin | hair | low
+    to_skin, to_hair = (np.zeros(chosen.shape, np.float32) for _ in range(2))
+    for away, sample in ((to_skin, cheeks), (to_hair, hair)):
+        away[chosen] = skin_distance(colors[chosen], sample[chosen], 1.0)
+    of_chin = float(np.median(to_skin[chin]))
+    if of_chin < BARE or np.median(to_hair[chin]) > NEARER * of_chin:
+        return
+    _, pieces = cv2.connectedComponents((low & (to_hair < NEARER * to_skin)).astype(np.uint8))
+    known = np.unique(pieces[chin])
+    beard = np.isin(pieces, known[known > 0]).astype(np.float32)
+    whole = cv2.resize(gaussian_blur(beard, 0.7), shares.shape[1::-1],
+                       interpolation=cv2.INTER_LINEAR)
+    for material in (SKIN, NECK, CLOTHES):
+        moved = shares[..., material] * whole
+        shares[..., material] -= moved
+        shares[..., HAIR] += moved
+
 
 ODD = 3.5
 """On the head above the brows, what is no hair and further from the skin's color is worn."""
@@ -48,21 +99,18 @@ HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
 
 
-def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
+def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
                  position: Float32, painted_hair: Float32,
-                 present: NDArray[np.bool_]) -> Float32:
+                 present: Bool) -> Float32:
     """Shares of `MATERIALS` of a photo, of those that the exemplar has.
 
     Parameters
     ----------
     photo, regions, labels
         uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(PICTURE_LABELS)]).
-    position
-        float32 [H, W, 2], exemplar pixels; no NaN.
-    painted_hair
-        float32 [h, w] in [0, 1], the exemplar's hair, or what it wears instead.
-    present
-        bool [7], what the exemplar shows enough of; others stand in for the rest.
+    position : float32 [H, W, 2], exemplar pixels; no NaN.
+    painted_hair : float32 [h, w] in [0, 1], the exemplar's hair, or what it wears instead.
+    present : bool [7], what the exemplar shows enough of; others stand in for the rest.
 
     Returns
     -------
@@ -84,10 +132,7 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
         _, down = regions.frame.local(photo.shape[:2])
         _set_apart(photo, shares, np.asarray(down, np.float32))
         grow_beard(photo, regions, labels, shares)
-    for material, stand_in in STAND_INS:
-        if not present[material]:
-            shares[..., stand_in] += shares[..., material]
-            shares[..., material] = 0
+    stand_in(shares, present)
     return shares
 
 
@@ -130,7 +175,7 @@ def _settle_body(shares: Float32, regions: Regions) -> None:
         shares[..., other] += moved
 
 
-def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float32) -> None:
+def _set_apart(photo: UInt8, shares: Float32, down: Float32) -> None:
     """What is worn on the head (sunglasses, hats) may look like hair or like clothes; in place.
 
     ``down`` [H, W] is 0 at the brows and 1 at the chin.
@@ -156,16 +201,14 @@ def has_plain_ground(theirs: ExemplarMaterials) -> bool:
     return bool(behind.any() and theirs.luma[behind].std() < PLAIN)
 
 
-def photo_looks(photo: NDArray[np.uint8], landmarks: Float64, shares: Float32,
+def photo_looks(photo: UInt8, landmarks: Float64, shares: Float32,
                 theirs: ExemplarMaterials) -> tuple[Float32, Float32, Float32]:
     """Tones of a photo in the exemplar's paint, and their confidence.
 
     Parameters
     ----------
-    photo, landmarks, shares
-        uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 7].
-    theirs
-        The exemplar's.
+    photo, landmarks, shares : uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 7].
+    theirs : The exemplar's.
 
     Returns
     -------

@@ -1,4 +1,9 @@
-"""Materials of a picture: per-pixel shares of skin, hair, neck, clothes, background, ears.
+"""Cache of the materials of paintings.
+
+A picture made small, whose colors are compared; and the numbers of the materials.
+
+A sitter without one has hair and a background there. They must not be painted with a ribbon, or
+with a brim that hovers behind the head.
 
 Most of it follows from the picture's regions. What lies below the jaw is classified by its color
 and place, and so is a beard; ears by their place alone.
@@ -6,37 +11,283 @@ and place, and so is a beard; ears by their place alone.
 
 from __future__ import annotations
 
+import functools
+from typing import Any
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ...arrays import Bool, Float32, Int32, UInt8
+from ...cache import kept_arrays, key_of
+from ...labels import BY_HAND, MATERIALS, PICTURE_LABELS
 from ...labels import FEATURES as FACE_FEATURES
-from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import skin_distance
-from ..guides.blurs import gaussian_blur
-from ..guides.regions import Regions
-from .headwear import part_headwear
-from .small_picture import (
-    CHEEKS,
-    CLOTHES,
-    EARS,
-    FEATURES,
-    GROUND,
-    HAIR,
-    LIKE_SKIN,
-    NECK,
-    PLAIN,
-    SKIN,
-    SmallPicture,
-    near_to,
-)
+from ..guides.filters import broad_blur, enlarged, gaussian_blur, grey, shrunk, skin_distance
+from ..guides.regions import Regions, soft_face
 
-__all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
-           "SmallPicture",
-           "material_shares", "painted_shares", "picture_shares"]
+SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES, EARS = range(7)
+PLAIN = 0.08
+"""A background whose colors deviate by no more than this (standard deviation) is plain."""
+CHEEKS = 0.15, 0.6
+"""The skin that a neck is compared with lies between these (brows 0, chin 1)."""
+LIKE_PLAIN = ((0.025, 1.5),)
+"""The same for a plain background."""
+PURER, LEAST_CHROMA = 1.1, 10.0
+"""So many times the chroma of the face's purest tenth, or of greys, is a collar's, no neck's."""
+LOOKED_AT = 30.0
+"""Colors are compared in a picture whose face is at least of this size: all of it is blurred."""
+LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
+"""Blurs, over the face's size, and how far from the skin's colors a neck may be then."""
 
-Float32 = NDArray[np.float32]
+
+class SmallPicture:
+    """A picture as small as its colors may be compared in, which are blurred anyway.
+
+    Parameters
+    ----------
+    picture : Painting or photo.
+    regions, labels : What is known of it.
+
+    Attributes
+    ----------
+    image : float32 [h / factor, w / factor, 3] in [0, 1].
+    factor : How much smaller it is.
+    shape : Height and width of the picture.
+    size : Of its face, in the small picture's pixels.
+    right, down : float32 [h, w], the picture's pixels in the face's frame.
+    """
+
+    def __init__(self, picture: Exemplar, regions: Regions, labels: UInt8) -> None:
+        self.factor = int(np.clip(picture.size / LOOKED_AT, 1, 3))
+        self.image: Float32 = np.stack(
+            [shrunk(plane / np.float32(255), self.factor)
+             for plane in np.moveaxis(picture.image.astype(np.float32), -1, 0)], axis=-1)
+        self.shape = picture.image.shape[0], picture.image.shape[1]
+        self.size = picture.size / self.factor
+        self.points, self.labels = picture.landmarks, labels
+        self.right, self.down = regions.frame.local(self.shape)
+        self._blurred: dict[float, Float32] = {}
+
+    @functools.cached_property
+    def face(self) -> Float32:
+        """The face without its forehead, soft; float32 [h, w] of the picture in [0, 1]."""
+        return soft_face(self.shape, self.points).astype(np.float32) / np.float32(255)
+
+    @functools.cached_property
+    def cheeks(self) -> Bool:
+        """The part of the face that is bare, of the small picture.
+
+        A forehead may lie under a fringe, or a mask's hair that is none to the network, and a chin
+        under a beard. What lies beside the face and is skin to the labels may be locks or a hat.
+        """
+        down = self.part(self.down)
+        return np.asarray(self.plain_skin() & (down > CHEEKS[0]) & (down < CHEEKS[1])
+                          & (self.part(self.face) > np.float32(230 / 255)))
+
+    def plain_skin(self) -> Bool:
+        """Skin without features, of the small picture."""
+        labels = self.part(self.labels)
+        features = labels[..., [PICTURE_LABELS.index(name) for name in FACE_FEATURES]]
+        skin = labels[..., PICTURE_LABELS.index("skin")]
+        return np.asarray((skin > 200) & (features.sum(-1) < 30))
+
+    def part(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Every Nth pixel of a plane of the picture, [h, w]."""
+        return plane[::self.factor, ::self.factor]
+
+    def whole(self, plane: Float32) -> Float32:
+        """A small plane as large as the picture."""
+        return enlarged(plane, self.factor, self.shape)
+
+    def blurred(self, sigma: float) -> Float32:
+        """The small picture blurred; ``sigma`` over the face's size."""
+        if sigma not in self._blurred:
+            self._blurred[sigma] = np.stack(
+                [broad_blur(np.ascontiguousarray(self.image[..., c]), sigma * self.size)
+                 for c in range(3)], axis=-1)
+        return self._blurred[sigma]
+
+    def alike(self, sample: Bool, places: Bool,
+              tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
+        """How much places are of a sample's colors; 0 elsewhere, 1 if the sample is small.
+
+        Several blurs and limits: strokes by their mean, the edge of a collar by itself;
+        ``allowed`` scales the limits. All planes are small, [h, w].
+        """
+        chosen = places | sample
+        scale = 1.0 if allowed is None else allowed[chosen]
+        out = np.zeros(places.shape, np.float32)
+        out[chosen] = np.min([near_to(skin_distance(self.blurred(blur)[chosen], sample[chosen]),
+                                    limit * scale) for blur, limit in tests], axis=0)
+        return out
+
+    def like_plain_ground(self, body: Bool) -> Float32:
+        """How much the body looks like the background; 0 where that is not plain."""
+        behind = self.part(self.labels[..., PICTURE_LABELS.index("background")]) > 250
+        if not behind.any() or self.image[behind].std(axis=0).max() >= PLAIN:
+            return np.zeros(behind.shape, np.float32)
+        return self.alike(behind, self.part(body), LIKE_PLAIN)
+
+    def darker(self, plain: Bool, share: float) -> Float32:
+        """Where it is darker than all but a share of the plain skin."""
+        light = grey(self.blurred(LIKE_SKIN[-1][0]))
+        if not plain.any():
+            return np.ones_like(light)
+        least = np.quantile(light[plain], share)
+        return np.asarray(np.clip((least - light) / 0.05, 0, 1), np.float32)
+
+    def pure(self, plain: Bool) -> Float32:
+        """Where colors are purer than the plain skin's: shade makes none purer."""
+        from skimage.color import rgb2lab
+
+        if not plain.any():
+            return np.zeros(plain.shape, np.float32)
+        colors = rgb2lab(np.clip(self.blurred(LIKE_SKIN[-1][0]), 0, 1))
+        chroma = np.hypot(colors[..., 1], colors[..., 2])
+        most = PURER * max(float(np.quantile(chroma[plain], 0.9)), LEAST_CHROMA)
+        return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
+
+
+def near_to(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
+    """1 for small distances, 0 for large ones, one half at the limit."""
+    return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
+
+
+FEW_WORN = 60
+"""Fewer pixels than this have no color."""
+BLUR = 0.03
+"""Colors are compared blurred by so much over the face's size."""
+TWO_HUES = 26.0
+"""Hair whose two most frequent colors are further apart than this in a and b is a cap."""
+BESIDE, LITTLE = 0.2, 0.2
+"""The cap's color is what lies so near to the face, over its size; the other has so little there,
+over what that has."""
+EDGED = 1.3
+"""A cap's paint is no further from its color than this times what is usual."""
+COLORS, APART = (2, 3), 15.0
+"""A background is divided into so many colors; a hat before it differs by this from the others."""
+MEETING = 0.08
+"""Head and background meet within this of each other, over the face's size."""
+TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
+"""A hat covers so much of the line where head and background meet, above the chin. Of the picture's
+border, which is so broad over its size, it covers little: over that share, no more than this times
+the difference of the colors."""
+
+
+def part_headwear(small: SmallPicture, shares: Float32) -> None:
+    """Let a cap's second color be no hair, and a hat beyond the head no background, in place.
+
+    Both are painted nowhere (`FEATURES`).
+
+    Parameters
+    ----------
+    small : The painting, made small.
+    shares : float32 [h, w, 7] by `MATERIALS`, of the whole painting.
+    """
+    _part_cap(small, shares)
+    _part_hat(small, shares)
+
+
+def has_two_hues(small: SmallPicture, hair: Bool) -> bool:
+    """Whether what is taken for hair, bool [h, w] of a small picture, is a cap with a ribbon.
+
+    Hair has lights and shades, but one hue.
+    """
+    return _second_hue(small, hair) is not None
+
+
+def _second_hue(small: SmallPicture, hair: Bool) -> Bool | None:
+    """Where a cap has the hue that is not next to the face, bool [h, w]; None if it is hair."""
+    if hair.sum() < FEW_WORN:
+        return None
+    colors = _colors(small, hair)
+    found, middles = _clusters(colors, 2)
+    if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
+        return None
+    beside = np.bincount(found[_grown(small.part(small.face) > 0.02, BESIDE * small.size)[hair]],
+                         minlength=2)
+    if beside.min() > LITTLE * beside.max():
+        return None
+    own = int(beside.argmax())
+    # Nor is its edge, where skin and shade are mixed with it.
+    away = np.linalg.norm(colors - middles[own], axis=1)
+    other = np.zeros(hair.shape, bool)
+    other[hair] = (found != own) | (away > EDGED * np.sqrt(np.mean(away[found == own] ** 2)))
+    return other
+
+
+def _part_cap(small: SmallPicture, shares: Float32) -> None:
+    """A cap with a ribbon would become stripes of hair; the color next to the face stays."""
+    other = _second_hue(small, small.part(shares[..., HAIR]) > 0.6)
+    if other is not None:
+        _nowhere(small, shares, HAIR, other)
+
+
+def _part_hat(small: SmallPicture, shares: Float32) -> None:
+    """What is taken for background, but lies around the head alone and is of its own color."""
+    ground = small.part(shares[..., GROUND]) > 0.6
+    if ground.sum() < FEW_WORN:
+        return
+    above = small.part(small.down) < 1
+    meeting = ground & above & _grown(~ground & above, MEETING * small.size)
+    width = max(2, round(BORDER * max(ground.shape)))
+    border = np.ones(ground.shape, bool)
+    border[width:, width:-width] = False
+    border &= ground & above
+    if min(meeting.sum(), border.sum()) < FEW_WORN:
+        return
+    colors = _colors(small, ground)
+    for count in COLORS:
+        found, middles = _clusters(colors, count)
+        number = np.full(ground.shape, -1)
+        number[ground] = found
+        for one in range(count):
+            touches, ends = (float((number[part] == one).mean()) for part in (meeting, border))
+            away = np.linalg.norm(np.delete(middles, one, axis=0) - middles[one], axis=1).min()
+            if touches > TOUCHING and away > APART and ends < RARE * away * touches:
+                _nowhere(small, shares, GROUND, _hanging(number == one, meeting))
+                return
+
+
+def _hanging(part: Bool, meeting: Bool) -> Bool:
+    """The pieces of a part [h, w] that meet the head."""
+    _, pieces = cv2.connectedComponents(part.astype(np.uint8))
+    known = np.unique(pieces[meeting & part])
+    return np.isin(pieces, known[known > 0])
+
+
+def _colors(small: SmallPicture, where: Bool) -> Float32:
+    """Blurred colors of some pixels, Lab with half the lightness, float32 [N, 3]."""
+    from skimage.color import rgb2lab
+
+    colors = rgb2lab(np.clip(small.blurred(BLUR)[where], 0, 1)) * [0.5, 1.0, 1.0]
+    return np.asarray(colors, np.float32)
+
+
+def _clusters(colors: Float32, count: int) -> tuple[Int32, Float32]:
+    """Which of the most frequent colors each has, int32 [N], and these, float32 [count, 3]."""
+    stop = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1
+    cv2.setRNGSeed(0)
+    _, found, middles = cv2.kmeans(colors, count, np.empty(0, np.int32), stop, 3,
+                                   cv2.KMEANS_PP_CENTERS)
+    return np.asarray(found[:, 0], np.int32), np.asarray(middles, np.float32)
+
+
+def _grown(part: Bool, radius: float) -> Bool:
+    """A part [h, w] with the square of half a side ``radius`` around each pixel."""
+    side = 2 * round(radius) + 1
+    return np.asarray(cv2.dilate(part.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
+
+
+def _nowhere(small: SmallPicture, shares: Float32, material: int, part: Bool) -> None:
+    """Take a part of a material out of use, in place."""
+    soft = np.clip(2 * small.whole(gaussian_blur(part.astype(np.float32), 1.0)), 0, 1)
+    taken = shares[..., material] * soft
+    shares[..., FEATURES] += taken
+    shares[..., material] -= taken
+
 
 BARE = 1.12
 """Down to here (brows 0, chin 1) it may be neck in the chin's shadow."""
@@ -63,7 +314,7 @@ LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
 
-def material_shares(labels: NDArray[np.uint8]) -> Float32:
+def material_shares(labels: UInt8) -> Float32:
     """Shares of `MATERIALS`, float32 [..., 7], by soft labels, uint8 [..., K]: a body is neck."""
     share = labels.astype(np.float32) / np.float32(255)
     named = {name: share[..., n] for n, name in enumerate(PICTURE_LABELS)}
@@ -78,7 +329,7 @@ def material_shares(labels: NDArray[np.uint8]) -> Float32:
     return out
 
 
-def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a picture with its soft labels, float32 [h, w, 7].
 
@@ -87,8 +338,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
 
     Parameters
     ----------
-    picture, regions, labels
-        Painting or photo, and what is known of it.
+    picture, regions, labels : Painting or photo, and what is known of it.
     strict
         For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the more
         so the further away, or lie in the chin's shadow; what hangs there may be hair; and paper in
@@ -206,7 +456,7 @@ def _beside(small: SmallPicture, regions: Regions) -> Float32:
 
 
 def _between(small: SmallPicture, top: NDArray[np.floating], bottom: NDArray[np.floating],
-             along: tuple[float, float], across: float) -> NDArray[np.bool_]:
+             along: tuple[float, float], across: float) -> Bool:
     """A part of the way from one landmark to another, so wide to both sides; of a small picture."""
     way = (bottom - top) / max(float((bottom - top) @ (bottom - top)), 1e-6)
     rows, columns = small.factor * np.indices(small.image.shape[:2])
@@ -215,7 +465,7 @@ def _between(small: SmallPicture, top: NDArray[np.floating], bottom: NDArray[np.
     return np.asarray((down > along[0]) & (down < along[1]) & (np.abs(right) < across))
 
 
-def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a painting, float32 [h, w, 7]: `picture_shares`, and a little more.
 
@@ -315,3 +565,100 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     stains = shares[..., CLOTHES] * (1 - small.whole(like))
     shares[..., FEATURES] += stains
     shares[..., CLOTHES] -= stains
+
+
+MOST_KEPT = 30
+"""Paintings that are kept: six megabytes for one of 768 x 1024."""
+FEW_ALIKE, CLOTH_APART = 500, 10.0
+"""Two parts of the hair, of more pixels than this, differ if their colors do by this in Lab."""
+STEPS = np.float32(255)
+"""Shares are kept in so many steps: the labels that they come from have no more."""
+
+
+def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
+                 strict: bool = True) -> Float32:
+    """`painted_shares`, from the user's cache where they have been found before.
+
+    Parameters
+    ----------
+    exemplar, regions, labels, strict : As there; ``labels`` are the regions' own, uint8 [h, w, K].
+
+    Returns
+    -------
+    shares : float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
+    """
+    if exemplar.covered is not None and exemplar.bared is not None:
+        return _bared_shares(exemplar, regions, exemplar.covered, exemplar.bared, strict)
+
+    def find() -> dict[str, NDArray[Any]]:
+        shares = painted_shares(exemplar, regions, labels, strict)
+        return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
+
+    key = key_of(__name__, exemplar.image, exemplar.landmarks,
+                 regions.person, regions.hair, strict)
+    # A file keeps rounded numbers: the first run continues with the numbers that the next one
+    # reads.
+    kept = kept_arrays("materials", key, find, most=MOST_KEPT)["shares"]
+    shares = kept.astype(np.float32) / STEPS
+    if exemplar.by_hand is not None:
+        _paint_over(shares, exemplar.by_hand, labels)
+    return shares
+
+
+def _paint_over(shares: Float32, by_hand: UInt8,
+                labels: UInt8) -> None:
+    """Let regions that were painted over by hand be what was painted, in place.
+
+    What is skin by hand leaves the face its brows, eyes, nose and lips, and its ears; a hat is
+    painted nowhere.
+    """
+    for name, material in (("hair", HAIR), ("hat", FEATURES), ("neck", NECK), ("skin", SKIN),
+                           ("background", GROUND)):
+        here = by_hand == BY_HAND.index(name)
+        if name == "skin":
+            own, ears = np.zeros_like(shares[here]), shares[here][:, EARS]
+            face = labels[here][:, [PICTURE_LABELS.index(one) for one in FACE_FEATURES]].sum(
+                axis=1, dtype=np.float32)
+            own[:, FEATURES] = np.minimum(face / STEPS, 1 - ears)
+            own[:, EARS] = ears
+            own[:, SKIN] = 1 - own[:, FEATURES] - ears
+            shares[here] = own
+        else:
+            shares[here] = np.eye(len(MATERIALS), dtype=np.float32)[material]
+
+
+def _one_cloth(image: UInt8, shares: Float32, own: Bool,
+               above: Bool) -> None:
+    """Let the smaller of two parts of the hair be painted nowhere if their colors differ; in place.
+
+    ``own`` [h, w] was taken for hair, ``above`` is the hat or linen over the forehead: hair of both
+    would have patches.
+    """
+    from skimage.color import rgb2lab
+
+    if min(own.sum(), above.sum()) < FEW_ALIKE:
+        return
+    middles = [np.median(rgb2lab(image[part][::max(1, int(part.sum()) // FEW_ALIKE)][None])[0],
+                         axis=0)
+               for part in (own, above)]
+    if np.linalg.norm(middles[0] - middles[1]) > CLOTH_APART:
+        less = own if own.sum() < above.sum() else above
+        shares[..., FEATURES] += shares[..., HAIR] * less
+        shares[..., HAIR] *= ~less
+
+
+def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
+                  bared: Float32, strict: bool) -> Float32:
+    """Shares of a painting whose forehead was bared: skin there, hair above, else as before.
+
+    They are not found in the bared picture: its forehead is no sample of the painter's skin.
+    """
+    before = covered.regions()
+    shares = known_shares(covered, before, before.labels(), strict)
+    if regions.hair is not None:
+        own = shares[..., HAIR].copy()
+        more = np.clip(regions.hair - own, 0, 1)[..., None]
+        shares += more * (np.eye(len(MATERIALS), dtype=np.float32)[HAIR] - shares)
+        _one_cloth(exemplar.image, shares, own > 0.5, more[..., 0] > 0.5)
+    shares += bared[..., None] * (np.eye(len(MATERIALS), dtype=np.float32)[SKIN] - shares)
+    return shares

@@ -4,11 +4,9 @@
 paints it by one exemplar.
 """
 
-from .canvas import canvas_of
 from .charts import Atlas, draw_atlas
-from .painting import Painting, SkinConfig, SkinPainter
-from .rehearsal import rehearse_painting
-from .sitter import PIXELS, Skin, face_pixels
+from .painting import Painting, SkinConfig, SkinPainter, rehearse_painting
+from .sitter import PIXELS, Skin, canvas_of, face_pixels
 from .storage import as_stored, load_skin, save_skin, skin_key
 
 __all__ = ["PIXELS", "Atlas", "Painting", "Skin", "SkinConfig", "SkinPainter", "as_stored",

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera
 from ...errors import UserError
 from ...field import VoxelField, camera_row
@@ -31,11 +32,6 @@ from ..kernels.atlas import (
     surface_normals,
 )
 from ..patches import settled
-
-__all__ = ["DIRECTIONS", "Atlas", "Shape", "draw_atlas"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 DIRECTIONS = ((0.0, 5.0), (60.0, 5.0), (-60.0, 5.0), (120.0, 0.0), (-120.0, 0.0), (180.0, 0.0),
               (0.0, 72.0), (0.0, -48.0))
@@ -62,12 +58,9 @@ class Shape:
 
     Attributes
     ----------
-    normals
-        float32 [Z, Y, X, 3], not of unit length.
-    low
-        float64 [3], corner of the first cell.
-    cell
-        Side of a cell.
+    normals : float32 [Z, Y, X, 3], not of unit length.
+    low : float64 [3], corner of the first cell.
+    cell : Side of a cell.
     """
 
     normals: Float32
@@ -106,10 +99,10 @@ class Atlas:
     """
 
     cameras: Camera
-    boxes: NDArray[np.int64]
+    boxes: Int64
     depth: Float32
-    shown: Float32 | NDArray[np.uint8] | Callable[[], NDArray[np.uint8]]
-    owner: NDArray[np.int32]
+    shown: Float32 | UInt8 | Callable[[], UInt8]
+    owner: Int32
     shape: Shape
 
     @functools.cached_property
@@ -134,7 +127,7 @@ class Atlas:
         return points
 
     @functools.cached_property
-    def own(self) -> NDArray[np.bool_]:
+    def own(self) -> Bool:
         """Pixels that own their surface point, bool [H, W]."""
         return np.asarray(self.owner.reshape(-1) == np.arange(self.owner.size, dtype=np.int32)
                           ).reshape(self.owner.shape)
@@ -290,7 +283,7 @@ def _packed(charts: list[_Chart], parts: list[tuple[int, int, int, int]], shape:
                  np.full((height, width), -1, np.int32), shape)
 
 
-def _owners(atlas: Atlas, tolerance: float) -> NDArray[np.int32]:
+def _owners(atlas: Atlas, tolerance: float) -> Int32:
     """Owner of every pixel with a surface, int32 [H, W]; see `Atlas`."""
     own = np.full(atlas.depth.shape, -1, np.int8)
     for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes):
@@ -302,7 +295,7 @@ def _owners(atlas: Atlas, tolerance: float) -> NDArray[np.int32]:
     return settled(owner)
 
 
-def _used(owner: NDArray[np.int32], box: NDArray[np.int64]) -> tuple[int, int, int, int] | None:
+def _used(owner: Int32, box: Int64) -> tuple[int, int, int, int] | None:
     """The part of a chart that owns anything, with a margin, in its own pixels."""
     x0, y0, x1, y1, dx, dy = (int(n) for n in box)
     there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
@@ -315,7 +308,7 @@ def _used(owner: NDArray[np.int32], box: NDArray[np.int64]) -> tuple[int, int, i
             min(x1, int(columns[-1]) + x0 + MARGIN + 1), min(y1, int(rows[-1]) + y0 + MARGIN + 1))
 
 
-def _moved(owner: NDArray[np.int32], before: NDArray[np.int64], atlas: Atlas) -> NDArray[np.int32]:
+def _moved(owner: Int32, before: Int64, atlas: Atlas) -> Int32:
     """Owners in another arrangement of the charts: ``before`` are their old boxes."""
     # Where each pixel of the old atlas has gone; -1: cut away.
     gone = np.full(owner.size, -1, np.int32).reshape(owner.shape)
@@ -333,7 +326,7 @@ def _moved(owner: NDArray[np.int32], before: NDArray[np.int64], atlas: Atlas) ->
     return out
 
 
-def _with_fringe(owner: NDArray[np.int32]) -> NDArray[np.int32]:
+def _with_fringe(owner: Int32) -> Int32:
     """Owners, also of pixels beside the surface: those of a near pixel on it."""
     out = owner.copy()
     fringe(owner, MARGIN, out)

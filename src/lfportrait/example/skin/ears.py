@@ -1,4 +1,8 @@
-"""Ears that a painting does not show keep the sitter's own relief.
+"""Ears of a sitter: located on the head, and their relief where a painting does not show it.
+
+Landmarks give the approximate position of an ear; an ellipsoid around it would be a disk of skin in
+the hair. So the head is carried on below it from around, and the ear is what lies further out, its
+hollow included.
 
 Patches find no ear where the exemplar has its ears under hair, in the dark or outside the picture:
 what they lay there is plain skin. A painter would draw the sitter's. So the light and shade of the
@@ -9,16 +13,19 @@ paint does not show it yet.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..guides.appearance import grey
-from .canvas import Canvas
-from .sitter import Skin
+from ...arrays import Bool, Float32
+from ..painter.light import Cells
+from ..surface_guide import HeadPlane
 
-__all__ = ["shade_ears"]
-
-Float32 = NDArray[np.float32]
-
+CELL = 0.02
+"""Side of the cells that heights above the head are looked at in, over the face's height."""
+STANDS_OUT = 0.035, 0.06
+"""What stands out so far begins to be an ear, and is one, over the face's height."""
+HOLLOW = 4
+"""An ear's hollow is less than twice so many cells wide."""
+LEAST = 0.15
+"""If no more of the ellipsoid stands out, there is hair over the ear, or its shape is not known."""
 DARKEST = 0.03
 """Added to luma before its logarithm."""
 FORCE = 1.0, 2.5
@@ -27,44 +34,77 @@ LIMIT = 0.6
 """Bound of what is added to the logarithm."""
 
 
-def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
-    """Lay the sitter's light and shade over ears that are painted without their relief.
+def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:
+    """How much places are ears, float32 [N] in [0, 1].
 
     Parameters
     ----------
-    skin
-        Of the sitter, as the canvas has it.
-    canvas
-        Of the painting.
-    color
-        float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    plane : The head's unwrapping, with its landmarks.
+    points, flat
+        float32 [N, 3] and [N, 2], places of the surface in the portrait frame and unwrapped, in
+        world units.
     """
-    weight = skin.ears * skin.seen
-    if skin.hair is not None:
-        weight = weight * (1 - skin.hair)
-    own = canvas.own
-    slots = canvas.slots[own]
-    luma = canvas.gathered(grey(color), len(weight), np.nan)
-    paint = np.log(np.maximum(luma, 0) + np.float32(DARKEST))
-    photo = np.log(np.maximum(skin.tone + skin.detail, 0) + np.float32(DARKEST))
+    near = _ellipsoids(plane, points)
+    if not (near > 0).any() or not (near == 0).any():
+        return near
+    cells = Cells.over(flat, CELL * plane.height)
+    aside = np.abs(points[:, 0] - np.float32(plane.origin[0]))
+    least, most = STANDS_OUT
+    head = cells.extrapolated(aside, near == 0, 2.0, np.inf)
+    out = np.clip(((aside - head) / np.float32(plane.height) - least) / (most - least), 0, 1)
+    out = np.asarray(np.where(near > 0, out, 0), np.float32)
+    for side in (points[:, 0] < plane.origin[0], points[:, 0] >= plane.origin[0]):
+        here = side & (near > 0)
+        if here.any() and out[here].mean() < LEAST:
+            out[here] = 1
+    return near * np.maximum(out, cells.closed(out, HOLLOW))
+
+
+def _ellipsoids(plane: HeadPlane, points: Float32) -> Float32:
+    """Soft ellipsoids behind the ends of the jaw, from the brows to below the nose, [N]."""
+    out = np.zeros(len(points), np.float32)
+    landmarks, height = plane.landmarks, plane.height
+    brows, foot = float(plane.origin[1]), float(np.nanmean(landmarks[31:36, 1]))
+    for end, side in ((0, -1.0), (16, 1.0)):
+        if not np.isfinite(landmarks[end]).all():
+            continue
+        middle = np.array([landmarks[end, 0] + 0.05 * side * height, 0.4 * brows + 0.6 * foot,
+                           landmarks[end, 2] - 0.3 * height], np.float32)
+        reach = np.float32(height) * np.array([0.24, 0.28, 0.22], np.float32)
+        away = np.sqrt((((points - middle) / reach) ** 2).sum(-1))
+        out = np.maximum(out, np.clip((np.float32(1.15) - away) / np.float32(0.2), 0, 1))
+    return np.asarray(out, np.float32)
+
+
+def missing_relief(ears: Float32, face: Bool, across: Float32, photo: Float32,
+                   paint: Float32) -> Float32 | None:
+    """Factors [N] of paint that give ears their relief; None where too little is known.
+
+    Parameters
+    ----------
+    ears : float32 [N] in [0, 1], how far each place is an ear that photos saw
+    face : bool [N], places of the face that photos saw
+    across : float32 [N], places from the left (below 0) to the right
+    photo, paint : float32 [N], luma in [0, 1]; NaN where nothing is painted
+    """
+    paint, photo = (np.log(np.maximum(luma, 0) + np.float32(DARKEST)) for luma in (paint, photo))
     known = np.isfinite(paint)
-    face = known & skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)
+    face = known & face
     if face.sum() < 100:
-        return
+        return None
     force = float(np.clip(paint[face].std() / max(float(photo[face].std()), 1e-3), *FORCE))
-    more = np.zeros(len(weight), np.float32)
-    for side in (skin.flat[:, 0] < 0, skin.flat[:, 0] >= 0):
-        here = known & side & (weight > 0)
+    more = np.zeros(len(ears), np.float32)
+    for side in (across < 0, across >= 0):
+        here = known & side & (ears > 0)
         if here.sum() < 100:
             continue
-        relief, shown = (_centred(values[here], weight[here]) for values in (photo, paint))
-        alike = float((weight[here] * relief * shown).sum()) / max(float(np.sqrt(
-            (weight[here] * relief ** 2).sum() * (weight[here] * shown ** 2).sum())), 1e-6)
-        more[here] = (1 - max(alike, 0.0)) * force * relief * weight[here]
-    color[own] *= np.exp(np.clip(more, -LIMIT, LIMIT))[slots][:, None]
-    np.minimum(color, 1, out=color)
+        relief, shown = (_centered(values[here], ears[here]) for values in (photo, paint))
+        alike = float((ears[here] * relief * shown).sum()) / max(float(np.sqrt(
+            (ears[here] * relief ** 2).sum() * (ears[here] * shown ** 2).sum())), 1e-6)
+        more[here] = (1 - max(alike, 0.0)) * force * relief * ears[here]
+    return np.asarray(np.exp(np.clip(more, -LIMIT, LIMIT)), np.float32)
 
 
-def _centred(values: Float32, weight: Float32) -> Float32:
+def _centered(values: Float32, weight: Float32) -> Float32:
     """Values [N] without their weighted mean."""
     return np.asarray(values - np.average(values, weights=weight), np.float32)

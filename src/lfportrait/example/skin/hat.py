@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import (
     distance_transform_edt,
     gaussian_filter,
@@ -19,25 +18,18 @@ from scipy.ndimage import (
     map_coordinates,
 )
 
+from ...arrays import Bool, Float32, Float64
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.maps import sample_labels
+from ..guides.position import sample_labels
 from ..guides.regions import Regions
-from ..kernels.patches import ACTIVE, FOREIGN, OUTSIDE
-from ..painter.materials import into
-from ..painter.patch_painter import PatchPainter, Wish
+from ..painter.materials import nearest_of_material
+from ..painter.patch_painter import PatchPainter, PatchRequest
 from ..painter.picture_materials import FEATURES, HAIR
 from ..patches import PatchSearch
 from ..worn import Hat
-from .canvas import Canvas
-from .regions import hair_by_place
-from .sitter import Skin
-
-__all__ = ["HatPainter"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from .hair import hair_by_place
+from .sitter import Canvas, Skin
 
 BINS, STEPS, COLUMNS = 72, 100, 40
 """Directions around the head, and heights, at which the edge is looked for; directions at which
@@ -52,7 +44,7 @@ SMOOTH = 1.5
 """Sigma of the smooth edge, in directions."""
 EDGE, SHADE = 0.012, 0.07
 """Breadth of its soft edge, and sigma of the shade below it, over the face's height."""
-COPIED, GONE_ON = 8.0, 0.15
+COPIED, REPEATED = 8.0, 0.15
 """Weight of the place where it is as the painter saw it, and where it goes on around the back."""
 PERIOD = np.radians(100.0)
 """There its middle part, so broad, is repeated."""
@@ -72,7 +64,7 @@ class _Places:
     """
 
     cover: Float32
-    front: Bools
+    front: Bool
     light: Float32
     turn: Float32
     above: Float32
@@ -83,12 +75,9 @@ class HatPainter:
 
     Parameters
     ----------
-    exemplar, regions
-        The painting, bared or not, and its regions.
-    hat
-        Its hat.
-    search, seed
-        Of the patches.
+    exemplar, regions : The painting, bared or not, and its regions.
+    hat : Its hat.
+    search, seed : Of the patches.
     """
 
     def __init__(self, exemplar: Exemplar, hat: Hat, search: PatchSearch, seed: int) -> None:
@@ -125,14 +114,11 @@ class HatPainter:
 
         Parameters
         ----------
-        skin, canvas
-            The lists of the canvas's N places, and where they lie.
+        skin, canvas : The lists of the canvas's N places, and where they lie.
         position, anchor
             float32 [N, 2], where the guide leads, and places in its plane; exemplar pixels.
-        size
-            Pixels of the canvas per pixel of the exemplar.
-        color
-            float32 [H, W, 3] in [0, 1].
+        size : Pixels of the canvas per pixel of the exemplar.
+        color : float32 [H, W, 3] in [0, 1].
         """
         places = self._places(skin, position)
         if not self._beside_hair:
@@ -178,29 +164,23 @@ class HatPainter:
               size: float, color: Float32) -> Float32:
         """Patches of it, float32 [H, W, 3]."""
         painter = self._painter
-        pictures, theirs = painter.source(round(size, 3))
+        _, theirs = painter.source(size)
         shares = np.broadcast_to(np.eye(len(MATERIALS), dtype=np.float32)[HAIR],
                                  (len(position), len(MATERIALS)))
         material = np.full(len(position), HAIR, np.int64)
-        going_on = _gone_on(places, position)
-        wanted = into(material, theirs, np.where(places.front[:, None], position, going_on)
-                      * np.float32(size))
+        guided = np.where(places.front[:, None], position, _repeated(places, position))
+        wanted = nearest_of_material(material, theirs, guided * np.float32(size))
         row, column = (np.clip(wanted[:, axis].astype(np.int64), 0, theirs.tone.shape[1 - axis] - 1)
                        for axis in (1, 0))
         tone = np.ascontiguousarray(theirs.tone[row, column])
-        weight = np.where(places.front, COPIED, GONE_ON) / painter.unit(size) ** 2
+        weight = np.where(places.front, COPIED, REPEATED) / painter.unit(size) ** 2
         sure = np.tile(np.array([0, 1], np.float32), (len(position), 1))
-        covered = np.append(places.cover > 0, False)[canvas.slots]
-        state = np.full(canvas.slots.shape, OUTSIDE, np.uint8)
-        state[canvas.surface & (canvas.slots >= 0) & covered] = FOREIGN
-        state[canvas.own & covered] = ACTIVE
-        wish = Wish(np.ascontiguousarray(shares), tone, np.zeros(len(tone), np.float32), wanted,
-                    wanted, weight.astype(np.float32), sure,
-                    state, color.copy())
-        return painter.lay(painter.target(canvas, theirs, size, wish), pictures)
+        return painter.paint(canvas, size, PatchRequest(
+            np.ascontiguousarray(shares), tone, np.zeros(len(tone), np.float32), wanted, wanted,
+            weight.astype(np.float32), sure, canvas.states(places.cover > 0), color.copy()))
 
 
-def _gone_on(places: _Places, position: Float32) -> Float32:
+def _repeated(places: _Places, position: Float32) -> Float32:
     """Exemplar places [N, 2] that go on around the back as the hat's front does.
 
     At each height above the edge the front's middle part is repeated: bands and ribbons go around.
@@ -224,19 +204,16 @@ def _gone_on(places: _Places, position: Float32) -> Float32:
                     axis=-1).astype(np.float32)
 
 
-def _edge(turn: Float32, up: Float32, worn: Bools, ears: Float32) -> Float64:
+def _edge(turn: Float32, up: Float32, worn: Bool, ears: Float32) -> Float64:
     """Height of its edge in each of `BINS` directions around the head, from the back on.
 
     That which parts best what is worn from what is not; where the painter saw none, between.
 
     Parameters
     ----------
-    turn, up
-        float32 [N], directions of places (0 forward), and their heights.
-    worn
-        bool [N], where the guide leads into the hat.
-    ears
-        float32 [N] in [0, 1]: they stand out, and say nothing.
+    turn, up : float32 [N], directions of places (0 forward), and their heights.
+    worn : bool [N], where the guide leads into the hat.
+    ears : float32 [N] in [0, 1]: they stand out, and say nothing.
     """
     column = np.clip(((turn / (2 * np.pi) + 0.5) * BINS).astype(int), 0, BINS - 1)
     row = ((up - LOWEST) / (HIGHEST - LOWEST) * STEPS).astype(int)
@@ -266,7 +243,7 @@ def _hair(skin: Skin) -> Float32:
     """Where a sitter's head has hair, or would have some, float32 [N]."""
     if skin.hair is not None:
         return skin.hair
-    return skin.once("hair by place", lambda: hair_by_place(skin.plane, skin.flat))
+    return skin.cached("hair by place", lambda: hair_by_place(skin.plane, skin.flat))
 
 
 def _shows_hair(regions: Regions, hat: Hat) -> bool:

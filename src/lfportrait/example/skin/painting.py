@@ -1,10 +1,13 @@
 """A skin painted by example, once for all views (after Shen et al. 2023, 2.2 and Eq. 6).
 
-The face is painted as on a photo: guides, look-up table, StyleBlit. Everything else becomes patches
-of the exemplar that agree with each other and with the face (`patches`), guided by what the sitter
-is made of (`materials`), by the photo's tones and by its detail. So what the exemplar does not
+The face is painted as on a photo: guides, look-up table, StyleBlit (`face`). Everything else
+becomes patches of the exemplar that agree with each other and with the face (`patches`), guided by
+what the sitter is made of, by the photo's tones and by its detail. So what the exemplar does not
 show - the back of a head, a neck, a chest - goes on from what it does show, from like material, and
 edges and patterns of the photo stay.
+
+Materials come from the exemplar's where the guide leads, and from the sitter itself where that is
+known better: hair, clothes, ears.
 """
 
 from __future__ import annotations
@@ -18,42 +21,160 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
+from ..frontal import FRONTAL, in_front
+from ..guides.filters import grey
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes
-from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
+from ..kernels.labels import largest_share, move_to_material
+from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
+from ..kernels.seeds import nearest_sites
 from ..lids import Lids
-from ..painter.kept import known_shares
+from ..painter.light import light_beside
 from ..painter.materials import (
+    FEW,
     LEAST,
     ExemplarMaterials,
-    at_home,
-    into,
+    Placement,
     light_neck,
-    mainly,
+    matched_looks,
+    mostly,
+    pieces,
+    stand_in,
 )
-from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, Wish, flesh
-from ..painter.picture_materials import HAIR, SKIN
-from ..painter.pieces import pieces
-from ..painter.plain import plain_skin
-from ..painter.strands import strands, unpainted
-from ..patches import PatchSearch, PatchTarget
-from ..surface_guide import SurfaceGuide
-from ..transfers import Transfer, TransferConfig
-from ..turned import FRONTAL, in_front
-from ..versions import from_the_front
+from ..painter.patch_painter import FAR_PLACE, PLACE, PatchPainter, PatchRequest, flesh
+from ..painter.picture_materials import (
+    CLOTHES,
+    EARS,
+    FEATURES,
+    GROUND,
+    HAIR,
+    NECK,
+    SKIN,
+    known_shares,
+    material_shares,
+)
+from ..painter.plain_skin import plain_skin, take_out_strands
+from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
+from ..surface_guide import Sites, SurfaceGuide
+from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn import Wear
-from .canvas import Canvas, canvas_of
-from .copied_face import CopiedFace
-from .ears import shade_ears
+from .ears import missing_relief
+from .face import CopiedFace
+from .hair import below_hair, hair_by_place, without_bays
 from .hat import HatPainter
-from .light import carried_light
-from .materials import SHOWN, sitter_looks, sitter_shares
-from .sitter import Skin
+from .sitter import Canvas, Skin, canvas_of
 
-__all__ = ["Painting", "SkinConfig", "SkinPainter"]
+MIDDLING = 0.25, 0.75
+"""Hair that no photo saw has tones between these quantiles of what they saw."""
+JAW = 0.7
+"""Below this (brows 0, chin 1) what hangs beside a head leaves a neck bare, above it a cheek."""
+SHARP = 8.0
+"""How much narrower skin's way into neck is than the guide makes it."""
+SHOWN = 0.4
+"""Cosine to the best photo from which on a place counts in the distribution of the sitter's
+tones."""
+DARKEST = 0.12
+"""Skin beside the face is no darker than all but this share of the exemplar's: in the mean that is
+shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
+EITHER = 0.51
+"""Share of ears in what a sitter's ears are painted of; the rest is skin."""
 
-Float32 = NDArray[np.float32]
+
+def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
+    """Shares of `MATERIALS` of a skin's N places, float32 [N, 7]; no background, no features.
+
+    Features are painted with the face; elsewhere nobody wants an eye.
+
+    Parameters
+    ----------
+    skin : Of the sitter.
+    labels : uint8 [N, K], the exemplar's where the guide leads.
+    present : bool [7], what the exemplar shows; others stand in for the rest.
+    """
+    shares = material_shares(labels)
+    shares[:, SKIN] += shares[:, FEATURES]
+    shares[:, FEATURES] = 0
+    if skin.hair is None:
+        # A shaven head, or a statue's: the painter's hair, where hair is, and none on the neck.
+        below = skin.cached("below hair", lambda: below_hair(skin.plane, skin.flat))
+        hanging = shares[:, HAIR] * below
+        neck = np.clip((skin.flat[:, 1] / skin.plane.height - JAW) / 0.1, 0, 1)
+        shares[:, HAIR] -= hanging
+        shares[:, NECK] += hanging * neck
+        shares[:, SKIN] += hanging * (1 - neck)
+        common = skin.cached("hair by place", lambda: hair_by_place(skin.plane, skin.flat))
+        wanted = np.maximum(common, shares[:, HAIR])
+        wanted = (1 - below) * without_bays(skin.plane, skin.flat, wanted)
+        more = np.maximum(wanted - shares[:, HAIR], 0)
+        shares *= (1 - more)[:, None]
+        shares[:, HAIR] += more
+    else:
+        rest = np.maximum(1 - shares[:, HAIR], np.float32(1e-3))
+        shares[:, [SKIN, NECK]] *= ((1 - skin.hair) / rest)[:, None]
+        shares[:, GROUND] *= 1 - skin.hair
+        # What the exemplar has as hair and the sitter does not is skin.
+        bare = shares[:, [SKIN, NECK, GROUND]].sum(axis=1)
+        shares[:, SKIN] += np.maximum(1 - skin.hair - bare, 0)
+        shares[:, HAIR] = skin.hair
+    # Hair covers ears: an ear that is painted with hair was taken for hair in `sitter.py`.
+    ears = skin.ears if skin.hair is None else skin.ears * (1 - skin.hair)
+    shares *= (1 - ears)[:, None]
+    # Skin or the painter's ears, whichever is more alike.
+    shares[:, SKIN] += (1 - EITHER) * ears
+    shares[:, EARS] += EITHER * ears
+    shares *= (1 - skin.clothes)[:, None]
+    shares[:, CLOTHES] = skin.clothes
+    shares[:, NECK] += shares[:, GROUND]
+    shares[:, GROUND] = 0
+    shares /= np.maximum(shares.sum(axis=-1, keepdims=True), np.float32(1e-3))
+    for one, other in ((SKIN, NECK), *(((HAIR, SKIN), (HAIR, NECK)) if skin.hair is None else ())):
+        _parted(shares, one, other)
+    stand_in(shares, present)
+    return shares
+
+
+def _parted(shares: Float32, one: int, other: int) -> None:
+    """Let one material end where another begins, in place.
+
+    A guide that is stretched makes a broad band of half one and half the other, and so does hair
+    that is known by its place alone. The exemplar has such places along a line alone, and patches
+    would repeat that line.
+    """
+    both = shares[:, one] + shares[:, other]
+    part = shares[:, one] / np.maximum(both, np.float32(1e-6))
+    shares[:, one] = both * np.clip(SHARP * (part - np.float32(0.5)) + np.float32(0.5), 0, 1)
+    shares[:, other] = both - shares[:, one]
+
+
+def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
+    """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
+    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs, shown=skin.seen > SHOWN,
+                                 darkest=DARKEST)
+    hair = shares[:, HAIR]
+    inside = mostly(hair, skin.seen > SHOWN)
+    if inside.sum() >= FEW:
+        # A field that was closed behind is darker there or lighter: nobody knows how much.
+        kept = np.clip(tone, *np.quantile(tone[inside], MIDDLING))
+        tone += hair * (1 - skin.seen) * (kept - tone)
+    return tone, detail * skin.seen
+
+
+def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
+                       tone: Float32) -> Float32:
+    """How much lighter the face is painted than its tones ask for, float32 [N] (`light_beside`).
+
+    Parameters
+    ----------
+    skin, canvas : of the sitter, as the canvas has it, and of the painting
+    core : bool [N], places of the face that are painted
+    color : float32 [H, W, 3] in [0, 1], its paint
+    tone : float32 [N], the tones asked for
+    """
+    paint = canvas.gathered(grey(color), len(core))
+    return light_beside(skin.flat, skin.plane.height, core, paint - tone, core & skin.outwards)
+
 
 NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
@@ -208,15 +329,11 @@ class SkinPainter:
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
         if self._hat is not None:
             self._hat.take_from(shares)
-        hair = shares[..., HAIR]
-        if self.transfer.regions.hair is not None:
-            hair = np.maximum(hair, self.transfer.regions.hair)
-        strand = strands(exemplar, hair, self.transfer.labels)
-        unpainted(shares, strand)
-        self._hair, self._strand = hair, strand
+        self._hair, self._strand = take_out_strands(shares, exemplar, self.transfer.regions,
+                                                    self.transfer.labels)
         plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
-        self._face = CopiedFace(self.transfer, hair, strand)
+        self._face = CopiedFace(self.transfer, self._hair, self._strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
@@ -239,7 +356,7 @@ class SkinPainter:
         if abs(size - self._like) < ALMOST * size:
             size = self._like  # its pictures are there already
         self._last = size
-        source = (aside.submit(self._painter.source, round(size, 3))
+        source = (aside.submit(self._painter.source, size)
                   if self.config.patchmatch else None)
         canvas, places = canvas_of(skin, step)
         position, ratio = self._positions(guide, places)
@@ -262,11 +379,10 @@ class SkinPainter:
             exchange(canvas.owner, color)
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
-        pictures, theirs = source.result()
-        target = self._target(places, theirs, size, canvas, position, anchor, ratio, labels,
-                              face[:, 1], core, painted)
+        request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
+                                labels, face[:, 1], core, painted)
         clock.lap("face, targets")
-        color = self._painter.lay(target, pictures)
+        color = self._painter.paint(canvas, size, request)
         shade_ears(places, canvas, color)
         if self._hat is not None:
             self._hat.paint(places, canvas, position, anchor, size, color)
@@ -284,9 +400,9 @@ class SkinPainter:
         sample_nodes(nodes, low, spacing, _meeting_behind(skin), out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
-    def _target(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
-                position: Float32, anchor: Float32, ratio: Float32, labels: NDArray[np.uint8],
-                near: Float32, core: NDArray[np.bool_], painted: Future[Float32]) -> PatchTarget:
+    def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
+                 position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
+                 near: Float32, core: Bool, painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
         ``painted`` is the face, soon.
@@ -296,32 +412,28 @@ class SkinPainter:
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         guided = position * np.float32(size)
-        material = mainly(shares)
-        wanted = into(material, theirs, guided)
-        home = at_home(guided, wanted, unit)
+        placed = Placement.of(shares, theirs, guided, unit)
         color = painted.result()
-        tone += flesh(shares) * carried_light(skin, canvas, core, color, tone)
+        tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
-        rigid = pieces(material, theirs, wanted, anchor * np.float32(size), tone,
+        rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
-        begin = np.where((ratio > STRETCHED)[:, None] & (home > 0.5)[:, None], wanted, rigid)
+        begin = np.where((ratio > STRETCHED)[:, None] & (placed.agreement > 0.5)[:, None],
+                         placed.wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
-        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * home
+        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * placed.agreement
         weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * ratio ** 2 / unit ** 2
         # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
-        own = canvas.own
-        state = np.full(own.shape, OUTSIDE, np.uint8)
-        state[canvas.surface & (canvas.slots >= 0)] = FOREIGN
-        state[own] = ACTIVE
-        state[own & np.append(core, False)[canvas.slots]] = FIXED
+        state = canvas.states(np.ones(len(core), bool))
+        state[canvas.own & np.append(core, False)[canvas.slots]] = FIXED
         active = np.zeros(len(core), bool)
         active[canvas.slots[state == ACTIVE]] = True
         often = float((state == ACTIVE).sum() / max(int(active.sum()), 1))
         exchange(canvas.owner, color)
         sure = np.stack([trust, UNSEEN + (1 - UNSEEN) * skin.seen], axis=1)
-        return self._painter.target(canvas, theirs, size, Wish(
-            shares, tone, detail, wanted, begin, weight, sure, state, color, often))
+        return PatchRequest(shares, tone, detail, placed.wanted, begin, weight, sure, state, color,
+                            often)
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
@@ -329,6 +441,25 @@ class SkinPainter:
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
+
+
+def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
+    """Lay the sitter's light and shade over ears that are painted without their relief.
+
+    Parameters
+    ----------
+    skin, canvas : Of the sitter, as the canvas has it, and of the painting.
+    color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    """
+    ears = skin.ears * skin.seen
+    if skin.hair is not None:
+        ears = ears * (1 - skin.hair)
+    face = skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)
+    factors = missing_relief(ears, face, skin.flat[:, 0], skin.tone + skin.detail,
+                             canvas.gathered(grey(color), len(ears), np.nan))
+    if factors is not None:
+        color[canvas.own] *= factors[canvas.slots[canvas.own]][:, None]
+        np.minimum(color, 1, out=color)
 
 
 def _meeting_behind(skin: Skin) -> Float32:
@@ -359,3 +490,29 @@ class _Clock:
         """End a step."""
         now = time.perf_counter()
         self.seconds[name], self._last = round(now - self._last, 4), now
+
+
+def rehearse_painting(skin: Skin) -> None:
+    """Lay a few patches of the photo on the photo: all kernels of a painting but the face's."""
+    canvas = Canvas.of(skin, 2)
+    flat = np.stack([skin.index % 32, skin.index // 32 % 32], axis=1).astype(np.float32)
+    nodes = np.zeros((2, 2, 3), np.float32)
+    sample_nodes(nodes, np.zeros(2), 1.0, flat, np.empty((len(flat), 3), np.float32))
+    number = np.empty(len(flat), np.int32)
+    sites = Sites.around(flat, 8.0)
+    nearest_sites(flat, np.float32(8.0), sites.first, sites.points, number)
+    material = np.empty(len(flat), np.int64)
+    largest_share(np.zeros((len(flat), len(MATERIALS)), np.float32), material)
+    move_to_material(flat, material, np.zeros((len(MATERIALS), 48, 48), np.int32),
+                     np.empty_like(flat))
+    places = canvas.spread(flat)
+    guides = canvas.spread(np.repeat(skin.tone[:, None], 4, axis=1))
+    source = PatchSource.of(np.zeros((48, 48, 3), np.float32), np.zeros((48, 48, 4), np.float32))
+    state = np.where(canvas.own, ACTIVE, OUTSIDE).astype(np.uint8)
+    weight = canvas.spread(skin.seen[:, None])[..., 0]
+    trust = np.stack([weight, weight], axis=-1)
+    color = np.zeros((*state.shape, 3), np.float32)
+    exchange(canvas.owner, color)
+    synthesise_patches(PatchTarget(guides, places, places, places, weight, 9.0, None, trust, state,
+                                   canvas.owner, color), source,
+                       PatchSearch(levels=2, votes=1, passes=1))

@@ -25,8 +25,6 @@ from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
 from .sitter import Skin
 
-__all__ = ["as_stored", "load_skin", "save_skin", "skin_key"]
-
 Arrays = dict[str, NDArray[Any]]
 
 _SHARES = ("tone", "detail", "appearance", "contours", "hair", "clothes", "ears", "seen")

@@ -2,16 +2,15 @@
 
 Hats and bonnets shade or cover a forehead, spectacles lie across nose and cheeks. Copied onto a
 sitter who wears none, they are patches of another color. So they are taken off before a painting is
-painted from: `forehead` finds what is no bare skin above the brows, `glasses` finds rims (`ridges`,
-`rims`), and `filled` paints what they cover as the painter might have, in his light and with his
-strokes. Where it is asked for, `hat` finds the hat as a thing, and `put_on` lays it over the
+painted from: `hat` finds what is no bare skin above the brows, `glasses` finds spectacles by their
+rims (`rims`), and `inpainting` paints what they cover as the painter might have, in his light and
+with his strokes. Where it is asked for, `hat` finds the hat as a thing, and lays it over the
 picture of a photo's sitter; on a head it is painted on the surface (`skin.hat`).
 """
 
-from .filled import bared, without_spectacles
 from .glasses import spectacles
-from .hat import Wear, headwear, not_worn
-from .put_on import Hat, Layer
+from .hat import Hat, Layer, Wear, headwear, not_worn
+from .inpainting import bared, without_spectacles
 
 __all__ = ["Hat", "Layer", "Wear", "bared", "headwear", "not_worn", "spectacles",
            "without_spectacles"]

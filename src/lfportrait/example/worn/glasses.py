@@ -13,14 +13,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...face import FacePose, face_pose
-from .ridges import UNIT, UprightFace, ridges, upright
-from .rims import Rim, find_pairs, followed, followed_arc, normals_of, sampled
-
-__all__ = ["Spectacles", "drawn", "find_spectacles", "lenses", "spectacles"]
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+from .rims import (
+    UNIT,
+    Rim,
+    UprightFace,
+    find_pairs,
+    followed,
+    followed_arc,
+    normals_of,
+    ridges,
+    sampled,
+    upright,
+)
 
 SURE = 0.46
 """Product of the three measures from which on a pair of rings is a pair of rims."""
@@ -61,10 +67,8 @@ class Spectacles:
     ----------
     curves
         float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen (open).
-    width, unsure
-        Of the lines, and how far off they may be.
-    score
-        Product of the three measures, in [0, 1].
+    width, unsure : Of the lines, and how far off they may be.
+    score : Product of the three measures, in [0, 1].
     """
 
     curves: tuple[Float64, ...]
@@ -73,7 +77,7 @@ class Spectacles:
     score: float
 
 
-def spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
+def spectacles(image: UInt8, landmarks: NDArray[np.floating],
                pose: FacePose | None = None) -> Float32:
     """Find the spectacles that a sitter wears.
 
@@ -132,7 +136,7 @@ def lenses(found: Spectacles, shape: tuple[int, int], landmarks: NDArray[np.floa
     return mask.astype(np.float32)
 
 
-def find_spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
+def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
                     pose: FacePose | None = None) -> Spectacles | None:
     """The lines of the spectacles in a portrait, or None; arguments as `spectacles`."""
     points = np.asarray(landmarks, np.float64)
@@ -233,7 +237,7 @@ def _bridges(lines: Float32, rims: list[Rim]) -> list[Float64]:
     return found
 
 
-def _free(rims: list[Rim], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _free(rims: list[Rim], shape: tuple[int, ...]) -> Bool:
     """Where an upright picture of a shape (h, w) shows neither a rim nor what is within it."""
     within = np.zeros(shape, np.uint8)
     for rim in rims:

@@ -1,4 +1,11 @@
-"""The hat of a painting's sitter: cap, bonnet or veil, as a thing with its own edge.
+"""A painted hat, put on the sitter of a photo.
+
+It lies over the picture as a thing with its own edge, warped by the two faces' frames: as wide as
+the sitter's face is against the painter's, and high enough for the sitter's head. Hair that would
+stick out above its edge is pressed down under it: there is background.
+
+A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
+hangs down from above and is more than a wrinkle is a cover; what of it is hair is told apart.
 
 The networks know no hats: to them one is hair, cloth or background. Where a forehead is covered and
 what covers it reaches far beyond a head or is unlike the hair below it, or where what is taken for
@@ -13,24 +20,170 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey, skin_distance
-from ..guides.labels import soft_face
-from ..guides.regions import Regions
-from ..guides.shapes import disk
-from ..painter.headwear import has_two_hues
-from ..painter.small_picture import SmallPicture
-from .forehead import Forehead, covered_forehead
+from ..guides.filters import disk, grey, skin_distance
+from ..guides.regions import Regions, soft_face
+from ..painter.picture_materials import SmallPicture, has_two_hues
 
-__all__ = ["Wear", "headwear", "not_worn"]
+HAIRLINE, TEMPLE, ROUND = 0.54, 0.86, 2.0
+"""A forehead ends this far above the brows (chin -1), and this far from its middle over half the
+face's width, in a superellipse of this power."""
+HIGH = 0.64
+"""The same height of a forehead that is hidden."""
+HIDES = 0.3
+"""A forehead is hidden if no less than this share of it is covered by something else than hair."""
+HEAD = 1.15, 0.95, 0.0
+"""A head ends this far from its middle over half the face's width, and this far above the brows;
+hair that a hat covers begins above this."""
+BROWS = 0.03
+"""It begins this far above the brows' middle: what lies lower is brows and lids."""
+LAB_BLUR = 0.02
+"""Colors are compared blurred by so much over the face's size."""
+LIGHT = 0.4
+"""How much light counts against hue and chroma."""
+FEW, MOST = 50, 1500
+"""A smaller sample of skin says nothing; of a larger one a part will do."""
+NEAR, USUAL = 0.02, 0.95
+"""A color's distance is that to the nearest of the sample, this share of it left out; so far apart
+are the sample's own, but for the rest."""
+OTHER, LEAST_OTHER = 1.2, 0.5
+"""What is further than this times that, and a little more in Lab, is no skin."""
+THICK = 0.04
+"""What is narrower, over the face's height, is a wrinkle."""
+STRIP = 0.2
+"""Skin below a hat, down to the brows, that is no higher than this over the face's height: the edge
+of a shade runs through it."""
 
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+
+@dataclass(frozen=True)
+class Forehead:
+    """What is known of a painted forehead.
+
+    Attributes
+    ----------
+    covered : float32 [h, w] in [0, 1], where it is not bare.
+    bare : float32 [h, w] in [0, 1], skin of the face.
+    lit : The same with the nose: its light goes on there.
+    crown : float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
+    share : Of the forehead that is covered, in [0, 1].
+    other : Of the forehead that is covered or shaded by something else than hair, in [0, 1].
+    """
+
+    covered: Float32
+    bare: Float32
+    lit: Float32
+    crown: Float32
+    share: float
+    other: float
+
+
+def covered_forehead(exemplar: Exemplar, regions: Regions, labels: UInt8) -> Forehead:
+    """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded.
+
+    Parameters
+    ----------
+    exemplar, regions, labels
+        The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
+    """
+    small = SmallPicture(exemplar, regions, labels)
+    right, down = small.part(small.right), small.part(small.down)
+    half = 0.5 * regions.frame.width / regions.frame.height
+    around, high = (((np.abs(right) / (TEMPLE * half)) ** ROUND
+                     + (np.maximum(-down, 0) / top) ** ROUND) for top in (HAIRLINE, HIGH))
+    features = _features(small, labels)
+    oval = (around < 1) & (down < 0)
+    flesh = (small.part(small.face) > 0.7) | oval
+    sample = _sample(small, labels)
+    unlike, light = _unlike(small, sample, flesh)
+    # Linen on the brows themselves is lighter than skin.
+    forehead = oval & (down < np.where(light, 0, -BROWS)) & (~features | light)
+    hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 100
+    cover = forehead & unlike
+    cover = _from_above(cover, forehead, max(1, round(THICK * regions.frame.height / small.factor)))
+    whole = max(float(forehead.sum()), 1.0)
+    share, other = float(cover.sum()) / whole, float((cover & ~hair).sum()) / whole
+    bare = flesh & ~features & ~unlike & ~cover & ~hair
+    if other >= HIDES:
+        cover |= _strip(cover, oval & (down < 0) & ~features, round(
+            STRIP * regions.frame.height / small.factor))
+        bare &= ~cover
+        # Where hair begins under a hat nobody knows: as high as on most heads.
+        cover |= (high < 1) & (down < 0) & ~oval
+    crown = np.hypot(right / (HEAD[0] * half), np.maximum(-down, 0) / HEAD[1]) < 1
+    crown &= (down < HEAD[2]) & (around > 1) & ~cover
+    covered, skin, lit, head = (small.whole(plane.astype(np.float32)) for plane in (
+        cover, bare, bare | sample & flesh & ~unlike, crown))
+    return Forehead(covered, skin, lit, head, share, other)
+
+
+def _features(small: SmallPicture, labels: UInt8) -> Bool:
+    """Brows and what else is no plain skin, of the small picture."""
+    part = small.part(labels)
+    numbers = [PICTURE_LABELS.index(name) for name in ("brows", "eyes", "nose", "lips")]
+    return np.asarray(part[..., numbers].sum(axis=-1, dtype=np.int64) > 40)
+
+
+def _sample(small: SmallPicture, labels: UInt8) -> Bool:
+    """Cheeks and nose: a nose is lit as a forehead is."""
+    nose = small.part(labels[..., PICTURE_LABELS.index("nose")]) > 200
+    # Its ridge, without nostrils and their shade.
+    nose &= small.part(small.down) < 0.45
+    return small.cheeks | nose
+
+
+def _unlike(small: SmallPicture, sample: Bool, where: Bool) -> tuple[Bool, Bool]:
+    """What has other colors than a sample of skin, and what of this is lighter, bool [h, w].
+
+    Skin has a painter's lights, shades and hues, so colors are compared with the nearest ones of
+    the sample, and these with each other. Looked at is ``where``.
+    """
+    from scipy.spatial import cKDTree
+    from skimage.color import rgb2lab
+
+    unlike = np.zeros(where.shape, bool)
+    if sample.sum() < FEW:
+        return unlike, unlike
+    lab = rgb2lab(np.clip(small.blurred(LAB_BLUR), 0, 1)) * [LIGHT, 1.0, 1.0]
+    skin = lab[sample][::max(1, int(sample.sum()) // MOST)]
+    tree, near = cKDTree(skin), [max(1, round(NEAR * len(skin)))]
+    own = np.quantile(tree.query(skin, k=near)[0], USUAL)
+    away = tree.query(lab[where], k=near, workers=numba.get_num_threads())[0][:, 0]
+    unlike[where] = away > OTHER * own + LEAST_OTHER
+    return unlike, unlike & (lab[..., 0] > np.quantile(skin[:, 0], USUAL))
+
+
+def _strip(cover: Bool, forehead: Bool, most: int) -> Bool:
+    """What of a forehead lies below a cover in columns where that is ``most`` rows at most."""
+    below = forehead & ~cover & (np.maximum.accumulate(cover, axis=0))
+    count = below.sum(axis=0)
+    # Single columns are as their neighbours are.
+    thin = cv2.morphologyEx((count <= most).astype(np.uint8)[None], cv2.MORPH_OPEN,
+                            np.ones((1, max(1, most // 2)), np.uint8))[0] > 0
+    return np.asarray(below & thin)
+
+
+def _from_above(cover: Bool, forehead: Bool, radius: int) -> Bool:
+    """The part of a cover that hangs down from the forehead's upper edge, without wrinkles."""
+    kernel = disk(radius)
+    # Beyond the forehead it may go on.
+    beyond = cover | ~forehead
+    opened = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    closed = cv2.morphologyEx(opened.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
+    pieces, _ = ndimage.label(closed & forehead)
+    rows = np.arange(len(forehead))[:, None]
+    top = forehead & (rows < np.where(forehead.any(axis=0), forehead.argmax(axis=0), 0)
+                      + 2 * radius)
+    kept = np.unique(pieces[top & (pieces > 0)])
+    return np.asarray(np.isin(pieces, kept[kept > 0]))
+
 
 Wear = Literal["hat", "spectacles"]
 """What a sitter may be given of what the painter's wears."""
@@ -87,10 +240,8 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
 
     Parameters
     ----------
-    exemplar
-        The painting, from the front or turned; not bared (`filled`).
-    regions
-        Its own, where they are known.
+    exemplar : The painting, from the front or turned; not bared (`inpainting`).
+    regions : Its own, where they are known.
 
     Returns
     -------
@@ -123,15 +274,15 @@ def not_worn(exemplar: Exemplar, wear: Sequence[Wear]) -> list[str]:
 class _Small:
     """A painting at the size that it is cut at; planes [h, w]."""
 
-    image: NDArray[np.uint8]
+    image: UInt8
     right: Float32
     down: Float32
     hair: Float32
     person: Float32
     face: Float32
-    covered: Bools
-    crown: Bools
-    forehead: Bools
+    covered: Bool
+    crown: Bool
+    forehead: Bool
     half: float
     height: float
 
@@ -155,7 +306,7 @@ class _Small:
                       small(found.covered) > 0.5, small(found.crown) > 0.5,
                       small(found.bare) > 0.5, half, frame.height * factor)
 
-    def room(self) -> Bools:
+    def room(self) -> Bool:
         """Where a hat may be."""
         beside, above, below = ROOM
         return (np.abs(self.right) < beside) & (self.down > -above) & (self.down < below)
@@ -165,7 +316,7 @@ class _Small:
         picture = self.image.astype(np.float32) / np.float32(255)
         return np.asarray(cv2.GaussianBlur(picture, (0, 0), max(0.5, BLUR * FACE)), np.float32)
 
-    def kernel(self, share: float) -> NDArray[np.uint8]:
+    def kernel(self, share: float) -> UInt8:
         """A disk of a radius over the face's height."""
         return disk(share * self.height)
 
@@ -195,21 +346,21 @@ def _found(exemplar: Exemplar, regions: Regions) -> Float32 | None:
     return np.asarray(np.clip((whole - 0.5) * steep + 0.5, 0, 1), np.float32)
 
 
-def _all_around(cut: Bools, above: Bools) -> bool:
+def _all_around(cut: Bool, above: Bool) -> bool:
     """Whether a cut [h, w] goes on at most of the picture's border ``above`` the brows."""
     border = np.ones(cut.shape, bool)
     border[1:, 1:-1] = False
     return bool((cut & border & above).sum() > ALL_AROUND * (border & above).sum())
 
 
-def _two_hues(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> bool:
+def _two_hues(exemplar: Exemplar, regions: Regions, labels: UInt8) -> bool:
     """Whether what is taken for hair is a cap of two colors."""
     small = SmallPicture(exemplar, regions, labels)
     hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 150
     return has_two_hues(small, hair)
 
 
-def _cut(small: _Small) -> Bools | None:
+def _cut(small: _Small) -> Bool | None:
     """The thing itself, bool [h, w] of the small picture."""
     colors = small.colors()
     cheeks = small.forehead & (small.down > 0.1)
@@ -245,7 +396,7 @@ def _cut(small: _Small) -> Bools | None:
     return _one_thing(small, cut, alike, core)
 
 
-def _seeds(small: _Small, colors: Float32, core: Bools, like_skin: Bools) -> NDArray[np.uint8]:
+def _seeds(small: _Small, colors: Float32, core: Bool, like_skin: Bool) -> UInt8:
     """Where the cut begins: sure and probable parts of it, by the numbers of `cv2.grabCut`."""
     down = small.down
     state = np.full(down.shape, cv2.GC_PR_BGD, np.uint8)
@@ -261,7 +412,7 @@ def _seeds(small: _Small, colors: Float32, core: Bools, like_skin: Bools) -> NDA
     return state
 
 
-def _unlike_hair(small: _Small, cut: Bools) -> bool:
+def _unlike_hair(small: _Small, cut: Bool) -> bool:
     """Whether it is of other colors than the hair that shows under it, beside the face."""
     around = cv2.dilate(cut.astype(np.uint8), small.kernel(GAP)) > 0
     hair = (small.hair > 0.5) & ~around & (small.face < 0.1)
@@ -271,7 +422,7 @@ def _unlike_hair(small: _Small, cut: Bools) -> bool:
     return float(np.median(skin_distance(small.colors(), above)[hair])) > UNLIKE_CROWN
 
 
-def _veil(colors: Float32, cheeks: Bools, core: Bools) -> Bools:
+def _veil(colors: Float32, cheeks: Bool, core: Bool) -> Bool:
     """What may hang beside a face and is no hair, by its colors: all of a light cloth."""
     from skimage.color import rgb2lab
 
@@ -283,7 +434,7 @@ def _veil(colors: Float32, cheeks: Bools, core: Bools) -> Bools:
     return np.asarray((light > most + HAIRY) | (lab[..., 2] < -GREY))
 
 
-def _one_thing(small: _Small, cut: Bools, alike: Bools, core: Bools) -> Bools | None:
+def _one_thing(small: _Small, cut: Bool, alike: Bool, core: Bool) -> Bool | None:
     """The piece that sits on the head, without crumbs and holes, closed where it is ``alike``."""
     whole = cv2.morphologyEx(cut.astype(np.uint8), cv2.MORPH_OPEN, small.kernel(CRUMB))
     closed = cv2.morphologyEx(whole, cv2.MORPH_CLOSE, small.kernel(GAP))
@@ -298,7 +449,7 @@ def _one_thing(small: _Small, cut: Bools, alike: Bools, core: Bools) -> Bools | 
     return _filled(one > 0, face) & ~face
 
 
-def _filled(one: Bools, face: Bools) -> Bools:
+def _filled(one: Bool, face: Bool) -> Bool:
     """A thing [h, w] without holes, but for those that the face looks out of."""
     _, rest = cv2.connectedComponents(np.pad(~one, 1, constant_values=True).astype(np.uint8),
                                       connectivity=4)
@@ -306,3 +457,199 @@ def _filled(one: Bools, face: Bools) -> Bools:
     open_ones = np.union1d(np.unique(rest[face]), [rest[0, 0], rest[0, -1], rest[-1, 0],
                                                    rest[-1, -1]])
     return one | ~np.isin(rest, open_ones)
+
+
+CROWN, ABOVE_HEAD = 0.85, 0.06
+"""A head without its hair ends this far above the brows (chin -1) at most, a hat so far above."""
+HIGHER = 1.5
+"""A hat is made higher by this factor at most."""
+JOINED = 0.3
+"""The map below the brows goes over into the one above them within so much of the face's height."""
+SHADE, DEEPEST = 0.12, 0.45
+"""Its shade reaches so far below its edge, over the face's height, and takes at most this share of
+the light."""
+LIGHT_REACHES = 0.05, 0.15, 0.4, 1.2
+"""Background is carried in under removed hair from as far as this, over the face's height."""
+SOFT = 0.015
+"""Removed hair ends softly over so much of the face's height."""
+FINER = 1.2
+"""A hat with so many of its pixels per pixel of the photo is made smaller first."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A hat as it lies over a photo.
+
+    Attributes
+    ----------
+    color : float32 [H, W, 3] in [0, 1], sRGB.
+    cover : float32 [H, W] in [0, 1], where it lies.
+    light : float32 [H, W] in [0, 1], what its shade leaves of the light below it.
+    """
+
+    color: Float32
+    cover: Float32
+    light: Float32
+
+    def over(self, image: Float32) -> Float32:
+        """A picture [H, W, 3] with it."""
+        shaded = image * self.light[..., None]
+        return np.asarray(shaded + self.cover[..., None] * (self.color - shaded), np.float32)
+
+
+class Hat:
+    """The hat of a painting's sitter.
+
+    Parameters
+    ----------
+    exemplar : The painting as its sitter wears it.
+    mask : float32 [h, w] in [0, 1], the hat (`headwear`).
+    regions : Of the painting.
+    """
+
+    def __init__(self, exemplar: Exemplar, mask: Float32, regions: Regions) -> None:
+        self.frame, self.mask = regions.frame, mask
+        self.color = _carried_beyond(exemplar.image.astype(np.float32) / np.float32(255), mask,
+                                     regions.frame.height)
+        self.shade = _shade(exemplar, mask, regions)
+        right, down = regions.frame.local(mask.shape)
+        half = 0.5 * regions.frame.width / regions.frame.height
+        middle = (mask > 0.5) & (np.abs(right) < 0.3 * half)
+        self.top = float(-down[middle].min()) if middle.any() else CROWN
+
+    @staticmethod
+    def of(exemplar: Exemplar, regions: Regions) -> Hat | None:
+        """The hat of a painting, bared or not, with its regions; None if there is none."""
+        covered = exemplar.covered
+        if covered is not None:
+            exemplar, regions = covered, covered.regions()
+        mask = headwear(exemplar, regions)
+        return None if mask is None else Hat(exemplar, mask, regions)
+
+    def put_on(self, photo: NDArray[np.generic], regions: Regions,
+               ) -> tuple[NDArray[np.generic], Regions, Layer]:
+        """The hat on a photo's sitter.
+
+        Parameters
+        ----------
+        photo : uint8 or float in [0, 1], [H, W, 3].
+        regions : Of the photo.
+
+        Returns
+        -------
+        photo, regions : Without what sticks out above the hat.
+        layer : The hat.
+        """
+        shape = photo.shape[0], photo.shape[1]
+        right, down = regions.frame.local(shape)
+        color, cover = self._warped(right, down, regions)
+        gone = _sticking_out(cover, regions.person, down)
+        soft = cv2.GaussianBlur(gone.astype(np.float32), (0, 0),
+                                max(0.5, SOFT * regions.frame.height))
+        gone_soft = np.maximum(gone, np.clip(2 * soft, 0, 1)).astype(np.float32)
+        person = np.asarray(regions.person * (1 - gone_soft), np.float32)
+        hair = None if regions.hair is None else np.asarray(regions.hair * (1 - gone_soft),
+                                                            np.float32)
+        before = np.asarray(photo, np.float32)
+        behind = _carried_beyond(before, np.clip(1 - 2 * np.maximum(regions.person, cover), 0, 1),
+                                 regions.frame.height)
+        mixed = before + gone_soft[..., None] * (behind - before)
+        if photo.dtype == np.uint8:
+            mixed = np.clip(mixed + 0.5, 0, 255)
+        layer = Layer(color, cover, self._light(cover, regions, right, down))
+        return np.asarray(mixed, photo.dtype), Regions(regions.landmarks, person, hair), layer
+
+    def _warped(self, right: Float32, down: Float32, regions: Regions) -> tuple[Float32, Float32]:
+        """Colors [H, W, 3] and cover [H, W] of the hat at places in the photo's face frame."""
+        ours, theirs = self.frame, regions.frame
+        wide = (ours.width / ours.height) / (theirs.width / theirs.height)
+        above = wide / self._higher(regions, wide)
+        share = np.clip(-down / JOINED, 0, 1)
+        share = share * share * (3 - 2 * share)
+        places = (right * wide)[..., None] * ours.right + (
+            down * (1 + share * (above - 1)))[..., None] * ours.down
+        places = np.asarray(ours.origin + ours.height * places, np.float32)
+        step = ours.height * wide / theirs.height
+        planes = np.concatenate([self.color, self.mask[..., None]], axis=-1)
+        if step > FINER:
+            size = tuple(max(round(side / step), 8) for side in self.mask.shape[::-1])
+            places *= np.divide(size, self.mask.shape[::-1], dtype=np.float32)
+            planes = cv2.resize(planes, size, interpolation=cv2.INTER_AREA)
+        x, y = (np.ascontiguousarray(places[..., axis]) - np.float32(0.5) for axis in range(2))
+        # What the painting's border cuts off ends there.
+        color = cv2.remap(np.ascontiguousarray(planes[..., :3]), x, y, cv2.INTER_CUBIC,
+                          borderMode=cv2.BORDER_REPLICATE)
+        cover = cv2.remap(np.ascontiguousarray(planes[..., 3]), x, y, cv2.INTER_LINEAR,
+                          borderMode=cv2.BORDER_CONSTANT, borderValue=0.0)
+        return (np.asarray(np.clip(color, 0, 1), np.float32),
+                np.asarray(np.clip(cover, 0, 1), np.float32))
+
+    def _higher(self, regions: Regions, wide: float) -> float:
+        """How much higher it is to be, so that it covers a sitter's crown."""
+        outline = regions.outline(np.zeros(1))[0] - regions.frame.origin
+        head = float(-outline @ regions.frame.down) / regions.frame.height
+        head = CROWN if not np.isfinite(head) else head
+        # Hair is pressed down.
+        head = head if regions.hair is None else min(head, CROWN)
+        return float(np.clip((head + ABOVE_HEAD) * wide / max(self.top, 1e-3), 1.0, HIGHER))
+
+    def _light(self, cover: Float32, regions: Regions, right: Float32, down: Float32) -> Float32:
+        """What its shade leaves of the light on the forehead, [H, W]."""
+        height = regions.frame.height
+        sigma = max(0.5, 0.5 * SHADE * height)
+        shift = np.float32(SHADE * height / 3) * regions.frame.down
+        moved = cv2.warpAffine(cover, np.array([[1, 0, shift[0]], [0, 1, shift[1]]]),
+                               cover.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+        near = cv2.GaussianBlur(moved, (0, 0), sigma)
+        half = 0.5 * regions.frame.width / height
+        # It falls on the person, below the hat alone.
+        where = regions.person * np.clip((1.3 - np.abs(right) / half) / 0.3, 0, 1) * (
+            np.clip((0.6 - down) / 0.6, 0, 1))
+        return np.asarray(1 - self.shade * near * where, np.float32)
+
+
+def _carried_beyond(image: Float32, known: Float32, height: float) -> Float32:
+    """Colors [h, w, 3] where they are known [h, w], and from the nearest such places elsewhere."""
+    step = max(1, int(height / 60))
+    size = tuple(max(side // step, 4) for side in image.shape[1::-1])
+    weight = np.asarray(cv2.resize(known, size, interpolation=cv2.INTER_AREA), np.float32)
+    colors = cv2.resize(image * known[..., None], size, interpolation=cv2.INTER_AREA)
+    total = max(float(weight.sum()), 1e-6)
+    out = np.broadcast_to(colors.sum(axis=(0, 1)) / total, colors.shape).astype(np.float32)
+    for reach in reversed(LIGHT_REACHES):
+        sigma = max(0.5, reach * height / step)
+        found = cv2.GaussianBlur(weight, (0, 0), sigma)[..., None]
+        here = cv2.GaussianBlur(colors, (0, 0), sigma) / (found + 1e-6)
+        out += np.clip(found / 0.05, 0, 1) * (here - out)
+    broad = cv2.resize(out, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    sure = np.clip(2 * known - 1, 0, 1)[..., None]
+    return np.asarray(broad + sure * (image - broad), np.float32)
+
+
+def _shade(exemplar: Exemplar, mask: Float32, regions: Regions) -> float:
+    """How much darker the face is painted right below its hat than the cheeks are, in [0, 1]."""
+    height = regions.frame.height
+    _, down = regions.frame.local(mask.shape)
+    side = 2 * max(1, round(SHADE * height)) + 1
+    near = cv2.dilate((mask > 0.5).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    soft = soft_face(mask.shape, exemplar.landmarks, 0.4) > 200
+    light = grey(exemplar.image)
+    below, cheeks = (light[soft & part & (mask < 0.1)] for part in (
+        near & (down < -0.1), (down > 0.15) & (down < 0.6)))
+    if min(len(below), len(cheeks)) < 30:
+        return 0.0
+    share = float(np.median(below)) / max(float(np.median(cheeks)), 1e-3)
+    return float(np.clip(1 - share, 0, DEEPEST))
+
+
+def _sticking_out(cover: Float32, person: Float32, down: Float32) -> Bool:
+    """The part of a person [H, W] above a hat's edge that the hat does not cover."""
+    rows = np.arange(len(cover))[:, None]
+    worn = (cover > 0.5) & (down < 0)
+    if not worn.any():
+        return np.zeros(cover.shape, bool)
+    lowest = np.where(worn, rows, -1).max(axis=0)
+    columns = np.flatnonzero(lowest >= 0)
+    # Beyond its sides the level of its ends goes on.
+    level = np.interp(np.arange(cover.shape[1]), columns, lowest[columns])
+    return (rows < level) & (cover < 0.5) & (person > 0.02)

@@ -22,11 +22,9 @@ from PIL import Image
 
 from lfportrait.arrays import Float32, UInt8
 from lfportrait.example.exemplar import Exemplar, face_size
-from lfportrait.example.guides.appearance import Distribution, grey, match_histogram
-from lfportrait.example.guides.control_points import match_regions
-from lfportrait.example.guides.labels import missing_labels
+from lfportrait.example.guides.filters import Distribution, grey, match_histogram
 from lfportrait.example.guides.position import folded_position_guide, pixel_centres
-from lfportrait.example.guides.regions import Regions, find_regions
+from lfportrait.example.guides.regions import Regions, find_regions, missing_labels
 from lfportrait.example.patches import (
     CELL,
     SCALE,
@@ -36,6 +34,7 @@ from lfportrait.example.patches import (
     occupancy,
     synthesise_patches,
 )
+from lfportrait.example.photo_guide import match_regions
 from lfportrait.labels import PICTURE_LABELS
 
 from ..config import FaceStyleConfig, Painted

@@ -13,28 +13,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey
-from ..guides.blurs import broad_blur
-from ..guides.face_frame import FaceFrame
-from ..guides.labels import polygon
-from ..guides.regions import Regions
-from ..guides.shapes import grown
+from ..guides.filters import broad_blur, dilated, grey
+from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
-from ..painter.materials import ExemplarMaterials, into, mainly
-from ..painter.patch_painter import PatchPainter, Sheet, Wish
+from ..painter.materials import ExemplarMaterials, main_material, nearest_of_material, pieces
+from ..painter.patch_painter import PatchPainter, PatchRequest, PhotoAtlas
 from ..painter.picture_materials import FEATURES, SKIN
-from ..painter.pieces import pieces
 from ..patches import PatchSearch
-from .forehead import HIDES, covered_forehead
 from .glasses import drawn, find_spectacles, lenses
-
-__all__ = ["bared", "without_spectacles"]
-
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+from .hat import HIDES, covered_forehead
 
 MOST = 0.8
 """A forehead is bared if something else than hair hides it (`HIDES`), or if more than this share of
@@ -112,10 +103,10 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
         hole = lines | (behind & ~nose)
         # Rims have a shade; and what is seen through a lens counts less than what lies around it.
-        beside = np.where(grown(lines, SHADE * height), np.float32(0), np.float32(1))
+        beside = np.where(dilated(lines, SHADE * height), np.float32(0), np.float32(1))
         broad = _spread(exemplar.image, beside * np.where(behind & ~nose, THROUGH, np.float32(1)),
                         height, RIMS)
-        bare = grown(hole, 2 * AROUND * height) & (beside > 0) & ~behind
+        bare = dilated(hole, 2 * AROUND * height) & (beside > 0) & ~behind
         return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
 
     key = key_of(__name__, "spectacles", exemplar.image, exemplar.landmarks)
@@ -130,13 +121,13 @@ def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDAr
     if forehead.other < HIDES and forehead.share < (FRINGE if fringe else MOST):
         return None
     height = regions.frame.height
-    hole = grown(forehead.covered > 0.5, GROWN * height)
+    hole = dilated(forehead.covered > 0.5, GROWN * height)
     bare = forehead.bare * ~hole
     broad = _spread(exemplar.image, _central(forehead.lit * ~hole, regions), height)
     # Brows stay, as dark as they are; linen at their edge goes, with its shade.
     brows = labels[..., PICTURE_LABELS.index("brows")] > 100
     dark = grey(exemplar.image) < grey(broad) - BROW
-    brows &= grown(dark, 0.01 * height) & ~grown(forehead.covered > 0.5, EDGE * height)
+    brows &= dilated(dark, 0.01 * height) & ~dilated(forehead.covered > 0.5, EDGE * height)
     hole &= ~brows
     image = _filled(exemplar, bare > 0.5, hole, broad, height)
     # What lies above is where hair is: a sitter's forehead ends there.
@@ -160,8 +151,8 @@ def _central(bare: Float32, regions: Regions) -> Float32:
                       np.float32)
 
 
-def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height: float,
-            beyond: float = BROAD) -> NDArray[np.uint8]:
+def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: float,
+            beyond: float = BROAD) -> UInt8:
     """The picture with strokes of bare places in the hole, uint8 [h, w, 3].
 
     ``broad`` [h, w, 3] are the colors there, broader than ``beyond`` over the face's height.
@@ -182,7 +173,7 @@ def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height
     return out
 
 
-def _spread(image: NDArray[np.uint8], weight: Float32, height: float,
+def _spread(image: UInt8, weight: Float32, height: float,
             reaches: tuple[float, ...] = REACHES) -> Float32:
     """Broad colors in [0, 1] of a picture [h, w, 3] known by weights [h, w], carried on."""
     picture = image.astype(np.float32) / np.float32(255)
@@ -201,7 +192,7 @@ def _spread(image: NDArray[np.uint8], weight: Float32, height: float,
                       np.float32)
 
 
-def _blurred_within(picture: Float32, inside: Bools, sigma: float) -> Float32:
+def _blurred_within(picture: Float32, inside: Bool, sigma: float) -> Float32:
     """A picture [h, w, 3] blurred by what lies inside alone."""
     weight = inside.astype(np.float32)
     total = np.maximum(broad_blur(weight, sigma), np.float32(1e-3))
@@ -209,37 +200,36 @@ def _blurred_within(picture: Float32, inside: Bools, sigma: float) -> Float32:
                      for channel in range(3)], axis=-1)
 
 
-def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, height: float,
+def _strokes(exemplar: Exemplar, inside: Bool, bare: Bool, tone: Float32, height: float,
              ) -> Float32:
     """A picture with the hole laid out with patches of its bare skin, float32 [h, w, 3]."""
     one = np.eye(len(MATERIALS), dtype=np.float32)
     painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PatchSearch(), 0,
                            sharp=False)
-    pictures, theirs = painter.source(1.0)
-    near = grown(inside, AROUND * height)
+    _, theirs = painter.source(1.0)
+    near = dilated(inside, AROUND * height)
     # Strokes agree with skin around the hole, not with hair and hats.
     state = np.where(inside, ACTIVE, np.where(near & bare, FIXED, OUTSIDE)).astype(np.uint8)
     picture = exemplar.image.astype(np.float32) / np.float32(255)
-    wish = _wish(theirs, inside, tone, picture, state, exemplar.size)
-    shape = inside.shape[0], inside.shape[1]
-    target = painter.target(Sheet(shape), theirs, 1.0, wish)
-    return np.where(inside[..., None], painter.lay(target, pictures), picture)
+    request = _request(theirs, inside, tone, picture, state, exemplar.size)
+    painted = painter.paint(PhotoAtlas((inside.shape[0], inside.shape[1])), 1.0, request)
+    return np.where(inside[..., None], painted, picture)
 
 
-def _wish(theirs: ExemplarMaterials, inside: Bools, tone: Float32, picture: Float32,
-          state: NDArray[np.uint8], size: float) -> Wish:
+def _request(theirs: ExemplarMaterials, inside: Bool, tone: Float32, picture: Float32,
+             state: UInt8, size: float) -> PatchRequest:
     """Skin of the tones asked for, from anywhere."""
     count = inside.size
     y, x = np.mgrid[:inside.shape[0], :inside.shape[1]]
     plane = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float32) + np.float32(0.5)
     shares = np.broadcast_to(np.eye(len(MATERIALS), dtype=np.float32)[SKIN],
                              (count, len(MATERIALS)))
-    material = mainly(shares)
-    wanted = into(material, theirs, plane)
+    material = main_material(shares)
+    wanted = nearest_of_material(material, theirs, plane)
     asked = np.ascontiguousarray(tone.reshape(-1))
     begin = np.where(inside.reshape(-1)[:, None],
                      pieces(material, theirs, wanted, plane, asked, size), plane)
     none = np.zeros(count, np.float32)
     sure = np.tile(np.array([0, 1], np.float32), (count, 1))
-    return Wish(np.ascontiguousarray(shares), asked, none, wanted, begin, none, sure, state,
-                picture, 4.0)
+    return PatchRequest(np.ascontiguousarray(shares), asked, none, wanted, begin, none, sure, state,
+                        picture, 4.0)

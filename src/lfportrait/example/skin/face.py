@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter
 
+from ...arrays import Bool, Float32
 from ...labels import PICTURE_LABELS
-from ..guides.appearance import match_histogram
-from ..guides.blurs import broad_blur, gaussian_blur
-from ..guides.labels import soft_face
-from ..guides.maps import Guides, sample_labels
+from ..guides.filters import broad_blur, gaussian_blur, match_histogram
+from ..guides.position import Guides, sample_labels
+from ..guides.regions import soft_face
 from ..kernels.atlas import spread
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
-from ..transfers import CALM, LABELS, Transfer
-from .canvas import Canvas
-from .sitter import Skin
-
-__all__ = ["CopiedFace"]
-
-Float32 = NDArray[np.float32]
+from ..transfers import CALM, LABEL_WEIGHT, Transfer
+from .sitter import Canvas, Skin
 
 INSIDE = 0.95
 """Share of the exemplar's face (a soft mask) from which on its paint is copied: not its outline."""
@@ -42,17 +36,14 @@ class CopiedFace:
 
     Parameters
     ----------
-    transfer
-        Of the exemplar.
-    hair, strand
-        float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
+    transfer : Of the exemplar.
+    hair, strand : float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
 
     Attributes
     ----------
     planes
         float32 [h, w, 3]: the inside of the exemplar's face, what is near it, and hair over it.
-    labels
-        uint8 [h, w, K], the exemplar's labels with nothing but background outside of the face.
+    labels : uint8 [h, w, K], the exemplar's labels with nothing but background outside of the face.
     """
 
     def __init__(self, transfer: Transfer, hair: Float32, strand: Float32) -> None:
@@ -77,19 +68,15 @@ class CopiedFace:
         self.labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
 
     def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
-             ) -> NDArray[np.bool_]:
+             ) -> Bool:
         """Where the face is painted as on a photo, [N]; the rest is patches.
 
         Parameters
         ----------
-        skin, canvas
-            Of the sitter, at the painting's size.
-        face
-            float32 [N, 3], `planes` where the guide leads.
-        ratio
-            float32 [N], how much slower than the plane the guide changes.
-        size
-            Pixels of the canvas per pixel of the exemplar.
+        skin, canvas : Of the sitter, at the painting's size.
+        face : float32 [N, 3], `planes` where the guide leads.
+        ratio : float32 [N], how much slower than the plane the guide changes.
+        size : Pixels of the canvas per pixel of the exemplar.
         """
         # Hair that hangs over the exemplar's cheek is nothing for a bare one.
         bare = 1 if skin.hair is None else 1 - skin.hair
@@ -112,7 +99,7 @@ class CopiedFace:
         return canvas.gathered(mean, len(values))
 
     def paint(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
-              anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:
+              anchor: Float32, ratio: Float32, core: Bool) -> Float32:
         """StyleBlit over the face, [H, W, 3]; 0 elsewhere.
 
         ``position`` and ``anchor`` [N, 2] are places in the exemplar, by the guide and rigid; the
@@ -146,7 +133,7 @@ class CopiedFace:
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
             result = synthesise(
-                guides, weights, LABELS, transfer.appearance, self.labels,
+                guides, weights, LABEL_WEIGHT, transfer.appearance, self.labels,
                 transfer.table, transfer.colors(scale), config.blit, seed=config.seed, scale=None,
                 finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
             picture[part][crop] = result.image

@@ -8,32 +8,298 @@ jitter is larger than what a frame's flow is off.
 
 Without OpenCV there is no flow: everything is found in every frame, and the plane follows the face
 as a whole.
+
+Pipeline of steps, each on its own thread, a few items ahead.
+
+The flow is OpenCV's DIS on a picture of half the size: chunks and masks that are carried along want
+a smooth flow of the whole, and it costs a fifth. Where the two directions disagree it can't be
+trusted; where they do nearly everywhere, the scene was cut.
+
+A painted frame knows for each pixel which shift from the anchor plane to the exemplar it copies
+with. The anchor plane goes on with the flow, and so may the shifts: the next frame then copies the
+same strokes from their new places, as sharply as if it were painted from scratch, without guides,
+seeds and chunks. Where a frame shows what the one before did not, the guided place of that one
+serves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..exemplar import face_size
-from ..guides.blurs import enlarged
-from ..guides.position import pixel_centres
-from ..guides.regions import Regions, find_regions
-from ..kernels.video import repair, squared_changes, to_bytes, unfold
-from ..transfers import Transfer, TransferResult, face_landmarks
-from .carried_frames import paint_onward, reduced
-from .motion import Flow, Motion, block_side
-from .pipelining import ahead, in_turn
+from ..arrays import Bool, Float32, Float64, UInt8
+from .exemplar import Exemplar, face_size
+from .guides.color_segmentation import resize
+from .guides.filters import enlarged
+from .guides.position import anchor_scale, pixel_centres
+from .guides.regions import Regions, find_regions
+from .kernels.video import carry, carry_shifts, repair, squared_changes, to_bytes, trust, unfold
+from .kernels.vote import blend, vote
+from .styleblit import TransferResult, shift_planes
+from .transfers import Transfer, face_landmarks
 
-__all__ = ["VideoTransfer"]
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+
+def ahead(items: Iterator[Item], count: int = 2,
+          start: Callable[[], Any] | None = None) -> Iterator[Item]:
+    """The same items, made on another thread up to ``count`` of them ahead.
+
+    Parameters
+    ----------
+    items : What is taken on that thread; what it raises is raised here.
+    count : How many may wait.
+    start : Called first on that thread.
+
+    Closing this iterator, or leaving a loop over it, ends the thread.
+    """
+    waiting: queue.Queue[tuple[bool, Any]] = queue.Queue(count)
+    closed = threading.Event()
+
+    def put(entry: tuple[bool, Any]) -> bool:
+        while not closed.is_set():
+            try:
+                waiting.put(entry, timeout=0.1)
+                return True
+            except queue.Full:
+                continue
+        return False
+
+    def work() -> None:
+        try:
+            if start is not None:
+                start()
+            for item in items:
+                if not put((True, item)):
+                    break
+            else:
+                put((False, None))
+        except BaseException as error:
+            put((False, error))
+        finally:
+            close = getattr(items, "close", None)
+            if close is not None:
+                close()
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    try:
+        while True:
+            more, item = waiting.get()
+            if not more:
+                if item is not None:
+                    raise item
+                return
+            yield item
+    finally:
+        closed.set()
+        thread.join()
+
+
+def in_turn(make: Callable[[Item], Made], items: Iterator[Item], threads: int,
+            start: Callable[[], Any] | None = None) -> Iterator[Made]:
+    """What ``make`` makes of the items, in their order, made on several threads.
+
+    As many items again as there are threads may wait to be taken. ``start`` is called first on each
+    thread.
+    """
+    with ThreadPoolExecutor(threads, initializer=start) as pool:
+        under_way: deque[Future[Made]] = deque()
+        try:
+            for item in items:
+                under_way.append(pool.submit(make, item))
+                if len(under_way) > threads:
+                    yield under_way.popleft().result()
+            while under_way:
+                yield under_way.popleft().result()
+        finally:
+            for future in under_way:
+                future.cancel()
+            close = getattr(items, "close", None)
+            if close is not None:
+                close()
+
+
+DISAGREE = 1.5
+"""Largest difference of the flow there and back in pixels."""
+LARGE = 200
+"""Pictures whose shorter side has at least so many pixels are reduced to half of it."""
+CUT = 0.3
+"""Share of trusted places below which two frames have nothing to do with each other."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion from the frame before to this one.
+
+    Attributes
+    ----------
+    back
+        float32 [h, w, 2], place in the frame before minus place here, in pixels, at the middles of
+        blocks.
+    there : The same from the frame before, to this one.
+    trusted : bool [h, w].
+    factor : Side of a block in pixels.
+    """
+
+    back: Float32
+    there: Float32
+    trusted: Bool
+    factor: int
+
+    def carry(self, field: Float32) -> Float32:
+        """A field [h, w, C] on the blocks of the frame before as it lies in this one."""
+        field = np.ascontiguousarray(field)
+        out = np.empty_like(field)
+        carry(field, self.back / np.float32(self.factor), out)
+        return out
+
+    def onward(self, points: Float64) -> Float64:
+        """Where points [N, 2] of the frame before are now: their median, in the blocks around."""
+        height, width = self.there.shape[:2]
+        columns, rows = (points / self.factor).astype(np.int64).T
+        steps = [self.there[np.clip(rows + v, 0, height - 1), np.clip(columns + u, 0, width - 1)]
+                 for v in (-1, 0, 1) for u in (-1, 0, 1)]
+        return np.asarray(points + np.median(steps, axis=0), np.float64)
+
+
+def block_side(shape: tuple[int, ...]) -> int:
+    """Side in pixels of the blocks on which the flow of pictures (H, W, ...) is known."""
+    return 2 if min(shape[:2]) >= LARGE else 1
+
+
+class Flow:
+    """The flow through a video, or nothing where there is no OpenCV."""
+
+    def __init__(self) -> None:
+        self._library = _library()
+        self._network: Any = None
+        if self._library is not None:
+            self._network = self._library.DISOpticalFlow_create(
+                self._library.DISOPTICAL_FLOW_PRESET_FAST)
+        self._before: UInt8 | None = None
+
+    def _luma(self, frame: UInt8, factor: int) -> UInt8:
+        """The frame in grey, means of blocks of ``factor`` pixels."""
+        size = (-(-frame.shape[1] // factor), -(-frame.shape[0] // factor))
+        luma = self._library.cvtColor(frame, self._library.COLOR_RGB2GRAY)
+        return np.asarray(self._library.resize(luma, size,
+                                               interpolation=self._library.INTER_AREA))
+
+    def next(self, frame: UInt8) -> Motion | None:
+        """Motion to the next frame; None for the first one and after a cut."""
+        if self._network is None:
+            return None
+        factor = block_side(frame.shape)
+        luma = self._luma(frame, factor)
+        before, self._before = self._before, luma
+        if before is None or before.shape != luma.shape:
+            return None
+        back, there = (self._network.calc(one, two, None)
+                       for one, two in ((luma, before), (before, luma)))
+        trusted = np.empty(luma.shape, np.bool_)
+        trust(back, there, np.float32(DISAGREE / factor), trusted)
+        if trusted.mean() < CUT or _unlike(luma, before, back):
+            return None
+        scale = np.float32(factor)
+        return Motion(back * scale, there * scale, trusted, factor)
+
+
+def _unlike(luma: UInt8, before: UInt8, back: Float32) -> bool:
+    """Whether the frame before, carried along, explains less than half of what is seen.
+
+    By every fourth sample of every fourth row.
+    """
+    height, width = luma.shape
+    y, x = np.mgrid[1:height:4, 1:width:4]
+    v = np.clip(y + back[1::4, 1::4, 1], 0, height - 1)
+    u = np.clip(x + back[1::4, 1::4, 0], 0, width - 1)
+    j, i = (np.minimum(at.astype(np.int64), size - 2) for at, size in ((v, height), (u, width)))
+    fy, fx = v - j, u - i
+    carried = ((before[j, i] * (1 - fx) + before[j, i + 1] * fx) * (1 - fy)
+               + (before[j + 1, i] * (1 - fx) + before[j + 1, i + 1] * fx) * fy)
+    here = luma[1::4, 1::4].astype(np.float32)
+    left, all_of_it = np.abs(here - carried).mean(), np.abs(here - here.mean()).mean()
+    return bool(left > 0.5 * all_of_it and left > 2)
+
+
+def _library() -> Any:
+    """OpenCV, which has the flow, or None."""
+    try:
+        import cv2
+    except ImportError:
+        return None
+    return cv2
+
+
+def reduced(prepared: Transfer, factor: float) -> Transfer:
+    """The same painting, ``factor`` times smaller.
+
+    Where a target's pixel covers several of the exemplar's, as in many videos, what is copied then
+    lies closer together: that saves a third of the look-ups' time.
+    """
+    image, own = prepared.exemplar.image, prepared.regions
+    height, width = (max(8, round(n / factor)) for n in image.shape[:2])
+    picture = np.asarray(Image.fromarray(image).resize((width, height), Image.Resampling.LANCZOS))
+    ratio = np.array([width, height]) / image.shape[1::-1]
+    exemplar = Exemplar(picture, prepared.exemplar.landmarks * ratio, prepared.exemplar.name)
+    regions = Regions(exemplar.landmarks, resize(own.person, picture.shape),
+                      None if own.hair is None else resize(own.hair, picture.shape))
+    chunks = prepared.config.blit
+    levels = max(1, chunks.levels - round(np.log2(factor)))
+    config = replace(prepared.config, blit=replace(chunks, levels=levels))
+    return Transfer(exemplar, config, regions=regions, exact=True)
+
+
+def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
+                 person: Callable[[], Float32], anchor: Float32, motion: Motion,
+                 kept: Bool, before: TransferResult) -> TransferResult:
+    """Paint a frame with the shifts of the one before.
+
+    Parameters
+    ----------
+    prepared : The exemplar.
+    frame, landmarks : uint8 [H, W, 3] and [68, 2].
+    person : Gives the person's mask, float32 [H, W], if it is needed.
+    anchor : float32 [H, W, 2].
+    motion, kept : From the frame before; bool [h, w], blocks whose anchors came from there.
+    before : What the frame before was painted with.
+
+    Returns
+    -------
+    The result; its guides other than the anchor are those of the frame before.
+    """
+    config, guides = prepared.config.blit, before.guides
+    height, width = frame.shape[:2]
+    margin = max(config.radius, 1)
+    shift = shift_planes(height, width, margin)
+    inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
+    carry_shifts(before.synthesis.shift, motion.back, motion.factor, kept, guides.position, anchor,
+                 inside)
+    image = np.empty((height, width, 3), np.float32)
+    pitch = anchor_scale(anchor)
+    reach = np.float32((3 * config.radius + 2) * pitch)
+    vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False,
+         image)
+    result, cover = image, before.mask
+    if not prepared.covers_all:
+        cover = prepared.cover(frame, landmarks, person())
+        result = np.empty_like(image)
+        blend(frame, np.float32(1 / 255), image, cover, result)
+    return replace(before, image=result, guides=replace(guides, anchor=anchor), mask=cover,
+                   synthesis=replace(before.synthesis, image=image, shift=inside))
+
 
 FRESH = 0.25
 """Share of the detected landmarks in the carried ones."""
@@ -72,13 +338,13 @@ def _moved(points: Float64, source: Float64, target: Float64) -> Float64:
 class _Followed:
     """What is known of a frame before it is painted."""
 
-    frame: NDArray[np.uint8]
+    frame: UInt8
     points: Float64
     anchor: Float32
     masks: Float32
     """Person and, if it is known, hair on blocks, [h, w, 1 or 2]."""
     motion: Motion | None
-    kept: NDArray[np.bool_] | None
+    kept: Bool | None
     """Blocks whose anchors were carried; None if the frame is to be painted from scratch."""
 
     @property
@@ -129,7 +395,7 @@ class VideoTransfer:
         self._result: TransferResult | None = None
         self._scale = 1.0
 
-    def apply(self, frame: NDArray[np.uint8],
+    def apply(self, frame: UInt8,
               landmarks: NDArray[np.floating] | None = None) -> Float32:
         """Stylise the next frame.
 
@@ -154,7 +420,7 @@ class VideoTransfer:
         self._compare(step, self._result.image)
         return self._result.image
 
-    def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
+    def frames(self, frames: Iterable[UInt8]) -> Iterator[UInt8]:
         """Stylise frames one after the other, several at a time.
 
         One thread follows the motion through the video; others paint, each a frame that needs
@@ -180,7 +446,7 @@ class VideoTransfer:
             numba.set_num_threads(max(1, cores // (painters + 1)))
 
         def paint(steps: list[_Followed],
-                  ) -> list[tuple[_Followed, Float32, NDArray[np.uint8]]]:
+                  ) -> list[tuple[_Followed, Float32, UInt8]]:
             made, result = [], None
             for step in steps:
                 result = self._painting(step, result)
@@ -193,7 +459,7 @@ class VideoTransfer:
                 self._compare(step, image)
                 yield picture
 
-    def _follow(self, frame: NDArray[np.uint8],
+    def _follow(self, frame: UInt8,
                 landmarks: NDArray[np.floating] | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
@@ -215,15 +481,15 @@ class VideoTransfer:
                             lambda: step.regions.person, step.anchor, step.motion, step.kept,
                             before)
 
-    def _find(self, frame: NDArray[np.uint8]) -> Float64:
-        from ...face import detect_landmarks
+    def _find(self, frame: UInt8) -> Float64:
+        from ..face import detect_landmarks
 
         found = detect_landmarks(frame, thorough=self._landmarks is None)
         if found is not None:
             return np.asarray(found, np.float64)
         return face_landmarks(frame) if self._landmarks is None else self._landmarks
 
-    def _points(self, frame: NDArray[np.uint8], landmarks: NDArray[np.floating] | None,
+    def _points(self, frame: UInt8, landmarks: NDArray[np.floating] | None,
                 motion: Motion | None) -> Float64:
         """Landmarks of the frame before, moved along and corrected by those found."""
         last = self._landmarks
@@ -240,7 +506,7 @@ class VideoTransfer:
             return found
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
-    def _segmented(self, frame: NDArray[np.uint8], points: Float64,
+    def _segmented(self, frame: UInt8, points: Float64,
                    motion: Motion | None) -> Float32:
         """Masks of the frame before, carried along, or found, or both."""
         side = block_side(frame.shape)
@@ -258,7 +524,7 @@ class VideoTransfer:
         return masks
 
     def _carried(self, shape: tuple[int, ...], points: Float64,
-                 motion: Motion | None) -> tuple[Float32, NDArray[np.bool_] | None]:
+                 motion: Motion | None) -> tuple[Float32, Bool | None]:
         """The anchor plane of this frame, and the blocks whose anchors come from the one before."""
         side = block_side(shape)
         if self._anchor is None or self._first is None:
@@ -343,7 +609,7 @@ def _runs(steps: Iterator[_Followed]) -> Iterator[list[_Followed]]:
             close()
 
 
-def _bytes_of(image: Float32) -> NDArray[np.uint8]:
+def _bytes_of(image: Float32) -> UInt8:
     out = np.empty(image.shape, np.uint8)
     to_bytes(image, out)
     return out
@@ -360,7 +626,7 @@ def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
     return np.asarray(np.concatenate([mixed, more[..., both:]], axis=-1), np.float32)
 
 
-def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bool) -> Float32:
+def _found_masks(frame: UInt8, points: Float64, side: int, first: bool) -> Float32:
     """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
 
     The networks see less than that: nothing is gained by showing them the whole frame. Only in a

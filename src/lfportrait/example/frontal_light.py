@@ -15,11 +15,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Sides", "blurred", "relit"]
-
-Float32 = NDArray[np.float32]
+from ..arrays import Float32
 
 DARK = 24.0
 """Added to values before their logarithm: the darkest paint is no blacker than that."""
@@ -58,22 +55,15 @@ class Sides:
 
     Attributes
     ----------
-    ours, theirs
-        float32 [h, w, 3], sRGB in [0, 255]: his own paint, and the mirror image's.
-    share
-        float32 [h, w] in [0, 1], of his own.
-    both
-        float32 [h, w], where either is on the face and was seen at all.
-    face
-        float32 [h, w], the face; light changes nothing of hair and hats around it.
-    head
-        float32 [h, w], the head: bare skin in it is lit, too.
-    hair
-        float32 [h, w], what of his own paint is hair; None where that is not known.
+    ours, theirs : float32 [h, w, 3], sRGB in [0, 255]: his own paint, and the mirror image's.
+    share : float32 [h, w] in [0, 1], of his own.
+    both : float32 [h, w], where either is on the face and was seen at all.
+    face : float32 [h, w], the face; light changes nothing of hair and hats around it.
+    head : float32 [h, w], the head: bare skin in it is lit, too.
+    hair : float32 [h, w], what of his own paint is hair; None where that is not known.
     features
         float32 [h, w] in [0, 1], from the brows to the mouth: there darkness is shade, no hat.
-    scale
-        Pixels per unit of the head.
+    scale : Pixels per unit of the head.
     """
 
     ours: Float32
@@ -172,10 +162,8 @@ class _Hue:
 
     Attributes
     ----------
-    knots
-        float32 [K], brightness: the mean of the channels' logarithms.
-    hues
-        float32 [K, 3], logarithms less their mean.
+    knots : float32 [K], brightness: the mean of the channels' logarithms.
+    hues : float32 [K, 3], logarithms less their mean.
     """
 
     knots: Float32

@@ -1,4 +1,4 @@
-"""Make the frontal picture of a face that is painted from one side.
+"""Turned faces, handled with a generic head: frontal pictures of paintings, and guides of photos.
 
 Guides lead from a head to the place of a painting that shows the same, and strokes are copied as
 they lie. Neither is there for the half of a face that the painter did not show. So a painting whose
@@ -6,35 +6,152 @@ face is turned is unrolled first: every place of a frontal picture is a place of
 the painted person's proportions, from the symmetry of the face; the head's pose leads from there to
 the painting, and a smooth warp takes what is left of the landmarks' residuals. What turns away from
 the painter, or lies behind nose or brow, is taken from its mirror image on the other side, with the
-light of the side where it comes to lie: faces are symmetric enough (Hassner et al. 2015). The seam
-between the two runs where they differ least (graph cut: Kwatra et al. 2003). An eye that can be
-seen at all is kept; the rest of the gaze is shifted, not mirrored, so that both eyes look the same
-way. A mouth is mirrored as skin is: its far corner, a few strokes that the painter saw from the
-side, would be stretched into a smear.
+light of the side where it comes to lie (`frontal_light`): faces are symmetric enough (Hassner et
+al. 2015). The seam between the two runs where they differ least (graph cut: Kwatra et al. 2003). An
+eye that can be seen at all is kept; the rest of the gaze is shifted, not mirrored, so that both
+eyes look the same way. A mouth is mirrored as skin is: its far corner, a few strokes that the
+painter saw from the side, would be stretched into a smear.
+
+Of photos of faces that are turned far (`FaceAside`), a part of the landmarks lies behind nose, brow
+and cheek. In the picture these points fall onto what hides them: a map that leads through them
+folds, and eye and mouth appear twice. So the pose of the face (`lfportrait.face.face_pose`)
+determines which landmarks are visible. The others are moved out to the outline, where the surface
+that they lie on disappears, and the guide follows what is seen of the generic head.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.ndimage import map_coordinates
 
-from ...errors import UserError
-from ...face import FacePose, face_pose, generic_depth, symmetric_landmarks
-from ..exemplar import Exemplar
-from ..guides.face_frame import FaceFrame
-from ..guides.labels import polygon
-from .light import Sides, blurred, relit
-from .seen import clearness, head_oval, painted_places
+from ..arrays import Bool, Float32, Float64, UInt8
+from ..errors import UserError
+from ..face import (
+    GENERIC_LANDMARKS,
+    FacePose,
+    face_pose,
+    face_yaw,
+    generic_depth,
+    symmetric_landmarks,
+)
+from .exemplar import Exemplar
+from .frontal_light import Sides, blurred, relit
+from .guides.regions import FaceFrame, polygon
 
-__all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "suited"]
+STEP, HARDLY = 0.02, 0.1
+"""Step for the slope of the head's surface, in its units; and how little a place may move in the
+painting, over its way on the head, squared, before that is held back."""
+RELIEF = 0.01
+"""Distance of the points of the relief that hides parts of the head, in its units."""
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+
+def painted_places(points: Float64, painted: Float64, pose: FacePose,
+                   head: Float64 = GENERIC_LANDMARKS) -> Float64:
+    """Where a painting with landmarks [68, 2] has points [h, w, 3] of a head, [h, w, 2].
+
+    By the pose, and by a smooth warp of what it leaves over of the landmarks. ``head`` [68, 3] are
+    the head's own.
+    """
+    from scipy.interpolate import RBFInterpolator
+
+    known = np.isfinite(painted).all(axis=1)
+    # On the far side the jaw's landmarks slide along the outline: the pose knows better.
+    far = GENERIC_LANDMARKS[:, 0] * np.sign(pose.rotation[2, 0]) < 0
+    known &= ~(far & (np.arange(68) < 17))
+    left = painted[known] - pose.project(head[known])
+    warp = RBFInterpolator(head[known, :2], left, kernel="thin_plate_spline",
+                           smoothing=2e-3)
+    flat = points.reshape(-1, 3)
+    moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
+    # Outside the face the residuals fade: there is nothing that they were measured on.
+    low, high = head[8, 1], head[17:27, 1].max()
+    reach = np.sqrt((points[..., 0] / head[16, 0]) ** 2
+                    + ((points[..., 1] - (low + high) / 2) / (0.5 * (high - low))) ** 2)
+    fade = np.exp(-(np.maximum(reach - 1.1, 0) / 0.5) ** 2)
+    limit = 0.3 * pose.scale
+    return np.asarray(pose.project(points)
+                      + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
+
+
+def in_front(way: NDArray[np.floating], painted: NDArray[np.floating], pose: FacePose) -> Float64:
+    """How far places beside landmarks lie from these in the frontal picture, float64 [68, 2].
+
+    Parameters
+    ----------
+    way : [68, 2], pixels, from the landmarks to the places in the painting.
+    painted : [68, 2], the landmarks.
+    pose : Of the face in the painting.
+    """
+    head = symmetric_landmarks(painted, pose)
+    x, y = head[:, 0], head[:, 1]
+    turn = pose.rotation[:2]
+    # How a place in the painting moves with one on the head's surface, seen from the front.
+    along = np.stack([turn[:, k] + turn[:, 2] * (
+        generic_depth(x + dx, y + dy, head) - generic_depth(x - dx, y - dy, head))[:, None] / (
+            2 * STEP) for k, (dx, dy) in enumerate(((STEP, 0.0), (0.0, STEP)))], axis=-1)
+    along *= np.outer([1.0, -1.0], [1.0, -1.0])  # pixels count downwards
+    # What is hardly seen from there would move far.
+    back = np.swapaxes(along, 1, 2)
+    found = np.linalg.solve(back @ along + HARDLY * np.eye(2), back @ np.asarray(way)[..., None])
+    return np.asarray(found[..., 0], np.float64)
+
+
+def clearness(points: Float64, pose: FacePose, head: Float64 = GENERIC_LANDMARKS) -> Float64:
+    """How clearly the painter saw points [h, w, 3]: cosine to his direction, 0 if hidden, [h, w].
+
+    The points are a height field, rows downwards, of the head with landmarks ``head`` [68, 3].
+    """
+    facing = np.asarray(_normals(points) @ pose.rotation[2], np.float64)
+    facing[_hidden(points, pose, head)] = 0.0
+    return facing
+
+
+def _normals(points: Float64) -> Float64:
+    """Unit normals of a height field of points [h, w, 3], +z outwards; rows run downwards."""
+    down, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
+    normal = np.cross(-down, across) * -1.0
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True), np.float64)
+
+
+def _hidden(points: Float64, pose: FacePose, head: Float64) -> Bool:
+    """Which points [h, w, 3] the painter sees something else before, bool [h, w].
+
+    A ray to him runs below the head's surface somewhere.
+    """
+    surface, low = _relief(head.tobytes())
+    out = np.zeros(points.shape[:2], bool)
+    for along in np.arange(0.02, 1.2, 2 * RELIEF):
+        ahead = points + along * pose.rotation[2]
+        inside = head_oval(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1
+        ahead = ahead[inside]
+        row, column = ((ahead[:, axis] - low[axis]) / RELIEF for axis in (1, 0))
+        found = ndimage.map_coordinates(surface, [row, column], order=1, cval=-np.inf)
+        out[inside] |= found - ahead[:, 2] > 0.005
+    return out
+
+
+@lru_cache(maxsize=4)
+def _relief(head: bytes) -> tuple[Float64, tuple[float, float]]:
+    """Depth of a head every `RELIEF` units, [y, x], and (x, y) of its first point.
+
+    ``head`` are the bytes of its landmarks, float64 [68, 3].
+    """
+    low = (-0.55, -0.8)
+    x, y = np.meshgrid(np.arange(low[0], 0.56, RELIEF), np.arange(low[1], 0.81, RELIEF))
+    return generic_depth(x, y, np.frombuffer(head).reshape(68, 3)), low
+
+
+def head_oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
+    """Distance from the middle of an oval about the axis, 1 on it."""
+    return np.asarray(np.sqrt((x / wide) ** 2 + ((y - middle) / high) ** 2), np.float64)
+
 
 FRONTAL = 9.0
 """Faces turned by less than this, in degrees, are used unchanged."""
@@ -67,21 +184,15 @@ class Frontal:
 
     Attributes
     ----------
-    image
-        uint8 [h, w, 3], sRGB.
-    landmarks
-        float64 [68, 2], pixels.
-    mirrored
-        float32 [h, w] in [0, 1]: what comes from the other side.
-    places
-        float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
-    mask
-        float32 [h, w], the painting's mask of the person, or None.
-    pose
-        Of the face in the painting.
+    image : uint8 [h, w, 3], sRGB.
+    landmarks : float64 [68, 2], pixels.
+    mirrored : float32 [h, w] in [0, 1]: what comes from the other side.
+    places : float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
+    mask : float32 [h, w], the painting's mask of the person, or None.
+    pose : Of the face in the painting.
     """
 
-    image: NDArray[np.uint8]
+    image: UInt8
     landmarks: Float64
     mirrored: Float32
     places: Float32
@@ -279,7 +390,7 @@ def _oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Fl
     return np.asarray(np.clip((1.05 - head_oval(x, y, wide, middle, high)) / 0.1, 0, 1), np.float64)
 
 
-def _mirror_image(image: NDArray[np.uint8], own: Float32, landmarks: Float64, scale: float,
+def _mirror_image(image: UInt8, own: Float32, landmarks: Float64, scale: float,
                   ) -> tuple[Float32, Float32]:
     """Places [h, w, 2] of what lies across the axis, and its paint [h, w, 3].
 
@@ -336,3 +447,141 @@ def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
     x, y = (np.ascontiguousarray(places[..., axis]) - np.float32(0.5) for axis in range(2))
     return np.asarray(cv2.remap(np.asarray(picture, np.float32), x, y, cv2.INTER_CUBIC,
                                 borderMode=cv2.BORDER_REFLECT_101), np.float32)
+
+
+_SPACING = 0.07
+"""Distance of the mesh's lines in the head's units: a dozen across the face."""
+
+
+def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
+    """Lines of the generic face on a painting, as far as its painter saw them.
+
+    Parameters
+    ----------
+    landmarks
+        [68, 2], of the painting.
+    pose
+        Of its face.
+
+    Returns
+    -------
+    lines
+        float64 [K, 2] each, pixels (x, y), K at least 2: lines down and across the face.
+    """
+    every = max(1, round(_SPACING * pose.scale / COARSE))
+    # The face's middle is on a line.
+    half = every * max(1, int(0.4 * pose.scale / COARSE / every))
+    x, y = np.meshgrid(np.arange(-half, half + 1) * COARSE / pose.scale,
+                       np.arange(0.5, -0.62, -COARSE / pose.scale))
+    points = np.stack([x, y, generic_depth(x, y)], axis=-1)
+    places = painted_places(points, np.asarray(landmarks, np.float64), pose)
+    seen = (clearness(points, pose) > 0.05) & ((x / 0.4) ** 2 + ((y + 0.06) / 0.58) ** 2 < 1)
+    lines: list[Float64] = []
+    for line, shown in [*zip(places[::every], seen[::every]),
+                        *zip(places[:, ::every].swapaxes(0, 1), seen[:, ::every].T)]:
+        ends = np.flatnonzero(np.diff(shown, prepend=False, append=False))
+        lines += [line[first:last] for first, last in zip(ends[::2], ends[1::2])
+                  if last - first > 1]
+    return lines
+
+
+RAMP = 10.0
+"""Degrees over which a turning head's guide goes over to what is seen of the generic head."""
+SPACING = 0.03
+"""Distance of the grid's points, in the generic head's units."""
+EVERY = 2
+"""A control point every Nth of them."""
+BEHIND = 0.08
+"""Cosine to the camera from which on a landmark is seen."""
+SLIGHT = 0.01
+"""The nose's place between the eyes' corners (`face_yaw`) changes by 0.02 a degree: where it has
+not changed by this for each degree of the limit, no pose is asked for."""
+PLAIN = 0.2
+"""The same for control points: nearer to the outline a small error is a long way on the head."""
+
+
+@dataclass(frozen=True)
+class FaceAside:
+    """A face that is turned far to one side.
+
+    Attributes
+    ----------
+    landmarks : float64 [68, 2], pixels; those that are hidden lie on the outline.
+    hidden : bool [68].
+    points : float64 [M, 3], what is seen of the generic head, in its frame.
+    places : float64 [M, 2], where the photo shows it, pixels.
+    pose : Of the face.
+    share
+        How far these points replace the landmarks as control points, in (0, 1]: a head that turns
+        in a video does not jump.
+    """
+
+    landmarks: Float64
+    hidden: Bool
+    points: Float64
+    places: Float64
+    pose: FacePose
+    share: float
+
+    def in_exemplar(self, landmarks: Float64) -> Float64:
+        """Where an exemplar with landmarks [68, 2] has the points, [M, 2]; NaN where hidden."""
+        pose = face_pose(landmarks)
+        grid = _grid()
+        places = painted_places(grid, landmarks, pose)
+        places[clearness(grid, pose) < PLAIN / 2] = np.nan
+        return _at_head_places(places, self.points)
+
+
+def face_aside(landmarks: NDArray[np.floating], least: float) -> FaceAside | None:
+    """What is seen of a face that is turned by more than ``least`` degrees, else None.
+
+    Parameters
+    ----------
+    landmarks : [68, 2] in pixels; rows with NaN are unknown.
+    least : Degrees.
+    """
+    found = np.asarray(landmarks, np.float64)
+    # A pose takes as long as half of a small frame: most faces are seen to be frontal without it.
+    if not np.isfinite(found).all() or abs(face_yaw(found)) < SLIGHT * least:
+        return None
+    pose = face_pose(found)
+    share = min((abs(pose.yaw) - least) / RAMP, 1.0)
+    if share <= 0:
+        return None
+    grid = _grid()
+    places, clear = painted_places(grid, found, pose), clearness(grid, pose)
+    hidden = _at_head_places(clear, GENERIC_LANDMARKS) < BEHIND
+    far = np.sign(pose.yaw) * pose.rotation[:2, 0] * [1.0, -1.0]
+    moved = found + share * hidden[:, None] * (_outline(places, far) - found)
+    thin = slice(None, None, EVERY), slice(None, None, EVERY)
+    part = (clear[thin] > PLAIN) & ((grid[thin][..., 0] / 0.42) ** 2
+                                    + ((grid[thin][..., 1] + 0.06) / 0.6) ** 2 < 1)
+    return FaceAside(moved, hidden, grid[thin][part], places[thin][part], pose, share)
+
+
+@lru_cache(maxsize=1)
+def _grid() -> Float64:
+    """Points of the generic face, rows downwards, [h, w, 3]."""
+    x, y = np.meshgrid(np.arange(-16, 17) * SPACING, np.arange(18, -25, -1) * SPACING)
+    return np.stack([x, y, generic_depth(x, y)], axis=-1)
+
+
+def _at_head_places(values: Float64, points: Float64) -> Float64:
+    """Values of the grid [h, w(, C)] at points [M, 3] of the head."""
+    grid = _grid()
+    row = (grid[0, 0, 1] - points[:, 1]) / SPACING
+    column = (points[:, 0] - grid[0, 0, 0]) / SPACING
+    planes = values.reshape(*values.shape[:2], -1)
+    found = np.stack([map_coordinates(planes[..., n], [row, column], order=1, mode="nearest")
+                      for n in range(planes.shape[2])], axis=-1)
+    return found.reshape(len(points), *values.shape[2:])
+
+
+def _outline(places: Float64, far: Float64) -> Float64:
+    """Where the surface ends in the photo at the height of each landmark, [68, 2].
+
+    ``places`` [h, w, 2] of the grid; ``far`` is the photo's direction to the far side.
+    """
+    ends = np.argmax(places @ far, axis=1)
+    edge = np.repeat(places[np.arange(len(ends)), ends][:, None], places.shape[1], axis=1)
+    return _at_head_places(edge, GENERIC_LANDMARKS)

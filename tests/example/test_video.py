@@ -17,14 +17,11 @@ from lfportrait.example.kernels.video import (
     trust,
     unfold,
 )
-from lfportrait.example.video.carried_frames import paint_onward, reduced
-from lfportrait.example.video.frames import _taken_up
-from lfportrait.example.video.motion import Flow, Motion
-from lfportrait.example.video.pipelining import ahead, in_turn
+from lfportrait.example.video import Flow, Motion, _taken_up, ahead, in_turn, paint_onward, reduced
 from tests.portraits import drawn_face
 
 # The package's name for it is a function's.
-video_module = importlib.import_module("lfportrait.example.video.frames")
+video_module = importlib.import_module("lfportrait.example.video")
 
 
 def test_items_come_in_order_from_other_threads():

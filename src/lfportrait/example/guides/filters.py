@@ -1,22 +1,81 @@
-"""Appearance guide (Shen et al. 2023, Fig. 4): grey minus its Gaussian blur.
+"""Filters of pictures: blurs, block means, morphology, and the appearance guide.
 
-The target's values are distributed as the exemplar's inside the head (histogram matching).
+The appearance guide (Shen et al. 2023, Fig. 4) is grey minus its Gaussian blur; the target's values
+are distributed as the exemplar's inside the head (histogram matching).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.guides import blur_difference, count_values, map_values
+from ...arrays import Bool, Float32, Float64, UInt8
+from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
-from .blurs import gaussian_taps
 
-__all__ = ["Distribution", "appearance_guide", "grey", "match_histogram", "skin_distance"]
 
-Float32 = NDArray[np.float32]
+def gaussian_taps(sigma: float) -> Float32:
+    """Gaussian of unit sum, cut at 3 sigma."""
+    radius = max(1, int(np.ceil(3 * sigma)))
+    taps = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    return np.asarray(taps / taps.sum(), np.float32)
+
+
+def gaussian_blur(image: Float32, sigma: float) -> Float32:
+    """Gaussian blur of [H, W] with mirrored borders; kernel cut at 3 sigma."""
+    taps = gaussian_taps(sigma)
+    return np.asarray(cv2.sepFilter2D(image, -1, taps, taps, borderType=cv2.BORDER_REFLECT),
+                      np.float32)
+
+
+def broad_blur(image: Float32, sigma: float) -> Float32:
+    """`gaussian_blur` for wide kernels: on block means, and bilinear between.
+
+    The blocks are at most half of ``sigma`` wide, so the result is within a hundredth of the
+    largest step in the picture.
+    """
+    factor = int(sigma / 2)
+    if factor < 2:
+        return gaussian_blur(image, sigma)
+    # Block means and the interpolation blur, too.
+    rest = np.sqrt(max(sigma ** 2 - factor ** 2 / 4, 0.25)) / factor
+    return enlarged(gaussian_blur(shrunk(image, factor), rest), factor, image.shape)
+
+
+def shrunk(image: Float32, factor: int) -> Float32:
+    """Means of blocks of ``factor`` x ``factor`` pixels, float32 [ceil(H / f), ceil(W / f)]."""
+    if factor == 1:
+        return image
+    out = np.empty((-(-image.shape[0] // factor), -(-image.shape[1] // factor)), np.float32)
+    shrink(np.ascontiguousarray(image, np.float32), factor, out)
+    return out
+
+
+def enlarged(image: Float32, factor: int, shape: tuple[int, ...]) -> Float32:
+    """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
+    image = np.ascontiguousarray(image, np.float32)
+    if factor == 1:
+        return image
+    size = image.shape[1] * factor, image.shape[0] * factor
+    whole = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)[:shape[0], :shape[1]]
+    # Where the blocks end before the picture, their last value goes on.
+    down, across = (shape[axis] - whole.shape[axis] for axis in (0, 1))
+    return np.asarray(cv2.copyMakeBorder(whole, 0, down, 0, across, cv2.BORDER_REPLICATE),
+                      np.float32)
+
+
+def disk(radius: float) -> UInt8:
+    """A filled disk for morphology, uint8 [n, n]; ``radius`` in pixels, at least 1."""
+    side = 2 * max(1, round(radius)) + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+
+
+def dilated(part: Bool, radius: float) -> Bool:
+    """A part of a picture, bool [h, w], with all that is as near as ``radius`` pixels."""
+    return np.asarray(cv2.dilate(part.astype(np.uint8), disk(radius)) > 0)
 
 
 def grey(image: NDArray[np.generic]) -> Float32:
@@ -55,11 +114,10 @@ class Distribution:
 
     Attributes
     ----------
-    share
-        float64 [bins + 1], share of the values below each of the bins' borders.
+    share : float64 [bins + 1], share of the values below each of the bins' borders.
     """
 
-    share: NDArray[np.float64]
+    share: Float64
 
     @staticmethod
     def of(values: Float32, inside: NDArray[np.generic] | None = None,
@@ -82,12 +140,9 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
 
     Parameters
     ----------
-    values
-        float32 [H, W] in [-1, 1].
-    reference
-        The wanted distribution, or values in [-1, 1] that have it.
-    inside
-        [H, W]: values where it exceeds one half count; all values are mapped.
+    values : float32 [H, W] in [-1, 1].
+    reference : The wanted distribution, or values in [-1, 1] that have it.
+    inside : [H, W]: values where it exceeds one half count; all values are mapped.
     """
     if not isinstance(reference, Distribution):
         reference = Distribution.of(reference)
@@ -101,18 +156,15 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
     return out
 
 
-def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_],
+def skin_distance(colors: NDArray[np.floating], face: Bool,
                   light: float = 0.4) -> Float32:
     """How far colors are from those of the face, in standard deviations, float32 [...].
 
     Parameters
     ----------
-    colors
-        float [..., 3], sRGB in [0, 1].
-    face
-        bool [...], skin of the face.
-    light
-        How much light and shade count against hue and chroma.
+    colors : float [..., 3], sRGB in [0, 1].
+    face : bool [...], skin of the face.
+    light : How much light and shade count against hue and chroma.
     """
     from skimage.color import rgb2lab
 

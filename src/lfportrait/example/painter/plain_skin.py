@@ -1,0 +1,245 @@
+"""What of an exemplar's face is no plain skin: strands of hair, the outline, what frames features.
+
+A lock that hangs over a cheek, a curl, a single stroke: copied onto every sitter it would be a
+scratch. It is a thin dark line of the hair's colors that comes from the hair. Wrinkles do not come
+from there, and where a face is drawn in lines altogether, lines are its skin.
+
+Labels end where a feature ends. What frames it does not: the folds of lids, the bags below an eye,
+the shade under a lip and beside a nostril. On a chest they would still be read as lids and lips. So
+features reach further, where skin is taken from for other places than the face.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from ...arrays import Bool, Float32, Float64, UInt8
+from ...labels import FEATURES as FACE_FEATURES
+from ...labels import PICTURE_LABELS
+from ..exemplar import Exemplar, face_size
+from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
+from ..guides.regions import Regions, soft_face
+from .picture_materials import FEATURES, HAIR, NECK, SKIN
+
+LINES_FACE = 110.0
+"""Size of the face in the picture that is looked at."""
+THIN = 0.03
+"""Strands are no broader than twice this, over the face's size."""
+DARKER = 0.08
+"""So much darker than what is beside it is a line."""
+LONG = 0.12
+"""Shorter lines, over the face's size, are none."""
+UNLIKE = 2.0
+"""A strand is so far from the cheek's colors, in standard deviations."""
+NEAR = 0.2
+"""It comes from hair that is no further away than this, over the face's size."""
+INSIDE, FOREHEAD = 0.95, 0.4
+"""An outline lies where less than this is face (a soft mask); a forehead, so high over the face's
+height, has none."""
+BESIDE = 0.08
+"""Blur that carries the colors of the face to its outline, over the face's size."""
+OFF = 0.1
+"""Paint that is so far from them, root mean square of its colors, is outline."""
+MOST_LINES = 0.06
+"""More of a face than this in such lines is a drawing's manner."""
+
+
+def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
+    """Where strands hang over an exemplar's face, float32 [h, w] in [0, 1].
+
+    Parameters
+    ----------
+    exemplar : The painting.
+    hair : float32 [h, w], its hair in [0, 1].
+    labels : uint8 [h, w, len(PICTURE_LABELS)].
+    """
+    shape = exemplar.image.shape[:2]
+    ratio = min(1.0, LINES_FACE / exemplar.size)
+    size = max(round(shape[1] * ratio), 16), max(round(shape[0] * ratio), 16)
+    face_size = exemplar.size * ratio
+    points = exemplar.landmarks * ratio
+    image, *parts_of_face = (
+        np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.uint8)
+        for plane in (exemplar.image, *(labels[..., PICTURE_LABELS.index(name)]
+                                        for name in FACE_FEATURES)))
+    features = np.maximum.reduce(parts_of_face)
+    known = np.asarray(cv2.resize(np.asarray(hair, np.float32), size), np.float32)
+    inside = (soft_face(size[::-1], points, 0.3) > 200) & (features < 20)
+    skin = inside & (known < 0.3)
+    lines = _long(_lines(image, face_size) & inside, LONG * face_size)
+    if skin.sum() < 50 or lines.sum() > MOST_LINES * skin.sum():
+        return np.zeros(shape, np.float32)
+    plain = skin & ~lines
+    away = np.zeros(size[::-1], np.float32)
+    away[inside] = skin_distance(image[inside] / np.float32(255), plain[inside])
+    lines = _long(lines & (away > UNLIKE), LONG * face_size)
+    bare = np.asarray(known < 0.5, np.uint8)
+    from_hair = cv2.distanceTransform(bare, cv2.DIST_L2, 3) < NEAR * face_size
+    _, parts = cv2.connectedComponents(lines.astype(np.uint8))
+    out = np.isin(parts, np.setdiff1d(parts[from_hair], 0)).astype(np.float32)
+    # With its soft edge, and where it ends in a point.
+    kernel = disk(1.5 * THIN * face_size)
+    return np.asarray(cv2.resize(cv2.dilate(out, kernel), shape[::-1],
+                                 interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def outline(exemplar: Exemplar) -> Bool:
+    """The rim of an exemplar's face where that is no paint of a face, bool [h, w].
+
+    A dark stroke along the jaw, a collar, what lies behind: on a sitter's cheek they are crumbs.
+    """
+    soft = soft_face(exemplar.image.shape, exemplar.landmarks, FOREHEAD)
+    inside = np.asarray(soft > 255 * INSIDE, np.float32)
+    weight = broad_blur(inside, BESIDE * exemplar.size)
+    away = np.zeros(soft.shape, np.float32)
+    for channel in range(3):
+        paint = np.asarray(exemplar.image[..., channel], np.float32) / np.float32(255)
+        beside = broad_blur(np.asarray(paint * inside, np.float32), BESIDE * exemplar.size)
+        away += (paint - beside / np.maximum(weight, np.float32(1e-3))) ** 2
+    return np.asarray((inside == 0) & (away > 3 * OFF ** 2))
+
+
+def take_out_strands(shares: Float32, exemplar: Exemplar, regions: Regions, labels: UInt8,
+                     ) -> tuple[Float32, Float32]:
+    """Let skin under loose strands be painted nowhere, in place in shares [h, w, 7].
+
+    Returns
+    -------
+    hair : float32 [h, w] in [0, 1], with a cap's ribbon, which is hair in its place but no paint
+        for it
+    strand : float32 [h, w] in [0, 1], where strands hang over the face
+    """
+    hair = shares[..., HAIR]
+    if regions.hair is not None:
+        hair = np.maximum(hair, regions.hair)
+    hair = np.ascontiguousarray(hair)
+    strand = strands(exemplar, hair, labels)
+    mask_strands(shares, strand)
+    return hair, strand
+
+
+def mask_strands(shares: Float32, strand: Float32) -> None:
+    """Let skin under strands [h, w] be painted nowhere: in place, in shares [h, w, 7]."""
+    shares[..., FEATURES] += shares[..., SKIN] * strand
+    shares[..., SKIN] *= 1 - strand
+
+
+def _long(lines: Bool, length: float) -> Bool:
+    """Those of some lines, bool [h, w], that are at least so long."""
+    _, parts, boxes, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8))
+    kept = np.hypot(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT]) > length
+    return np.asarray(lines & kept[parts])
+
+
+def _lines(image: UInt8, size: float) -> Bool:
+    """Thin dark lines of a picture [h, w, 3] whose face is of a ``size``, bool [h, w]."""
+    kernel = disk(THIN * size)
+    return np.asarray(cv2.morphologyEx(grey(image), cv2.MORPH_BLACKHAT, kernel) > DARKER)
+
+
+Points = NDArray[np.floating]
+
+AROUND = 0.09
+"""How far around a feature skin is not plain, over the face's size: about a patch's reach."""
+BAG = 0.45
+"""So far below an eye its bags reach, over its width."""
+SOFT = 0.03
+"""Blur of the edge, over the face's size."""
+LEFT = 0.35, 0.5
+"""If less of the skin than this would be left all stays; from the second on all of it is spared:
+a little skin, used again and again, is worse."""
+EVERY = 2
+"""Drawn at every Nth pixel."""
+FACE = 110.0
+"""Size of the face in the picture in which folds are looked for."""
+FINE, FOLD = 0.025, 0.12
+"""Finer strokes, over the face's size, are the painter's hand; a fold is no broader than twice the
+second."""
+DARK = 0.1, 0.2
+"""What is so much darker than the skin beside it begins to be a fold, and is one."""
+LINES = 0.12
+"""More of the skin than this in such strokes is a drawing's manner."""
+
+
+def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
+    """Shares with features that reach as far as they are seen, and without dark folds.
+
+    Parameters
+    ----------
+    shares : float32 [h, w, 7] by `MATERIALS`, of an exemplar.
+    landmarks, image : [68, 2] and uint8 [h, w, 3], its own.
+
+    Returns
+    -------
+    float32 [h, w, 7], another array.
+    """
+    points = np.asarray(landmarks, np.float64)
+    size = face_size(points)
+    height, width = shares.shape[:2]
+    picture = Image.new("L", (-(-width // EVERY), -(-height // EVERY)))
+    draw = ImageDraw.Draw(picture)
+    for outline in _features(points):
+        _fill(draw, outline / EVERY, AROUND * size / EVERY)
+    near = gaussian_blur(np.asarray(picture, np.float32) / np.float32(255),
+                         max(SOFT * size / EVERY, 0.5))
+    near = near.repeat(EVERY, 0).repeat(EVERY, 1)[:height, :width]
+    folds = dark_folds(image, shares, size)
+    out = shares.copy()
+    for material, spared in ((SKIN, np.maximum(near, folds)), (NECK, folds)):
+        share = shares[..., material]
+        left = 1 - float((share * spared).sum()) / max(float(share.sum()), 1.0)
+        taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
+        out[..., material] -= taken
+        out[..., FEATURES] += taken
+    return out
+
+
+def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:
+    """Dark strokes between lighter skin: folds, the edge of a jaw; float32 [h, w] in [0, 1].
+
+    Where a face is drawn in lines altogether they are its skin: none.
+
+    Parameters
+    ----------
+    image, shares : uint8 [h, w, 3] of an exemplar, and float32 [h, w, 7] by `MATERIALS`.
+    size : Of its face.
+    """
+    ratio = min(1.0, FACE / size)
+    shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
+    light = grey(np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.uint8))
+    bare = np.asarray(cv2.resize(shares[..., SKIN] + shares[..., NECK], shape,
+                                 interpolation=cv2.INTER_AREA), np.float32)
+    light = gaussian_blur(light, max(FINE * size * ratio, 0.5))
+    dark = cv2.morphologyEx(light, cv2.MORPH_BLACKHAT, disk(FOLD * size * ratio))
+    folds = np.clip((dark - DARK[0]) / (DARK[1] - DARK[0]), 0, 1)
+    if (folds * bare).sum() > LINES * bare.sum():
+        return np.zeros(image.shape[:2], np.float32)
+    soft = cv2.dilate(np.asarray(folds, np.float32), disk(FINE * size * ratio))
+    return np.asarray(cv2.resize(soft, image.shape[1::-1], interpolation=cv2.INTER_LINEAR),
+                      np.float32)
+
+
+def _features(points: Float64) -> list[Float64]:
+    """Outlines [N, 2] of what is seen of eyes with their brows, nostrils and mouth."""
+    out = []
+    for brow, eye in ((points[17:22], points[36:42]), (points[22:27], points[42:48])):
+        across = eye[3] - eye[0]
+        down = BAG * np.array([-across[1], across[0]])
+        low = [eye[n] + down * part for n, part in ((0, 0.4), (5, 1.0), (4, 1.0), (3, 0.4))]
+        out.append(np.concatenate([brow, np.array(low)[::-1]]))
+    out += [points[31:36], points[48:60]]
+    return out
+
+
+def _fill(draw: ImageDraw.ImageDraw, outline: Float64, radius: float) -> None:
+    """Fill an outline [N, 2] and what is within a radius of it."""
+    corners = [(float(x), float(y)) for x, y in outline - 0.5]
+    if not np.isfinite(outline).all():
+        return
+    draw.polygon(corners, fill=255)
+    draw.line([*corners, corners[0]], fill=255, width=max(1, round(2 * radius)), joint="curve")
+    for x, y in corners:
+        draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=255)
