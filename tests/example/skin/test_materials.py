@@ -69,7 +69,7 @@ def _sitter(count, seed=0, hair=True):
     """What of a skin the materials need, at random."""
     random = np.random.default_rng(seed)
     hairy, clothes, ears, tone, seen = random.random((5, count)).astype(np.float32)
-    return SimpleNamespace(once=lambda _, make: make(), hair=hairy if hair else None,
+    return SimpleNamespace(cached=lambda _, make: make(), hair=hairy if hair else None,
                            clothes=clothes, ears=ears, tone=tone, seen=seen,
                            detail=random.normal(0, 0.05, count).astype(np.float32),
                            plane=PLANE, flat=random.uniform(-1, 1, (count, 2)).astype(np.float32))
