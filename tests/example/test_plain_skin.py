@@ -103,11 +103,14 @@ def test_a_neck_in_a_little_shade_is_one(points):
 
 def test_of_a_neck_that_is_mostly_a_coat_nothing_is_used(points):
     image, shares, (_, chin) = bust(points, COAT)
-    image[chin:, :120] = BROWN
+    image[chin:, :90] = BROWN
     image[360:] = COAT
     found = plain_skin(shares, points, image)
     assert found[..., NECK].max() == 0
     assert found[chin - 10, 20, FEATURES] > 0.9
+    # Half of one is a neck still.
+    image[chin:360, :150] = BROWN
+    assert plain_skin(shares, points, image)[chin + 20, 20:100, NECK].min() > 0.9
 
 
 def test_a_face_alone_is_compared_with_nothing(points):

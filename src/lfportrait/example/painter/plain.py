@@ -59,7 +59,7 @@ none; between them other materials are to be nearer; and the width of the change
 COMMON, SAMPLES, FEW = 0.05, 800, 100
 """A color is a material's if this share of it is nearer; so many of each are compared, and fewer
 say nothing."""
-COVERED = 0.5
+COVERED = 0.6
 """If more of a neck than this is none, none of it is used: the rest is its seams."""
 
 
@@ -96,10 +96,12 @@ def plain_skin(shares: Float32, landmarks: Points, image: NDArray[np.uint8]) -> 
         out[..., material] -= taken
         out[..., FEATURES] += taken
     other = unlike_face(image, out, points)
-    if float((out[..., NECK] * other).sum()) > COVERED * float(out[..., NECK].sum()):
-        other = np.maximum(other, out[..., NECK] > 0)
-    out[..., FEATURES] += (out[..., SKIN] + out[..., NECK]) * other
-    out[..., [SKIN, NECK]] *= 1 - other[..., None]
+    neck = out[..., NECK]
+    covered = float((neck * other).sum()) > COVERED * float(neck.sum())
+    for material, part in ((SKIN, other), (NECK, np.float32(1) if covered else other)):
+        taken = out[..., material] * part
+        out[..., material] -= taken
+        out[..., FEATURES] += taken
     return out
 
 
