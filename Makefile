@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# Python compiles modules when they are first imported: few of those that come with torch ever are.
+PIP_OPTIONS := --quiet --no-compile --disable-pip-version-check -c constraints.txt
 SITE_STAMP := $(VENV)/.site-installed
 
 .PHONY: demo test test-vectors lint site clean
@@ -37,13 +39,13 @@ site: $(SITE_STAMP)
 	$(BIN)/python scripts/check_site.py site
 
 $(SITE_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[site]'
+	$(BIN)/python -m pip install $(PIP_OPTIONS) -e '.[site]'
 	touch $(SITE_STAMP)
 
 $(STAMP): pyproject.toml src/lfportrait_eval/pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch==2.13.0
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]' -e src/lfportrait_eval
+	$(BIN)/python -m pip install $(PIP_OPTIONS) torch==2.13.0
+	$(BIN)/python -m pip install $(PIP_OPTIONS) -e '.[dev]' -e src/lfportrait_eval
 	touch $(STAMP)
 
 clean:

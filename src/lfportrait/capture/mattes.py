@@ -25,6 +25,14 @@ from scipy import ndimage
 from ..simd.threads import side_by_side
 from .camera import Camera
 from .capture import Capture
+from .kernels.likelihood import (
+    MOMENTS,
+    TERMS,
+    block_moments,
+    gaussians,
+    pixel_likelihood,
+    window_functions,
+)
 from .kernels.voting import cover_views, vote_lattice
 
 __all__ = ["color_likelihood", "consistent_mattes", "matte_agreement", "refine_changes",
@@ -32,26 +40,14 @@ __all__ = ["color_likelihood", "consistent_mattes", "matte_agreement", "refine_c
 
 Plane = NDArray[np.float32]
 
-# Pairs of color channels of a symmetric 3x3 matrix, in the order in which they are stored.
-_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-
 
 def _mean(plane: Plane, radius: int) -> Plane:
     side = 2 * radius + 1
     return np.asarray(cv2.blur(plane, (side, side), borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
-def _invert(upper: list[NDArray[Any]]) -> tuple[list[NDArray[Any]], NDArray[Any]]:
-    """Inverse (as its upper triangle) and determinant of symmetric 3x3 matrices a pixel."""
-    a, b, c, d, e, f = upper
-    i00, i01, i02 = d * f - e * e, c * e - b * f, b * e - c * d
-    i11, i12, i22 = a * f - c * c, b * c - a * e, a * d - b * b
-    determinant: NDArray[Any] = np.maximum(a * i00 + b * i01 + c * i02, np.float32(1e-12))
-    return [term / determinant for term in (i00, i01, i02, i11, i12, i22)], determinant
-
-
 def color_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
-                     ) -> tuple[Plane, Plane]:
+                     wanted: NDArray[np.bool_] | None = None) -> tuple[Plane, Plane]:
     """Log-likelihood of each pixel's color under the Gaussian of the colors near it.
 
     Parameters
@@ -62,43 +58,30 @@ def color_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
         float32 [H, W], by which the colors count.
     cell
         The colors within 6 cells of so many pixels count. The Gaussians change slowly: they are
-        found once for each block of ``cell`` x ``cell`` pixels.
+        found once for each block of ``cell`` x ``cell`` pixels, and interpolated.
+    wanted
+        bool [H, W], the pixels that are asked; all by default. Others get zeros.
 
     Returns
     -------
     likelihood, near
         float32 [H, W] each: without the constant, and the mean weight near a pixel.
     """
-    height, width = weight.shape
-    blocks = (-(-width // cell), -(-height // cell))
-
-    def near(plane: Plane) -> Plane:
-        return _mean(np.asarray(cv2.resize(plane, blocks, interpolation=cv2.INTER_AREA),
-                                np.float32), 6)
-
-    def full(plane: NDArray[Any]) -> Plane:
-        return np.asarray(cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR),
-                          np.float32)
-
-    total = near(weight)
-    safe = np.maximum(total, 1e-4)
-    weighted = [weight * image[..., c] for c in range(3)]
-    means = [near(plane) / safe for plane in weighted]
-    covariance = []
-    for i, j in _PAIRS:
-        value = near(weighted[i] * image[..., j]) / safe - means[i] * means[j]
-        # Sensor noise, and a floor that keeps a flat patch from excluding its own shading.
-        covariance.append(value + np.float32(4e-4 if i == j else 0.0))
-    inverse, determinant = _invert(covariance)
-    offset = [image[..., c] - full(means[c]) for c in range(3)]
-    distance = full(np.log(determinant))
-    for (i, j), term in zip(_PAIRS, inverse):
-        distance += full(np.float32(1 if i == j else 2) * term) * offset[i] * offset[j]
-    return np.float32(-0.5) * distance, full(total)
+    blocks = tuple(-(-side // cell) for side in weight.shape)
+    moments = np.empty((*blocks, MOMENTS), np.float32)
+    image, weight = np.ascontiguousarray(image), np.ascontiguousarray(weight)
+    block_moments(image, weight, cell, moments)
+    terms = np.empty((*blocks, TERMS), np.float32)
+    gaussians(_mean(moments, 6), terms)
+    likelihood, near = np.zeros_like(weight), np.zeros_like(weight)
+    asked = np.ones(weight.shape, np.uint8) if wanted is None else wanted.view(np.uint8)
+    pixel_likelihood(image, terms, cell, asked,
+                     np.empty((weight.shape[0], blocks[1], TERMS), np.float32), likelihood, near)
+    return likelihood, near
 
 
 def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon: float,
-                  step: int = 1) -> Plane:
+                  step: int = 1, wanted: NDArray[np.bool_] | None = None) -> Plane:
     """He et al. 2013, Eq. 19-21: ``plane`` as a locally linear function of ``image``'s colors.
 
     Parameters
@@ -114,38 +97,28 @@ def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon
     step
         Find the functions for each block of so many pixels a side and interpolate (He and Sun 2015,
         "Fast Guided Filter").
+    wanted
+        bool [H, W], the pixels that are asked; all by default. Others are not filtered rightly.
     """
     height, width = plane.shape
     blocks, radius = (-(-width // step), -(-height // step)), max(1, radius // step)
 
     def small(full: NDArray[Any]) -> Plane:
-        return full if step == 1 else np.asarray(
-            cv2.resize(full, blocks, interpolation=cv2.INTER_AREA), np.float32)
+        return np.asarray(full if step == 1 else cv2.resize(
+            full, blocks, interpolation=cv2.INTER_AREA), np.float32)
 
-    colors, level = [small(image[..., c]) for c in range(3)], small(plane)
-    slope, offset = _linear_functions(colors, level, radius, epsilon)
-    result = np.zeros_like(plane)
-    for channel, function in enumerate((*slope, offset)):
-        function = _mean(function, radius)
-        if step > 1:
-            function = np.asarray(cv2.resize(function, (width, height),
-                                             interpolation=cv2.INTER_LINEAR), np.float32)
-        result += function * image[..., channel] if channel < 3 else function
-    return result
-
-
-def _linear_functions(colors: list[Plane], plane: Plane, radius: int, epsilon: float,
-                      ) -> tuple[list[Plane], Plane]:
-    """Slopes by three colors and offset of the function of each window (Eq. 19, 20)."""
-    means, level = [_mean(color, radius) for color in colors], _mean(plane, radius)
-    covariance = [_mean(colors[i] * colors[j], radius) - means[i] * means[j]
-                  + np.float32(epsilon if i == j else 0.0) for i, j in _PAIRS]
-    inverse, _ = _invert(covariance)
-    cross = [_mean(color * plane, radius) - mean * level for color, mean in zip(colors, means)]
-    full = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
-    slope = [inverse[full[c][0]] * cross[0] + inverse[full[c][1]] * cross[1]
-             + inverse[full[c][2]] * cross[2] for c in range(3)]
-    return slope, level - sum(part * mean for part, mean in zip(slope, means))
+    asked = np.ones((blocks[1], blocks[0]), np.uint8)
+    if wanted is not None and step == 1:
+        side = 2 * radius + 1
+        asked = cv2.dilate(wanted.astype(np.uint8), np.ones((side, side), np.uint8))
+    functions = np.zeros((*asked.shape, 4), np.float32)
+    window_functions(np.ascontiguousarray(small(image)), small(plane), asked, radius,
+                     np.float32(epsilon), np.empty((*asked.shape, 16), np.float32), functions)
+    functions = _mean(functions, radius)
+    if step > 1:
+        functions = np.asarray(cv2.resize(functions, (width, height),
+                                          interpolation=cv2.INTER_LINEAR), np.float32)
+    return np.asarray(np.einsum("yxc,yxc->yx", functions[..., :3], image) + functions[..., 3])
 
 
 def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
@@ -178,8 +151,10 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
         return np.clip(coarse, 0, 1)
     person = (coarse > 0.5) & ~band
     behind = (coarse <= 0.5) & ~band
-    inside, near_person = color_likelihood(guide, person.astype(np.float32), cell)
-    outside, near_behind = color_likelihood(guide, behind.astype(np.float32), cell)
+    # Only what is near the band is asked: a blur of the answers reaches 2.4 cells.
+    asked = cv2.dilate(band.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=3 * cell) > 0
+    inside, near_person = color_likelihood(guide, person.astype(np.float32), cell, asked)
+    outside, near_behind = color_likelihood(guide, behind.astype(np.float32), cell, asked)
     # The network's word counts as well: its log-odds, bounded so that colors can outvote them.
     prior = np.log(np.clip(coarse, 0.02, 0.98) / np.clip(1 - coarse, 0.02, 0.98))
     known = (near_person > 0.01) & (near_behind > 0.01)
@@ -191,11 +166,11 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
         odds = np.where(known, np.clip(inside - outside, -12, 12), prior) + prior
     decided = np.where(band, 1 / (1 + np.exp(-np.clip(odds, -30, 30))), coarse > 0.5)
     decided = np.asarray(cv2.medianBlur(decided.astype(np.float32), 5 if calm else 3), np.float32)
-    matte = guided_filter(guide, decided, max(2, cell), 1e-4, 2 if cell >= 4 else 1)
-    # The filter leaves a faint veil on textures; a steeper slope removes it and keeps the edge.
-    matte = np.clip((matte - 0.1) / 0.8, 0, 1)
     diamond = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     wide = cv2.dilate(band.astype(np.uint8), diamond, iterations=cell) > 0
+    matte = guided_filter(guide, decided, max(2, cell), 1e-4, 2 if cell >= 4 else 1, wide)
+    # The filter leaves a faint veil on textures; a steeper slope removes it and keeps the edge.
+    matte = np.clip((matte - 0.1) / 0.8, 0, 1)
     return np.where(wide, matte, decided).astype(np.float32)
 
 

@@ -15,6 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..simd.threads import side_by_side
+
 __all__ = ["blurred", "fineness", "relative_sharpness"]
 
 _SIDE = 960
@@ -106,7 +108,7 @@ def blurred(images: Sequence[NDArray[np.uint8]], threshold: float) -> list[int]:
     """
     if threshold <= 0 or len(images) < 6:
         return []
-    sharp = relative_sharpness(np.array([fineness(image) for image in images]),
+    sharp = relative_sharpness(np.array(side_by_side(fineness, images)),
                                [image.shape[:2] for image in images])
     worst = np.argsort(sharp, kind="stable")[:len(images) // 4]
     return sorted(int(index) for index in worst if sharp[index] < threshold)

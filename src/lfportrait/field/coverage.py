@@ -25,6 +25,8 @@ _LEAST = 0.2
 """Cosine between normal and direction below which a photo sees next to nothing of a place."""
 _SMOOTH = 2.0
 """Pixels over which normals are smoothed."""
+_PIXEL = 2.0
+"""Width of the photos' pixels at the head, in voxels: what they show changes slowly over it."""
 _TURNS = (-75.0, -45.0, -15.0, 15.0, 45.0, 75.0)
 """Degrees of the views over which the share is taken."""
 
@@ -47,7 +49,7 @@ class Coverage:
         self.field = field
         self._chin = (-np.inf if capture.landmarks is None
                       else float(np.nan_to_num(capture.landmarks[8, 1], nan=-np.inf)))
-        photos = Photos(field, capture)
+        photos = Photos(field, capture, pixel=_PIXEL)
         x, y, z = photos.cameras.position.T
         turn, rise = np.degrees(np.arctan2(x, z)), np.degrees(np.arctan2(y, np.hypot(x, z)))
         cells = np.round(np.stack([turn, rise], axis=1) / _APART).astype(int)

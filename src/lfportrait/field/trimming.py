@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..capture import Camera
 from .grid import VoxelField
-from .training.growth import dilated
+from .training.growth import dilated, labelled
 
 __all__ = ["Cut", "find_cut", "trim"]
 
@@ -232,7 +231,7 @@ def _crumbs(field: VoxelField, density: NDArray[np.float32]) -> NDArray[np.int32
     filled = field.links >= 0
     thick = np.zeros(filled.shape, np.float32)
     thick[filled] = density[field.links[filled]]
-    pieces, count = ndimage.label(thick > 0.25 * OPAQUE, np.ones((3, 3, 3), np.int8))
+    pieces, count = labelled(thick > 0.25 * OPAQUE)
     if count < 2:
         return np.empty(0, np.int32)
     sizes = np.bincount(pieces.ravel())

@@ -56,7 +56,7 @@ from .networks import get_networks
 from .steps import MakeConfig, fitted, look_at, painting_key, source_key
 from .time_left import TimeLeft
 from .usual_steps import Source
-from .warmup import Warmup, head_kernels
+from .warmup import Warmup, head_kernels, import_ahead
 from .work import Tools, do_stage
 
 __all__ = ["MakeConfig", "make", "run_figures"]
@@ -126,12 +126,16 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     config = fitted(config, [(panel, config.encode)])
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
     source = Source.of(photos, config)
-    with Warmup(head_kernels(source.fitted)) as job.tools.warmup:
+    with Warmup(head_kernels(source.fitted, source.matted)) as job.tools.warmup:
         if not quiet:
             job.look_ahead(TimeLeft(config, source, look=first_look,
                                     only=quick, warmup=job.tools.warmup))
         if first_look or quick:
             job.look_early(begun, only=quick)
+        if not (quick or source.placed or finished(job.tasks["capture"], job.out)):
+            # With the second comes torch. Where no cameras are looked for, no core is idle, and
+            # memory between torch's is not given back: 1 GB more at the peak.
+            import_ahead("mediapipe.tasks.python", "lfportrait.stylize.refinement")
         return job.run()
 
 

@@ -46,7 +46,8 @@ def ball_points(cameras: Camera, view: int) -> NDArray[np.float64]:
     return points.reshape(int(cameras.height[view]), int(cameras.width[view]), 3)
 
 
-def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Capture:
+def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
+                 arc: float = 115.0) -> Capture:
     """Photos of a speckled ball with landmarks on its front.
 
     Parameters
@@ -57,8 +58,10 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Captu
         Number of photos on an arc.
     cut_out
         Whether the photos have mattes.
+    arc
+        Half of the arc in degrees.
     """
-    cameras = Camera.arc(np.linspace(-115, 115, views), distance=4.0, width=size, height=size,
+    cameras = Camera.arc(np.linspace(-arc, arc, views), distance=4.0, width=size, height=size,
                          focal=1.7 * size)
     images, alphas = [], []
     for view in range(views):

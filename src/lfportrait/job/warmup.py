@@ -11,12 +11,15 @@ beside the cache records that a stage's code is there: the next run starts no pr
 from __future__ import annotations
 
 import functools
+import importlib
 import math
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from ..cache import hash_of
@@ -25,11 +28,24 @@ from ..progress import Progress
 from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
-__all__ = ["FUNCTIONS", "Warmup", "head_kernels", "run_stage"]
+__all__ = ["FUNCTIONS", "Warmup", "head_kernels", "import_ahead", "run_stage"]
 
-FUNCTIONS = {"transfer": 44, "reconstruct": 66, "stylize": 43, "encode": 38}
+FUNCTIONS = {"mattes": 9, "transfer": 44, "reconstruct": 66, "stylize": 43, "encode": 38}
 """Functions that each stage compiles after those before it: a few more or less on other
 processors."""
+
+
+def _mattes() -> None:
+    import numpy as np
+
+    from .person import cut_person
+    from .specimens import ball_capture
+
+    for arc in (14.0, 115.0):  # with what is behind the person, and by votes
+        capture = ball_capture(size=96, arc=arc)
+        assert capture.alphas is not None
+        cut_person(replace(capture, alphas=None),
+                   soft=[np.asarray(matte / 255.0, np.float32) for matte in capture.alphas])
 
 
 def _reconstruct() -> None:
@@ -86,7 +102,8 @@ def _encode() -> None:
 
 
 _STAGES: dict[str, Callable[[], None]] = {
-    "reconstruct": _reconstruct, "transfer": _transfer, "stylize": _stylize, "encode": _encode}
+    "mattes": _mattes, "reconstruct": _reconstruct, "transfer": _transfer, "stylize": _stylize,
+    "encode": _encode}
 
 
 def run_stage(name: str, told: Callable[[str], None] = print) -> None:
@@ -120,9 +137,23 @@ def _mark(name: str) -> Path:
     return cache_folder() / f"warm-{name}-{key[:16]}"
 
 
-def head_kernels(fitted: bool) -> tuple[str, ...]:
-    """The stages of a job, as `FUNCTIONS` has them; a head that is ``fitted`` is not trained."""
-    return ("reconstruct", "transfer", "stylize", "encode")[fitted:]
+def head_kernels(fitted: bool, matted: bool = True) -> tuple[str, ...]:
+    """The stages of a job, as `FUNCTIONS` has them; a head that is ``fitted`` is not trained.
+
+    Photos that are not ``matted`` are yet to be cut out: that comes first, and nobody waits for it.
+    """
+    stages = ("reconstruct", "transfer", "stylize", "encode")[fitted:]
+    return stages if matted or fitted else ("mattes", *stages)
+
+
+def import_ahead(*names: str) -> None:
+    """Import modules in the background: while photos are read and placed, a core is idle."""
+    def work() -> None:
+        for name in names:
+            with suppress(ImportError):  # whoever needs it says so
+                importlib.import_module(name)
+
+    threading.Thread(target=work, daemon=True).start()
 
 
 class Warmup:

@@ -117,8 +117,8 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
     if not known.any():
         return around
     ratio = np.log(np.where(known, found, around) / around)
-    return np.asarray(around * np.exp(fitted_plate(ratio, np.where(known, 1.0, 0.0), 0.5, 0.01,
-                                                   GIVES_WAY)), np.float64)
+    return np.asarray(around * np.exp(fitted_plate(
+        ratio, np.where(known, 1.0, 0.0), 0.5, 0.01, GIVES_WAY)), np.float64)
 
 
 def _cells(chart: Chart, places: Float64,

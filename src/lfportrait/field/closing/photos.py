@@ -25,6 +25,15 @@ PHOTOS = 40
 class Photos:
     """What the training photos see of a field: its depth in each of ``most`` of them.
 
+    Parameters
+    ----------
+    field, capture
+        The field, and its photos.
+    most
+        Photos, at most, that are asked.
+    pixel
+        Width of a pixel at the head, in voxels.
+
     Attributes
     ----------
     voxel
@@ -32,16 +41,17 @@ class Photos:
     enough
         So many must see a place for it to be known: fewer see it at a grazing angle alone.
     cameras
-        Those that are asked, with pixels about as wide as a voxel.
+        Those that are asked, reduced to those pixels.
     """
 
-    def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS) -> None:
+    def __init__(self, field: VoxelField, capture: Capture, most: int = PHOTOS,
+                 pixel: float = 1.0) -> None:
         self.voxel = float(field.spacing.mean())
         views = capture.training()
         views = views[np.linspace(0, len(views) - 1, min(most, len(views))).astype(int)]
         self.enough = min(3, 1 + len(views) // 20)
         self.cameras = capture.cameras[views].scaled(
-            float(np.clip(capture.cameras.pixel / self.voxel, 0.1, 1.0)))
+            float(np.clip(capture.cameras.pixel / (pixel * self.voxel), 0.1, 1.0)))
         self._depths = []
         for view in range(len(views)):
             alpha, depth = field.depth(self.cameras, view)

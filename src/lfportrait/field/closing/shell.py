@@ -13,6 +13,7 @@ from ..geometry.chart import Chart, normals_of
 from ..geometry.plate import smoothed
 from ..grid import VoxelField
 from ..harmonics import C0
+from ..training.growth import dilated
 from ..trimming import Cut
 from .ears import Ears
 from .photos import Photos
@@ -32,6 +33,8 @@ WELL, FAIRLY = 0.25, 0.2
 """Cosines to a surface from which on photos show where it lies, and which colors it has."""
 OUTWARDS = 2.0
 """Voxels before the surface up to which lattice points are added."""
+_AROUND_EARS = 15
+"""Cells a side around those of an ear's points in which lattice points may belong to it."""
 _PART = 1 << 17
 """Lattice points that are looked up at a time."""
 FACED, SURELY = 0.5, 4
@@ -107,20 +110,29 @@ class Shell:
 
         They lie up to ``outwards`` voxels before the surface.
         """
-        voxels = self.voxel / float(self.cosine.min())
-        low, high = (f(self.distance, 3, mode=("nearest", "wrap"))
-                     for f in (ndimage.minimum_filter, ndimage.maximum_filter))
-        low = np.where(self.gap, low - (SHELL + 0.1) * voxels, np.inf).min(axis=1)
-        high = np.where(self.gap, high + (outwards + 0.1) * voxels, -np.inf).max(axis=1)
+        around = {"size": 3, "mode": ("nearest", "wrap")}
+        voxels = self.voxel / ndimage.minimum_filter(self.cosine, **around)
+        low = np.where(self.gap, ndimage.minimum_filter(self.distance, **around)
+                       - (SHELL + 0.1) * voxels, np.inf)
+        high = np.where(self.gap, ndimage.maximum_filter(self.distance, **around)
+                        + (outwards + 0.1) * voxels, -np.inf)
         inwards = (SHELL / self.cosine + 1) * self.voxel
         corners = [self.chart.points(self.distance + by)[self.gap]
                    for by in (3 * self.voxel, -inwards)]
         if self.ears is not None:
             ears = self.ears.points[self.ears.own]
             places, away = self.chart.places(ears)
-            row = np.clip(np.rint(places[0]).astype(np.int64), 0, len(low) - 1)
-            np.minimum.at(low, row, away - SHELL * voxels)
-            np.maximum.at(high, row, away + (outwards + 0.1) * voxels)
+            rows, columns = low.shape
+            row, column = np.rint(places).astype(np.int64)
+            at = np.clip(row, 0, rows - 1), column % columns
+            near, far = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
+            reach = (SHELL + outwards) * self.voxel
+            np.minimum.at(near, at, away - reach)
+            np.maximum.at(far, at, away + reach)
+            # Cells are two voxels wide at the surface, and less further in.
+            around["size"] = _AROUND_EARS
+            low = np.minimum(low, ndimage.minimum_filter(near, **around))
+            high = np.maximum(high, ndimage.maximum_filter(far, **around))
             corners.append(ears)
         return self.chart.cells_between(field, low, high, np.concatenate(corners))
 
@@ -187,12 +199,9 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
 
 def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bools) -> Bools:
     """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbours, [N]."""
-    grid = np.zeros([size + 2 for size in shape], np.bool_)
-    grid[tuple(cells[chosen].T[::-1] + 1)] = True
-    found = np.zeros(len(cells), np.bool_)
-    for step in np.ndindex(3, 3, 3):
-        found |= grid[tuple(cells.T[::-1] + np.reshape(step, (3, 1)))]
-    return found
+    grid = np.zeros(shape, np.bool_)
+    grid[tuple(cells[chosen].T[::-1])] = True
+    return np.asarray(dilated(grid)[tuple(cells.T[::-1])], np.bool_)
 
 
 def _changed(field: VoxelField, shell: Shell, photos: Photos,

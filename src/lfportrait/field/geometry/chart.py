@@ -98,17 +98,14 @@ class Chart:
 
     def cells_between(self, field: VoxelField, low: Float64, high: Float64, corners: Float64,
                       ) -> NDArray[np.int64]:
-        """Empty lattice points that may be between distances ``low`` and ``high`` of their rows.
-
-        Some that are not are among them: rows are looked at roughly, in a tenth of the time that
-        `places` takes.
+        """Empty lattice points that lie between the distances of their nearest cells.
 
         Parameters
         ----------
         field
             Its lattice.
         low, high
-            float64 [V] each, world units.
+            float64 [V, U] each, world units.
         corners
             float64 [N, 3], world units: only lattice points in their box.
 
@@ -121,16 +118,18 @@ class Chart:
                        .astype(np.int64) for f in (np.min, np.max))
         size = np.array(field.links.shape[::-1])
         first, last = np.clip(first, 0, size - 1), np.clip(last + 1, 1, size)
-        # Above the brows rays fan out: all of them count.
-        below, top = self.level - 1, self.level
-        bounds = [np.append(f.reduce(np.stack([part[:below], part[1:top]])), f.reduce(part[below:]))
-                  * self.scale for f, part in ((np.minimum, low), (np.maximum, high))]
-        frame = np.eye(4) if self.frame is None else self.frame
+        bounds = [np.ascontiguousarray(part * self.scale) for part in (low, high)]
+        # Above the brows rays fan out: all of those rows count.
+        top = self.level - 1
+        widest = [f.reduce(part, axis=1) for f, part in zip((np.minimum, np.maximum), bounds)]
+        bands = [np.append(f(part[:top], part[1:top + 1]), f.reduce(part[top:]))
+                 for f, part in zip((np.minimum, np.maximum), widest)]
         marks = np.empty((last - first)[::-1], bool)
         mark_between(field.links, first, field.bounds[0] + 0.5 * field.spacing, field.spacing,
-                     frame[:3].astype(np.float64), self.axis[:top], self.cell, *bounds, marks)
-        return np.argwhere(marks)[:, ::-1] + first
-
+                     *self._layout, *bounds, *bands, marks)
+        # In three dimensions `numpy.argwhere` takes four times as long.
+        z, y, x = np.unravel_index(np.flatnonzero(marks), marks.shape)
+        return np.stack([x, y, z], axis=1) + first
 
     def outside(self, distance: Float64, margin: Float64, shape: tuple[int, int, int],
                 center: Float64, radius: Float64,

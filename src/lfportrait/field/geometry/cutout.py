@@ -30,7 +30,7 @@ __all__ = ["cut_out", "trim"]
 
 Plane = NDArray[np.float32]
 
-_OUTLINE = 384  # height or width in which outlines are drawn
+_OUTLINE = 256  # height or width in which outlines are drawn
 _FEW = 48  # photos whose depth is enough to see what lies far from the object
 _ALIKE = 0.75  # overlap with the outline from which a matte is thought to show the same
 

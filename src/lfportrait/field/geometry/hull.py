@@ -119,7 +119,10 @@ def ruled_out(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], filled: NDAr
         bool [Z, Y, X]; points that fewer views than ``seldom`` have in the picture.
     """
     seen, against = _votes(cameras, alphas, filled, center, radius, wide=False)
-    return against > tolerance * seen, filled & (seen < seldom * len(alphas))
+    wrong, hardly = np.zeros(filled.shape, bool), np.zeros(filled.shape, bool)
+    seen, against = seen[filled], against[filled]
+    wrong[filled], hardly[filled] = against > tolerance * seen, seen < seldom * len(alphas)
+    return wrong, hardly
 
 
 def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.8,

@@ -68,58 +68,10 @@ def march_chart(since, until, origins, rays, distances, density, colors, links, 
         clear[n] = left
 
 
-@shared("marks")
-@lean_kernel
-def mark_between(since, until, links, first, origin, spacing, frame, axis, cell, low, high, marks):
-    """Mark empty lattice points whose distances from the chart's axis are within bounds.
-
-    Parameters
-    ----------
-    links
-        int32 [Z, Y, X], rows of lattice points; -1: none, an empty one.
-    first
-        int64 [3] (x, y, z), the lattice point of the first mark.
-    origin, spacing
-        float64 [3] each, position of lattice point 0 and their distances, world units.
-    frame
-        float64 [3, 4], to the chart's frame.
-    axis
-        float64 [V, 3], where the rays of each row end; the last one lies highest.
-    cell
-        Distance of rows.
-    low, high
-        float64 [V], bounds for points from a row to the next one, in units of ``axis``; above the
-        last one its own count.
-    marks
-        bool [z, y, x], written.
-    """
-    last = len(axis) - 1
-    for k in range(since, until):
-        z = origin[2] + spacing[2] * (k + first[2])
-        for j in range(marks.shape[1]):
-            y = origin[1] + spacing[1] * (j + first[1])
-            for i in range(marks.shape[2]):
-                marks[k, j, i] = False
-                if links[k + first[2], j + first[1], i + first[0]] >= 0:
-                    continue
-                x = origin[0] + spacing[0] * (i + first[0])
-                up = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z + frame[1, 3]
-                height = min(max((up - axis[0, 1]) / cell, 0.0), float(last))
-                row = min(int(height), last)
-                share, following = height - row, min(row + 1, last)
-                east = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z + frame[0, 3]
-                        - axis[row, 0] - share * (axis[following, 0] - axis[row, 0]))
-                front = (frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z + frame[2, 3]
-                         - axis[row, 2] - share * (axis[following, 2] - axis[row, 2]))
-                over = max(up - axis[last, 1], 0.0)
-                away = np.sqrt(east * east + front * front + over * over)
-                marks[k, j, i] = low[row] < away < high[row]
-
-
-@identified("chart place")
+@identified("chart axis")
 @lean
-def _place(x, y, z, frame, axis, cell, level, step, angles):
-    """Row (not bounded) and column (not around) of a point, and its distance from the axis.
+def _from_axis(x, y, z, frame, axis, cell, level):
+    """A point as seen from the axis: row below the brows, east, front, how far above, distance.
 
     In units of ``axis``; the other arguments are as for `outside_chart`.
     """
@@ -133,11 +85,61 @@ def _place(x, y, z, frame, axis, cell, level, step, angles):
             - axis[row, 0] - share * (axis[following, 0] - axis[row, 0]))
     front = (frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z + frame[2, 3]
              - axis[row, 2] - share * (axis[following, 2] - axis[row, 2]))
-    flat, over = np.sqrt(east * east + front * front), max(up - axis[last, 1], 0.0)
+    over = max(up - axis[last, 1], 0.0)
+    flat = np.sqrt(east * east + front * front)
+    return height, east, front, over, np.sqrt(flat * flat + over * over)
+
+
+@identified("chart place")
+@lean
+def _place(height, east, front, over, level, step, angles):
+    """Row (not bounded) and column (not around) of a point that `_from_axis` describes."""
     if over > 0.0:
-        height = top + np.arctan2(over, flat) / step
-    column = (np.arctan2(east, front) - angles[0]) / angles[1]
-    return height, column, np.sqrt(flat * flat + over * over)
+        height = level - 1 + np.arctan2(over, np.sqrt(east * east + front * front)) / step
+    return height, (np.arctan2(east, front) - angles[0]) / angles[1]
+
+
+@shared("marks")
+@lean_kernel
+def mark_between(since, until, links, first, origin, spacing, frame, axis, cell, level, step,
+                 angles, low, high, least, most, marks):
+    """Mark empty lattice points whose distances from the chart's axis are within bounds.
+
+    Parameters
+    ----------
+    links
+        int32 [Z, Y, X], rows of lattice points; -1: none, an empty one.
+    first
+        int64 [3] (x, y, z), the lattice point of the first mark.
+    origin, spacing, frame, axis, cell, level, step, angles
+        As for `outside_chart`; ``origin`` is lattice point 0.
+    low, high
+        float64 [V, U], bounds of the points whose nearest cell it is, in units of ``axis``.
+    least, most
+        float64 [level], the widest bounds from a row to the next one; of the last one, from there
+        on.
+    marks
+        bool [z, y, x], written.
+    """
+    rows, columns = low.shape
+    for k in range(since, until):
+        z = origin[2] + spacing[2] * (k + first[2])
+        for j in range(marks.shape[1]):
+            y = origin[1] + spacing[1] * (j + first[1])
+            for i in range(marks.shape[2]):
+                marks[k, j, i] = False
+                if links[k + first[2], j + first[1], i + first[0]] >= 0:
+                    continue
+                x = origin[0] + spacing[0] * (i + first[0])
+                height, east, front, over, away = _from_axis(x, y, z, frame, axis, cell, level)
+                # Most points are out of all bounds: those need no angles.
+                band = min(max(int(height), 0), level - 1)
+                if not least[band] < away < most[band]:
+                    continue
+                height, column = _place(height, east, front, over, level, step, angles)
+                row = min(max(int(np.rint(height)), 0), rows - 1)
+                column = int(np.rint(column)) % columns
+                marks[k, j, i] = low[row, column] < away < high[row, column]
 
 
 @shared("points")
@@ -157,8 +159,9 @@ def place_points(since, until, points, frame, axis, cell, level, step, angles, p
         float64 [N], written: distance from the axis, in its units.
     """
     for n in range(since, until):
-        places[0, n], places[1, n], away[n] = _place(
-            points[n, 0], points[n, 1], points[n, 2], frame, axis, cell, level, step, angles)
+        height, east, front, over, away[n] = _from_axis(points[n, 0], points[n, 1], points[n, 2],
+                                                        frame, axis, cell, level)
+        places[0, n], places[1, n] = _place(height, east, front, over, level, step, angles)
 
 
 @shared("beyond")
@@ -193,7 +196,8 @@ def outside_chart(since, until, origin, spacing, scale, frame, axis, cell, level
             y = origin[1] + spacing[1] * j
             for i in range(beyond.shape[2]):
                 x = origin[0] + spacing[0] * i
-                height, column, out = _place(x, y, z, frame, axis, cell, level, step, angles)
+                height, east, front, over, out = _from_axis(x, y, z, frame, axis, cell, level)
+                height, column = _place(height, east, front, over, level, step, angles)
                 height = min(max(height, 0.0), float(rows - 1))
                 low, left = min(int(height), max(rows - 2, 0)), int(np.floor(column))
                 up_share, right_share = height - low, column - left

@@ -92,7 +92,7 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     fitted = not order.demo and head_way(order.source, config.made_from) == "face"
     seconds = dict(expected(("capture", "capture"), ("reconstruct", "field"), ("surface", "skin")))
     teller.tell("stages", [*(seconds | (_FITTED if fitted else {})).items()])
-    with Warmup(head_kernels(fitted)) as warmup:
+    with Warmup(head_kernels(fitted, order.demo)) as warmup:
         look.warmup = warmup
         if order.demo and not any(order.source.glob("transforms.json")):
             _take_embedded(order)

@@ -1,0 +1,244 @@
+"""Local statistics of a picture's colors: what mattes are sharpened by.
+
+The Gaussian of the colors in each block of a picture and how likely a pixel is under it; and a
+matte as a linear function of the colors in each window (He et al. 2013, "Guided Image Filtering").
+Only pixels near an outline are asked, so all of it is done in one go a line, without the dozens of
+pictures in between that NumPy needs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...simd.decorators import lean_kernel
+from ...simd.threads import shared
+
+__all__ = ["MOMENTS", "TERMS", "block_moments", "gaussians", "pixel_likelihood",
+           "window_functions"]
+
+MOMENTS = 10
+"""Numbers of a block: weight; weighted colors; their products with the colors, upper triangle."""
+TERMS = 12
+"""Numbers of a Gaussian: mean; inverse covariance, upper triangle, off the diagonal twice;
+logarithm of the determinant; weight; the last one is unused."""
+_FLOOR = np.float32(4e-4)
+"""Variance of a color: sensor noise, and so that a flat patch does not exclude its own shading."""
+
+
+@shared("moments")
+@lean_kernel
+def block_moments(since, until, image, weight, cell, moments):  # type: ignore[no-untyped-def]
+    """Means of weights, colors and products of colors over blocks of ``cell`` x ``cell`` pixels.
+
+    Parameters
+    ----------
+    image, weight
+        float32 [H, W, 3] and [H, W].
+    cell
+        Pixels along a side; blocks at the right and lower border are smaller.
+    moments
+        float32 [h, w, `MOMENTS`], filled.
+    """
+    height, width = weight.shape
+    for row in range(since, until):
+        top, bottom = row * cell, min((row + 1) * cell, height)
+        for column in range(moments.shape[1]):
+            left, right = column * cell, min((column + 1) * cell, width)
+            block = moments[row, column]
+            for k in range(10):
+                block[k] = np.float32(0)
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    some = weight[y, x]
+                    if some == 0:
+                        continue
+                    r, g, b = image[y, x, 0], image[y, x, 1], image[y, x, 2]
+                    wr, wg, wb = some * r, some * g, some * b
+                    block[0] += some
+                    block[1] += wr
+                    block[2] += wg
+                    block[3] += wb
+                    block[4] += wr * r
+                    block[5] += wr * g
+                    block[6] += wr * b
+                    block[7] += wg * g
+                    block[8] += wg * b
+                    block[9] += wb * b
+            share = np.float32(1.0 / ((bottom - top) * (right - left)))
+            for k in range(10):
+                block[k] *= share
+
+
+@shared("moments")
+@lean_kernel
+def gaussians(since, until, moments, terms):  # type: ignore[no-untyped-def]
+    """The Gaussian of each block's colors: terms [h, w, `TERMS`] of moments [h, w, `MOMENTS`]."""
+    for row in range(since, until):
+        for column in range(moments.shape[1]):
+            block, own = moments[row, column], terms[row, column]
+            one = np.float32(1) / max(block[0], np.float32(1e-4))
+            r, g, b = block[1] * one, block[2] * one, block[3] * one
+            xx = block[4] * one - r * r + _FLOOR
+            xy, xz = block[5] * one - r * g, block[6] * one - r * b
+            yy = block[7] * one - g * g + _FLOOR
+            yz = block[8] * one - g * b
+            zz = block[9] * one - b * b + _FLOOR
+            i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+            i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+            determinant = max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))
+            over = np.float32(1) / determinant
+            own[0], own[1], own[2] = r, g, b
+            own[3], own[4], own[5] = i00 * over, 2 * i01 * over, 2 * i02 * over
+            own[6], own[7], own[8] = i11 * over, 2 * i12 * over, i22 * over
+            own[9], own[10], own[11] = np.log(determinant), block[0], np.float32(0)
+
+
+@shared("image")
+@lean_kernel
+def pixel_likelihood(  # type: ignore[no-untyped-def]
+        since, until, image, terms, cell, wanted, scratch, likelihood, near):
+    """Log-likelihood of pixels under Gaussians that are interpolated between blocks.
+
+    Parameters
+    ----------
+    image
+        float32 [H, W, 3].
+    terms
+        float32 [h, w, `TERMS`] of the blocks (`gaussians`).
+    cell
+        Pixels along a block.
+    wanted
+        uint8 [H, W], zero where nothing is asked and nothing is written.
+    scratch
+        float32 [H, w, `TERMS`], overwritten.
+    likelihood, near
+        float32 [H, W] each: without the constant, and the weight near a pixel.
+    """
+    high, wide = terms.shape[0], terms.shape[1]
+    width = image.shape[1]
+    step = np.float32(1.0 / cell)
+    half = np.float32(0.5)
+    for y in range(since, until):
+        some = False
+        for x in range(width):
+            some |= wanted[y, x] != 0
+        if not some:
+            continue
+        place = min(max((y + half) * step - half, np.float32(0)), np.float32(high - 1))
+        top = min(int(place), max(high - 2, 0))
+        below = min(top + 1, high - 1)
+        part = np.float32(place - top)
+        upper, lower, line = terms[top], terms[below], scratch[y]
+        for column in range(wide):
+            for k in range(12):
+                line[column, k] = upper[column, k] + part * (lower[column, k] - upper[column, k])
+        for x in range(width):
+            if wanted[y, x] == 0:
+                continue
+            place = min(max((x + half) * step - half, np.float32(0)), np.float32(wide - 1))
+            left = min(int(place), max(wide - 2, 0))
+            part = np.float32(place - left)
+            a, c = line[left], line[min(left + 1, wide - 1)]
+            r = image[y, x, 0] - (a[0] + part * (c[0] - a[0]))
+            g = image[y, x, 1] - (a[1] + part * (c[1] - a[1]))
+            b = image[y, x, 2] - (a[2] + part * (c[2] - a[2]))
+            distance = a[9] + part * (c[9] - a[9])
+            distance += (a[3] + part * (c[3] - a[3])) * r * r
+            distance += (a[4] + part * (c[4] - a[4])) * r * g
+            distance += (a[5] + part * (c[5] - a[5])) * r * b
+            distance += (a[6] + part * (c[6] - a[6])) * g * g
+            distance += (a[7] + part * (c[7] - a[7])) * g * b
+            distance += (a[8] + part * (c[8] - a[8])) * b * b
+            likelihood[y, x] = -half * distance
+            near[y, x] = a[10] + part * (c[10] - a[10])
+
+
+@shared("plane")
+@lean_kernel
+def window_functions(  # type: ignore[no-untyped-def]
+        since, until, image, plane, wanted, radius, epsilon, scratch, functions):
+    """The linear function of the colors that is nearest to a plane, in the window of each pixel.
+
+    He et al. 2013, Eq. 19 and 20. Beyond its border a picture goes on with its last pixel.
+
+    Parameters
+    ----------
+    image, plane
+        float32 [H, W, 3] and [H, W].
+    wanted
+        uint8 [H, W], zero where no function is asked and nothing is written.
+    radius, epsilon
+        Half the window's side in pixels, and the variance of a color that counts as an edge.
+    scratch
+        float32 [H, W, 16], overwritten.
+    functions
+        float32 [H, W, 4], filled: slopes by the colors, offset.
+    """
+    height, width = plane.shape
+    share = np.float32(1.0 / (2 * radius + 1) ** 2)
+    for y in range(since, until):
+        sums, row = scratch[y], wanted[y]
+        first, last = width, -1
+        for x in range(width):
+            if row[x] != 0:
+                first, last = min(first, x), x
+        # Sums over the window's rows, for each column that a window of the row has.
+        for x in range(max(first - radius, 0), min(last + radius, width - 1) + 1):
+            some = False
+            for beside in range(max(x - radius, 0), min(x + radius, width - 1) + 1):
+                some |= row[beside] != 0
+            if not some:
+                continue
+            column = sums[x]
+            for k in range(13):
+                column[k] = np.float32(0)
+            for line in range(y - radius, y + radius + 1):
+                at = min(max(line, 0), height - 1)
+                r, g, b, level = image[at, x, 0], image[at, x, 1], image[at, x, 2], plane[at, x]
+                column[0] += r
+                column[1] += g
+                column[2] += b
+                column[3] += r * r
+                column[4] += r * g
+                column[5] += r * b
+                column[6] += g * g
+                column[7] += g * b
+                column[8] += b * b
+                column[9] += level
+                column[10] += r * level
+                column[11] += g * level
+                column[12] += b * level
+        for x in range(first, last + 1):
+            if row[x] == 0:
+                continue
+            r = g = b = rr = rg = rb = gg = gb = bb = np.float32(0)
+            level = red = green = blue = np.float32(0)
+            for place in range(x - radius, x + radius + 1):
+                column = sums[min(max(place, 0), width - 1)]
+                r += column[0]
+                g += column[1]
+                b += column[2]
+                rr += column[3]
+                rg += column[4]
+                rb += column[5]
+                gg += column[6]
+                gb += column[7]
+                bb += column[8]
+                level += column[9]
+                red += column[10]
+                green += column[11]
+                blue += column[12]
+            r, g, b, level = r * share, g * share, b * share, level * share
+            xx, yy, zz = rr * share - r * r + epsilon, gg * share - g * g + epsilon, (
+                bb * share - b * b + epsilon)
+            xy, xz, yz = rg * share - r * g, rb * share - r * b, gb * share - g * b
+            red, green, blue = red * share - r * level, green * share - g * level, (
+                blue * share - b * level)
+            i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+            i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+            over = np.float32(1) / max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))
+            own = functions[y, x]
+            own[0] = (i00 * red + i01 * green + i02 * blue) * over
+            own[1] = (i01 * red + i11 * green + i12 * blue) * over
+            own[2] = (i02 * red + i12 * green + i22 * blue) * over
+            own[3] = level - own[0] * r - own[1] * g - own[2] * b
