@@ -1,12 +1,12 @@
-"""What no other place of a head is painted with: what frames features, dark folds, beards, collars.
+"""What no other place of a head is painted with: what frames features, dark folds, scarves.
 
 Labels end where a feature ends. What frames it does not: the folds of lids, the bags below an eye,
 the shade under a lip and beside a nostril. On a chest they would still be read as lids and lips. So
 features reach further, where skin is taken from for other places than the face.
 
-Below the mouth the painter may have a beard, a collar or a coat where the labels have skin and
-neck. In his face that stays; on another's jaw and throat it would be a stain. What is more like
-hair, clothes and background than like forehead and cheeks is none of their paint.
+Below the jaw the painter may have a beard, a scarf or a coat where the labels have a neck. On
+another's throat it would be a stain. What is more like hair, clothes and background than like
+forehead and cheeks is no paint for a neck.
 """
 
 from __future__ import annotations
@@ -95,18 +95,17 @@ def plain_skin(shares: Float32, landmarks: Points, image: NDArray[np.uint8]) -> 
         taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
         out[..., material] -= taken
         out[..., FEATURES] += taken
-    other = unlike_face(image, out, points)
-    neck = out[..., NECK]
+    # Of a beard the skin of the face keeps its part: left out, it would end in a cut at the chin.
+    neck, other = out[..., NECK], unlike_face(image, out, points)
     covered = float((neck * other).sum()) > COVERED * float(neck.sum())
-    for material, part in ((SKIN, other), (NECK, np.float32(1) if covered else other)):
-        taken = out[..., material] * part
-        out[..., material] -= taken
-        out[..., FEATURES] += taken
+    taken = neck * (np.float32(1) if covered else other)
+    out[..., NECK] -= taken
+    out[..., FEATURES] += taken
     return out
 
 
 def unlike_face(image: NDArray[np.uint8], shares: Float32, landmarks: Points) -> Float32:
-    """Where skin below the mouth, or a neck, is more like other materials than like the face.
+    """Where a neck is more like other materials than like the face.
 
     Parameters
     ----------
@@ -121,7 +120,7 @@ def unlike_face(image: NDArray[np.uint8], shares: Float32, landmarks: Points) ->
     size = face_size(points)
     ratio = min(1.0, SMALL / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
-    skin, neck, *rest = (
+    skin, bare, *rest = (
         np.asarray(cv2.resize(shares[..., material], shape, interpolation=cv2.INTER_AREA),
                    np.float32) for material in (SKIN, NECK, HAIR, CLOTHES, GROUND))
     down = cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
@@ -131,8 +130,7 @@ def unlike_face(image: NDArray[np.uint8], shares: Float32, landmarks: Points) ->
     sigma = max(STROKE * size * ratio, 0.5)
     upper = _samples(lab, skin * (down < UPPER), sigma)
     others = [one for one in (_samples(lab, share, sigma) for share in rest) if one is not None]
-    bare = skin + neck
-    asked = (bare > 0.05) & (down > UPPER)
+    asked = bare > 0.05
     if upper is None or not others or not asked.any():
         return np.zeros(image.shape[:2], np.float32)
     # Few colors are told apart: in steps of 1 they are many fewer than places.
