@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 # Python compiles modules when they are first imported: few of those that come with torch ever are.
+# What all of a first job's processes import is compiled before them.
 PIP_OPTIONS := --quiet --no-compile --disable-pip-version-check -c constraints.txt
 SITE_STAMP := $(VENV)/.site-installed
 
@@ -46,6 +47,8 @@ $(STAMP): pyproject.toml src/lfportrait_eval/pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install $(PIP_OPTIONS) torch==2.13.0
 	$(BIN)/python -m pip install $(PIP_OPTIONS) -e '.[dev]' -e src/lfportrait_eval
+	$(BIN)/python -m compileall -q -j 0 -x '/tests?/' $(addprefix $(VENV)/lib/python3*/site-packages/, \
+	  llvmlite numba numpy scipy)
 	touch $(STAMP)
 
 clean:
