@@ -126,7 +126,7 @@ def unlike_face(image: NDArray[np.uint8], shares: Float32, landmarks: Points) ->
     down = cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
                       interpolation=cv2.INTER_AREA)
     colors = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.float32)
-    lab = cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB)
+    lab = np.asarray(cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB), np.float32)
     sigma = max(STROKE * size * ratio, 0.5)
     upper = _samples(lab, skin * (down < UPPER), sigma)
     others = [one for one in (_samples(lab, share, sigma) for share in rest) if one is not None]
@@ -134,8 +134,8 @@ def unlike_face(image: NDArray[np.uint8], shares: Float32, landmarks: Points) ->
     if upper is None or not others or not asked.any():
         return np.zeros(image.shape[:2], np.float32)
     # Few colors are told apart: in steps of 1 they are many fewer than places.
-    steps, same = np.unique(np.rint(_blurred(lab, bare, sigma)[asked]), axis=0,
-                            return_inverse=True)
+    rounded: Float32 = np.rint(_blurred(lab, bare, sigma)[asked])
+    steps, same = np.unique(rounded, axis=0, return_inverse=True)
     away, *near = (_distance(steps, material)[same.reshape(-1)] for material in (upper, *others))
     nearest = np.min(near, axis=0)
     out = np.zeros(bare.shape, np.float32)
