@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.painter.picture_materials import FEATURES, NECK, SKIN
-from lfportrait.example.painter.plain_skin import plain_skin
+from lfportrait.example.painter.picture_materials import CLOTHES, FEATURES, NECK, SKIN
+from lfportrait.example.painter.plain_skin import plain_skin, unlike_face
 from lfportrait.labels import MATERIALS
 from tests.portraits import drawn_face
 
@@ -68,3 +68,50 @@ def test_a_dark_fold_on_cheek_or_neck_is_none_of_their_paint(points):
     image[:, ::12] = image[:, 1::12] = image[:, 2::12] = image[:, 3::12] = 70
     np.testing.assert_array_equal(plain_skin(shares, points, image),
                                   plain_skin(shares, points, BLANK))
+
+
+BROWN, COAT = (200, 150, 120), (40, 32, 28)
+
+
+def bust(points, low):
+    """A brown face over a neck and a coat: picture and shares; what is below the mouth is ``low``
+    in color, as far as the coat, which begins at the last quarter."""
+    shares = all_skin((400, 300))
+    (_, chin), lip = points[8].astype(int), int(points[57, 1])
+    shares[chin:, :, SKIN], shares[chin:, :, NECK] = 0, 1
+    shares[360:, :, NECK], shares[360:, :, CLOTHES] = 0, 1
+    image = np.full((400, 300, 3), BROWN, np.uint8)
+    image[lip + 12:] = low
+    image[360:] = COAT
+    return image, shares, (lip, chin)
+
+
+def test_a_dark_beard_is_no_neck_but_stays_in_the_face(points):
+    image, shares, (_, chin) = bust(points, (52, 40, 34))
+    found = plain_skin(shares, points, image)
+    np.testing.assert_allclose(found.sum(axis=-1), 1, atol=1e-5)
+    assert found[..., NECK].max() == 0
+    assert found[chin - 8:chin - 3, 20:60, SKIN].min() > 0.9
+    assert found[370:, :, CLOTHES].min() > 0.9
+    assert shares[chin + 5, 5, NECK] == 1  # what was given stays
+
+
+def test_a_neck_in_a_little_shade_is_one(points):
+    image, shares, _ = bust(points, (189, 141, 112))
+    assert unlike_face(image, shares, points).max() == 0
+
+
+def test_of_a_neck_that_is_mostly_a_coat_nothing_is_used(points):
+    image, shares, (_, chin) = bust(points, COAT)
+    image[chin:, :90] = BROWN
+    image[360:] = COAT
+    found = plain_skin(shares, points, image)
+    assert found[..., NECK].max() == 0
+    assert found[chin + 10, 200, FEATURES] > 0.9
+    # Half of one is a neck still.
+    image[chin:360, :150] = BROWN
+    assert plain_skin(shares, points, image)[chin + 20, 20:100, NECK].min() > 0.9
+
+
+def test_a_face_alone_is_compared_with_nothing(points):
+    assert unlike_face(BLANK, all_skin((400, 300)), points).max() == 0

@@ -128,7 +128,7 @@ def row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
 
     Rows that no chart shows belong to none. Kept with the skin.
     """
-    return skin.once("row labels", lambda: _row_labels(skin))
+    return skin.cached("row labels", lambda: _row_labels(skin))
 
 
 def _row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
@@ -307,7 +307,7 @@ def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
 
 def _kept(skin: Skin) -> dict[int, ChartLattice]:
     """The lattices that are kept with a skin, by their steps."""
-    return skin.once("lattices", dict[int, ChartLattice])
+    return skin.cached("lattices", dict[int, ChartLattice])
 
 
 def _cached_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
@@ -374,7 +374,7 @@ def surface_texture(styled: VoxelField, painting: Painting,
     detail = _keen(_not_shown(styled, skin, painting.color) if once
                    else lattice.left_out(painting.color, colors))
     detail *= lattice.near[..., None]
-    charts = skin.once("row charts", lambda: row_charts(skin))
+    charts = skin.cached("row charts", lambda: row_charts(skin))
     return SurfaceTexture.of(detail, projections(skin, step), charts,
                              skin.pixels / step)
 
@@ -431,7 +431,7 @@ def texel_rows(skin: Skin, texture: SurfaceTexture) -> Int32:
     ``texture`` is of the skin, with which they are kept.
     """
     shape = tuple(-(-size // BLOCK) for size in texture.texels.shape[:2])
-    return skin.once(("texel rows", texture.pixels, shape),
+    return skin.cached(("texel rows", texture.pixels, shape),
                      lambda: _block_rows(skin, texture, shape))
 
 

@@ -455,7 +455,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
         clock = time.perf_counter()
         # Kept with the skin: all previews of a head end alike, and are laid out together.
         shown, ends = (vignetted(field, capture, config.seed) if sitter is None else
-                       sitter.skin.once(("vignette", config.seed),
+                       sitter.skin.cached(("vignette", config.seed),
                                         lambda: vignetted(field, capture, config.seed)))
         figures["vignette"] = [end.name for end in ends]
         figures["seconds"]["vignette"] = round(time.perf_counter() - clock, 3)

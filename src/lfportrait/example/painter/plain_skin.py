@@ -1,4 +1,4 @@
-"""What of an exemplar's face is no plain skin: strands of hair, the outline, what frames features.
+"""What of an exemplar's skin is not plain: strands of hair, the outline, what frames features.
 
 A lock that hangs over a cheek, a curl, a single stroke: copied onto every sitter it would be a
 scratch. It is a thin dark line of the hair's colors that comes from the hair. Wrinkles do not come
@@ -7,6 +7,10 @@ from there, and where a face is drawn in lines altogether, lines are its skin.
 Labels end where a feature ends. What frames it does not: the folds of lids, the bags below an eye,
 the shade under a lip and beside a nostril. On a chest they would still be read as lids and lips. So
 features reach further, where skin is taken from for other places than the face.
+
+Below the jaw the painter may have a beard, a scarf or a coat where the labels have a neck. On
+another's throat it would be a stain. What is more like hair, clothes and background than like
+forehead and cheeks is no paint for a neck.
 """
 
 from __future__ import annotations
@@ -21,8 +25,8 @@ from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
-from ..guides.regions import Regions, soft_face
-from .picture_materials import FEATURES, HAIR, NECK, SKIN
+from ..guides.regions import FaceFrame, Regions, soft_face
+from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, SKIN
 
 LINES_FACE = 110.0
 """Size of the face in the picture that is looked at."""
@@ -162,6 +166,19 @@ DARK = 0.1, 0.2
 """What is so much darker than the skin beside it begins to be a fold, and is one."""
 LINES = 0.12
 """More of the skin than this in such strokes is a drawing's manner."""
+SMALL, STROKE = 60.0, 0.03
+"""Size of the face in the picture in which colors are compared; blur that leaves out strokes, over
+the face's size."""
+UPPER = 0.6
+"""The painter's bare skin is that of his face down to here (brows 0, chin 1)."""
+SKIN_LIKE, OTHER, SURE = 8.0, 20.0, 4.0
+"""Paint (Lab) no further than this from that skin is skin, and paint further than the second is
+none; between them other materials are to be nearer; and the width of the change."""
+COMMON, SAMPLES, FEW = 0.05, 800, 100
+"""A color is a material's if this share of it is nearer; so many of each are compared, and fewer
+say nothing."""
+COVERED = 0.6
+"""If more of a neck than this is none, none of it is used: the rest is its seams."""
 
 
 def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
@@ -194,7 +211,73 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
         taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
         out[..., material] -= taken
         out[..., FEATURES] += taken
+    # Of a beard the skin of the face keeps its part: left out, it would end in a cut at the chin.
+    neck, other = out[..., NECK], unlike_face(image, out, points)
+    covered = float((neck * other).sum()) > COVERED * float(neck.sum())
+    taken = neck * (np.float32(1) if covered else other)
+    out[..., NECK] -= taken
+    out[..., FEATURES] += taken
     return out
+
+
+def unlike_face(image: UInt8, shares: Float32, landmarks: Points) -> Float32:
+    """Where a neck is more like other materials than like the face.
+
+    Parameters
+    ----------
+    image, shares, landmarks : As for `plain_skin`.
+
+    Returns
+    -------
+    float32 [h, w] in [0, 1]; 0 elsewhere, and where too little is known of either.
+    """
+    points = np.asarray(landmarks, np.float64)
+    size = face_size(points)
+    ratio = min(1.0, SMALL / size)
+    shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
+    skin, bare, *rest = (
+        np.asarray(cv2.resize(shares[..., material], shape, interpolation=cv2.INTER_AREA),
+                   np.float32) for material in (SKIN, NECK, HAIR, CLOTHES, GROUND))
+    down = cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
+                      interpolation=cv2.INTER_AREA)
+    colors = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.float32)
+    lab = np.asarray(cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB), np.float32)
+    sigma = max(STROKE * size * ratio, 0.5)
+    upper = _samples(lab, skin * (down < UPPER), sigma)
+    others = [one for one in (_samples(lab, share, sigma) for share in rest) if one is not None]
+    asked = bare > 0.05
+    if upper is None or not others or not asked.any():
+        return np.zeros(image.shape[:2], np.float32)
+    # Few colors are told apart: in steps of 1 they are many fewer than places.
+    rounded: Float32 = np.rint(_blurred(lab, bare, sigma)[asked])
+    steps, same = np.unique(rounded, axis=0, return_inverse=True)
+    away, *near = (_distance(steps, material)[same.reshape(-1)] for material in (upper, *others))
+    nearest = np.min(near, axis=0)
+    out = np.zeros(bare.shape, np.float32)
+    out[asked] = np.clip((away - np.clip(nearest, SKIN_LIKE, OTHER)) / SURE + 0.5, 0, 1)
+    return np.asarray(cv2.resize(out, image.shape[1::-1], interpolation=cv2.INTER_LINEAR),
+                      np.float32)
+
+
+def _blurred(lab: Float32, share: Float32, sigma: float) -> Float32:
+    """Colors [h, w, 3] blurred within a material, whose share [h, w] of each place is given."""
+    total = np.maximum(cv2.GaussianBlur(share, (0, 0), sigma), np.float32(1e-3))
+    return np.asarray(cv2.GaussianBlur(lab * share[..., None], (0, 0), sigma) / total[..., None],
+                      np.float32)
+
+
+def _samples(lab: Float32, share: Float32, sigma: float) -> Float32 | None:
+    """Colors [N, 3] of a material; None if there are few."""
+    found = _blurred(lab, np.ascontiguousarray(share, np.float32), sigma)[share > 0.6]
+    return found[::-(-len(found) // SAMPLES)] if len(found) >= FEW else None
+
+
+def _distance(colors: Float32, material: Float32) -> Float32:
+    """Distance of colors [N, 3] to the nearest ones [M, 3] of a material, but for a few, [N]."""
+    squares = ((colors ** 2).sum(axis=1)[:, None] + (material ** 2).sum(axis=1)
+               - 2 * colors @ material.T)
+    few = int(COMMON * len(material))
+    return np.sqrt(np.maximum(np.partition(squares, few, axis=1)[:, few], 0))
 
 
 def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:

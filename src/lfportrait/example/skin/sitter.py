@@ -257,8 +257,6 @@ class Skin:
         found: T = self.kept[key]
         return found
 
-    once = cached  # for stylisation, until it uses the new name
-
     @property
     def labels(self) -> tuple[UInt8, tuple[str, ...]]:
         """Soft regions of the owning pixels, uint8 [N, R], and the regions' names."""
