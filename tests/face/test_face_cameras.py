@@ -52,7 +52,7 @@ def test_cameras_are_found_by_the_face(seed, focal, noted):
     angle, _ = pose_errors(found.cameras.pose, cameras.pose)
     assert np.median(angle) < (1.2 if noted else 2.0) and angle.max() < 4
     assert len(np.unique(found.cameras.focal)) == 1
-    assert abs(np.log(found.cameras.focal[0, 0] / focal)) < (0.05 if noted else 0.3)
+    assert abs(np.log(found.cameras.focal[0, 0] / focal)) < (0.05 if noted else 0.35)
 
 
 def test_photos_of_somebody_else_and_without_a_face_are_left_out():

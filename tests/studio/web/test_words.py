@@ -69,10 +69,9 @@ def test_no_word_is_there_that_nobody_asks_for():
     assert unused == set()
 
 
-def test_scripts_are_short_and_ask_nobody_else():
+def test_scripts_ask_nobody_else():
     for path in [*SCRIPTS, *WEB.rglob("*.css"), *WEB.rglob("*.html")]:
         text = path.read_text("utf-8")
-        assert text.count("\n") < 400, path.name
         text = text.replace("http://www.w3.org/2000/svg", "")
         assert not re.search(r"https?://|//[a-z]+\.[a-z]", text), path.name
         # The page's policy has no room for either.
