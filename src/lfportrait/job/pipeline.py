@@ -133,10 +133,9 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
                                     only=quick, warmup=job.tools.warmup))
         if first_look or quick:
             job.look_early(begun, only=quick)
-        if not (quick or source.placed or finished(job.tasks["capture"], job.out)):
-            # With the second comes torch. Where no cameras are looked for, no core is idle, and
-            # memory between torch's is not given back: 1 GB more at the peak.
-            import_ahead("mediapipe.tasks.python", "lfportrait.stylize.refinement")
+        if not (source.placed or finished(job.tasks["capture"], job.out)):
+            # Not torch: memory between its own is not given back, up to 1 GB more at the peak.
+            import_ahead("mediapipe.tasks.python")
         return job.run()
 
 

@@ -147,12 +147,11 @@ def head_kernels(fitted: bool, matted: bool = True) -> tuple[str, ...]:
     return stages if matted or fitted else ("mattes", *stages)
 
 
-def import_ahead(*names: str) -> None:
-    """Import modules in the background: while photos are read and placed, a core is idle."""
+def import_ahead(name: str) -> None:
+    """Import a module in the background: while photos are read and placed, a core is idle."""
     def work() -> None:
-        for name in names:
-            with suppress(ImportError):  # whoever needs it says so
-                importlib.import_module(name)
+        with suppress(ImportError):  # whoever needs it says so
+            importlib.import_module(name)
 
     threading.Thread(target=work, daemon=True).start()
 
