@@ -21,7 +21,7 @@ KERNEL_TESTS := tests/simd tests/lightfield $(addprefix tests/field/test_, backg
 	cutout.py field.py poses.py raycast.py steps.py sweep.py texture.py) tests/example/test_kernels.py \
 	tests/example/test_patches.py tests/example/test_patch_levels.py \
 	tests/example/test_surface_guide.py tests/example/skin/test_atlas.py \
-	tests/capture/test_mattes.py tests/share/page/test_texels.py
+	tests/capture/test_mattes.py tests/capture/test_likelihood.py tests/share/page/test_texels.py
 test-vectors: $(STAMP)
 	for level in avx2 sse2; do \
 	  echo "compiled for $$level"; export LFPORTRAIT_VECTORS=$$level; \
