@@ -370,7 +370,7 @@ def surface_texture(styled: VoxelField, painting: Painting,
     once = lattice is None and step == 1
     lattice = lattice or chart_lattice(styled, skin, step)
     colors = np.asarray(C0 * styled.sh[:, :, 0] + 0.5, np.float32)
-    # To render the charts once takes a fifth of the time that their maps take to be made.
+    # To render the charts once takes less than half of the time in which their maps are made.
     detail = _keen(_not_shown(styled, skin, painting.color) if once
                    else lattice.left_out(painting.color, colors))
     detail *= lattice.near[..., None]
