@@ -15,7 +15,8 @@ from PIL import Image
 from lfportrait.capture import Capture, is_calibrated, read_photos, read_source, video_frames
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
-from lfportrait.example.skin import Skin, load_skin, save_skin
+from lfportrait.example.skin.sitter import Skin
+from lfportrait.example.skin.storage import load_skin, save_skin
 from lfportrait.face import read_landmarks
 from lfportrait.field import VoxelField
 from lfportrait.files import write_image

@@ -22,12 +22,19 @@ from safetensors.numpy import load_file
 
 from .. import models
 from ..arrays import Float32, Float64, UInt8
+from ..cache import key_of
 from .landmarks import FROM_MEDIAPIPE, centred
 from .segmentation import made, picture
 
 _AROUND = 1.5
 _MANY = 8
 """Faces that are looked for in a picture."""
+
+
+def detectors_key() -> str:
+    """Hash of what finds landmarks: the networks that are at hand, and the code of this package."""
+    return key_of(__name__, models.in_use(
+        ["face-landmarker", "face-landmarks-68", "face-detector"]))
 
 
 @functools.lru_cache(maxsize=4)

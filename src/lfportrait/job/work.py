@@ -19,8 +19,7 @@ from PIL import Image
 
 from ..capture import Camera, Capture
 from ..errors import UserError
-from ..example import Exemplar, Skin
-from ..example.skin import load_skin, save_skin
+from ..example import Exemplar, Skin, load_skin, save_skin
 from ..face import fit_to_surface, is_portrait, portrait_field
 from ..field import VoxelField, reconstruct_with_figures
 from ..files import write_image

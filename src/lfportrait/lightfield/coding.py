@@ -35,7 +35,8 @@ from ..capture import Camera
 from ..device import device_name, gpu_adapter
 from ..errors import UserError
 from ..field import VoxelField, camera_row, head_points
-from ..field.gpu import PROBES, REACH, ViewJob, keep_field, views_on_gpu
+from ..field.gpu import ViewJob, keep_field, views_on_gpu
+from ..field.marching import PROBES, REACH
 from ..files import UNREADABLE_ARRAYS, atomic_write
 from ..gpu import Adapter, GpuProcess, attempted
 from .display import Display
