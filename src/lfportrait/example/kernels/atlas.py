@@ -1,7 +1,7 @@
 """Hot loops of the atlas of a skin: normals, which chart owns a point, and places in the atlas.
 
 A chart is a far camera's picture of a head. Cameras come as rows of sixteen numbers
-(`field.camera_row`): pose row by row, focal lengths, principal point. Charts lie side by side in
+(`Camera.row`): pose row by row, focal lengths, principal point. Charts lie side by side in
 one atlas, so a chart's pixel (x, y) is the atlas' (x + dx, y + dy); depths are the atlas', infinite
 where a chart shows no surface.
 """

@@ -39,7 +39,7 @@ def project(first, last, positions, scales, axes, opacity, camera, size, flat, d
     opacity
         float32 [N].
     camera
-        float64 [16], see `lfportrait.field.camera_row`.
+        float64 [16], see `lfportrait.Camera.row`.
     size
         Width and height in pixels.
     flat
