@@ -25,8 +25,7 @@ from lfportrait.job.batch.journal import read_events
 from lfportrait.lightfield import Display, QuiltLayout, layout_for, layout_of_file
 from lfportrait.lightfield.display_files import calibration_of
 from lfportrait.media.depth import read_depth
-from lfportrait.media.masks import read_mask
-from lfportrait.media.pictures import read_image
+from lfportrait.media.pictures import read_image, read_mask
 from lfportrait.share import write_quilt, write_video
 from lfportrait_eval.study import read_answers
 from lfportrait_eval.study.assembly import clip_of

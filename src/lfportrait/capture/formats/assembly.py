@@ -29,8 +29,7 @@ from ...arrays import Bool, Float64, UInt8
 from ...errors import UserError
 from ...media.depth import DepthMap, read_depth
 from ...media.folders import Finder
-from ...media.masks import mask_places, read_mask
-from ...media.pictures import open_picture, read_images
+from ...media.pictures import mask_places, open_picture, read_images, read_mask
 from ..camera import Camera, looks_normalised, portrait_frame_from_cameras
 from ..lenses import Lens, some_depth, straightened, undistort
 from ..photos import noted

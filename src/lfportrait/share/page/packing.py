@@ -48,7 +48,7 @@ from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...errors import UserError
 from ...field import C0, SurfaceTexture, VoxelField
 from ...stylize import StyledField
-from .kernels import code_rows
+from ..kernels import code_rows
 
 
 @dataclass(frozen=True)

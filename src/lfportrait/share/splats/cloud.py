@@ -18,8 +18,8 @@ from ...arrays import Float32, Float64, Int32, Int64
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0
+from ..kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
 from ..kinds import METRES, Up
-from .kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
 
 
 @dataclass(frozen=True)
