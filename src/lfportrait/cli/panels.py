@@ -250,25 +250,17 @@ def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: 
 
     Parameters
     ----------
-    command
-        Its device and its progress line.
-    fields
-        The field's file, one.
-    panel, config
-        The display, and how the field is placed at first.
-    photo
-        The field to mix with; None: one of the same points beside it.
-    screen
-        Number of the panel's screen; -1 = the one that has its pixels.
-    simulate
-        An ordinary window instead of the panel.
-    seconds
-        How long; 0 = until the window is closed.
+    command : Its device and its progress line.
+    fields : The field's file, one.
+    panel, config : The display, and how the field is placed at first.
+    photo : The field to mix with; None: one of the same points beside it.
+    screen : Number of the panel's screen; -1 = the one that has its pixels.
+    simulate : An ordinary window instead of the panel.
+    seconds : How long; 0 = until the window is closed.
 
     Returns
     -------
-    figures
-        What ``--json`` writes.
+    figures : What ``--json`` writes.
     """
     from ..lightfield.screens import (
         LiveWindow,

@@ -336,10 +336,8 @@ def detect_face(image: UInt8, least: float = 0.4,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    least
-        Score below which a box is no face.
+    image : uint8 [H, W, 3].
+    least : Score below which a box is no face.
     """
     weights = _weights("face-detector")
     height, width = image.shape[:2]

@@ -58,14 +58,10 @@ class Finding:
 
     Attributes
     ----------
-    name
-        For ``--json``.
-    text
-        A line for the user.
-    value
-        A figure of it.
-    grade
-        Color of the line's grade.
+    name : For ``--json``.
+    text : A line for the user.
+    value : A figure of it.
+    grade : Color of the line's grade.
     """
 
     name: str
@@ -79,12 +75,9 @@ def findings(exemplar: Exemplar, yaw: float, rows: int) -> list[Finding]:
 
     Parameters
     ----------
-    exemplar
-        The painting with its landmarks.
-    yaw
-        How its face is turned, in degrees.
-    rows
-        Rows that a 4K panel shows of a face from chin to brows.
+    exemplar : The painting with its landmarks.
+    yaw : How its face is turned, in degrees.
+    rows : Rows that a 4K panel shows of a face from chin to brows.
     """
     image, points = exemplar.image, exemplar.landmarks
     regions = exemplar.regions()
@@ -110,8 +103,7 @@ def oval_frame(image: UInt8) -> tuple[int, int, int, int] | None:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
+    image : uint8 [H, W, 3].
     """
     height, width = image.shape[:2]
     factor = max(1, round(max(height, width) / 500))

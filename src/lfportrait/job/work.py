@@ -282,21 +282,15 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
 
     Parameters
     ----------
-    styled, display
-        What is coded, for what.
-    folder, name
-        Where the coded picture goes.
-    config
-        Parameters.
-    prefix
-        Begins the quilt's name; quilts of that prefix from before are removed.
-    device
-        Where to compute.
+    styled, display : What is coded, for what.
+    folder, name : Where the coded picture goes.
+    config : Parameters.
+    prefix : Begins the quilt's name; quilts of that prefix from before are removed.
+    device : Where to compute.
 
     Returns
     -------
-    figures
-        Of the coding; ``quilt`` is the quilt's file name.
+    figures : Of the coding; ``quilt`` is the quilt's file name.
     """
     encode = composed(styled, display, config.encode)
     image, figures = encode_with_figures(styled, display, encode,

@@ -26,20 +26,14 @@ def project(first, last, positions, scales, axes, opacity, camera, size, flat, d
 
     Parameters
     ----------
-    positions, scales
-        float32 [N, 3], in the world; standard deviations along the axes.
-    axes
-        float32 [N, 3, 3], the axes' directions as columns.
-    opacity
-        float32 [N].
-    camera
-        float64 [16], see `lfportrait.Camera.row`.
-    size
-        Width and height in pixels.
-    flat
-        float32 [N, COLUMNS] out.
-    depth
-        float32 [N] out, along the optical axis; infinite for splats that are not in the picture.
+    positions, scales : float32 [N, 3], in the world; standard deviations along the axes.
+    axes : float32 [N, 3, 3], the axes' directions as columns.
+    opacity : float32 [N].
+    camera : float64 [16], see `lfportrait.Camera.row`.
+    size : Width and height in pixels.
+    flat : float32 [N, COLUMNS] out.
+    depth : float32 [N] out, along the optical axis; infinite for splats that are not in the
+        picture.
     """
     width, height = size
     # Beyond the picture's border the approximation of the perspective is held.
@@ -104,19 +98,14 @@ def fill_tiles(flat, order, size):
 
     Parameters
     ----------
-    flat
-        float32 [N, COLUMNS].
-    order
-        int64 [M], splats in the picture from front to back.
-    size
-        Width and height in pixels.
+    flat : float32 [N, COLUMNS].
+    order : int64 [M], splats in the picture from front to back.
+    size : Width and height in pixels.
 
     Returns
     -------
-    starts
-        int64 [T + 1], where each tile's list begins.
-    members
-        int32 [P], splats.
+    starts : int64 [T + 1], where each tile's list begins.
+    members : int32 [P], splats.
     """
     across, down = -(-size[0] // TILE), -(-size[1] // TILE)
     starts = np.zeros(across * down + 1, np.int64)
@@ -156,10 +145,8 @@ def composite(first, last, tiles, flat, colors, starts, members, image):
 
     Parameters
     ----------
-    colors
-        float32 [N, 3], of the splats as this picture shows them.
-    image
-        float32 [H, W, 4] out, color times alpha, and transmittance.
+    colors : float32 [N, 3], of the splats as this picture shows them.
+    image : float32 [H, W, 4] out, color times alpha, and transmittance.
     """
     height, width, _ = image.shape
     across = -(-width // TILE)
@@ -205,12 +192,9 @@ def differentiate(first, last, tiles, flat, colors, starts, members, image, slop
 
     Parameters
     ----------
-    image
-        float32 [H, W, 4], as `composite` left it.
-    slope
-        float32 [H, W, 4], derivative of the loss by ``image``.
-    pairs
-        float32 [P, 10] out, for each member of a tile's list: derivatives by the color, the
+    image : float32 [H, W, 4], as `composite` left it.
+    slope : float32 [H, W, 4], derivative of the loss by ``image``.
+    pairs : float32 [P, 10] out, for each member of a tile's list: derivatives by the color, the
         opacity, the inverse covariance and the middle; its weight in the picture.
     """
     height, width, _ = image.shape
@@ -281,8 +265,7 @@ def pull(pairs, members, order, positions, scales, axes, camera, flat, out):
 
     Parameters
     ----------
-    out
-        float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3), the
+    out : float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3), the
         position (3, by the middle's place in the picture alone); the weight in the picture, 0 for
         splats that are hidden or not in ``order``.
     """
@@ -330,17 +313,12 @@ def code_rows(filled, values, tolerance, residual, decoded):
 
     Parameters
     ----------
-    filled
-        bool [Z, Y, X], where rows are; they are numbered in this order, x fastest.
-    values
-        uint8 [N, C]. The channels after the first are corrected by what the first one's guess
+    filled : bool [Z, Y, X], where rows are; they are numbered in this order, x fastest.
+    values : uint8 [N, C]. The channels after the first are corrected by what the first one's guess
         lacked: colors rise and fall together.
-    tolerance
-        uint8 [N], the largest error of each row.
-    residual
-        uint8 [C, N] out: what the guesses lack, modulo 256.
-    decoded
-        uint8 [N, C] out: the values as they are read back.
+    tolerance : uint8 [N], the largest error of each row.
+    residual : uint8 [C, N] out: what the guesses lack, modulo 256.
+    decoded : uint8 [N, C] out: the values as they are read back.
     """
     planes, rows, columns = filled.shape
     channels = values.shape[1]

@@ -65,10 +65,8 @@ def application(desk: Desk, keys: Keys, **guard: Any) -> Guard:
 
     Parameters
     ----------
-    desk, keys
-        The studio, and the keys of the run.
-    guard
-        Other arguments of `Guard`.
+    desk, keys : The studio, and the keys of the run.
+    guard : Other arguments of `Guard`.
     """
     files = _files()
 
@@ -238,9 +236,8 @@ class Keys:
 
     Parameters
     ----------
-    port
-        That the server listens on: browsers give a machine's cookies to all its ports, so that two
-        studios need two names.
+    port : That the server listens on: browsers give a machine's cookies to all its ports, so that
+        two studios need two names.
     """
 
     def __init__(self, port: int) -> None:
@@ -266,12 +263,9 @@ class Guard:
 
     Parameters
     ----------
-    app
-        What is guarded.
-    keys
-        Of the run.
-    patience
-        Seconds in which JSON must be there, and in which an upload must go on.
+    app : What is guarded.
+    keys : Of the run.
+    patience : Seconds in which JSON must be there, and in which an upload must go on.
     """
 
     def __init__(self, app: ASGIApp, keys: Keys, patience: float = PATIENCE) -> None:

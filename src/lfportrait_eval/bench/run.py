@@ -286,19 +286,14 @@ def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, acr
 
     Parameters
     ----------
-    curves
-        Name and points (x, y) of each curve.
-    across, up
-        What the axes show, with units.
-    title
-        Line above the plot.
-    size
-        Width and height in pixels.
+    curves : Name and points (x, y) of each curve.
+    across, up : What the axes show, with units.
+    title : Line above the plot.
+    size : Width and height in pixels.
 
     Returns
     -------
-    picture
-        uint8 [H, W, 3].
+    picture : uint8 [H, W, 3].
     """
     # Here: a third of a second, for one option of one command.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -326,8 +321,7 @@ def machine_rates(megabytes: int = 512) -> dict[str, float]:
 
     Parameters
     ----------
-    megabytes
-        Size of the table that lines are read from, a power of two far above the caches.
+    megabytes : Size of the table that lines are read from, a power of two far above the caches.
     """
     workers = numba.get_num_threads()
     table = np.ones(megabytes * 2 ** 18, np.float32)
@@ -353,20 +347,15 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
 
     Parameters
     ----------
-    rates
-        Of `machine_rates`.
-    samples
-        Samples of a ray that take light.
-    rows
-        Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
+    rates : Of `machine_rates`.
+    samples : Samples of a ray that take light.
+    rows : Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
         must come from memory to be seen, and come and go when its record is taken up.
-    width
-        Values of a lattice point's row, 4 bytes each.
+    width : Values of a lattice point's row, 4 bytes each.
 
     Returns
     -------
-    figures
-        ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
+    figures : ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
         ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
     """
     lines = rows * 3.0 * width * 4.0 / 64.0
@@ -385,18 +374,14 @@ def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dic
 
     Parameters
     ----------
-    process
-        The device's process.
-    rays
-        Rays of a step.
-    rows, width
-        As for `training_floor`.
+    process : The device's process.
+    rays : Rays of a step.
+    rows, width : As for `training_floor`.
 
     Returns
     -------
-    figures
-        ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied within
-        the device's memory, each read or written once.
+    figures : ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied
+        within the device's memory, each read or written once.
     """
     moved = rows * 3.0 * width * 4.0
     seconds = process.call("lfportrait.gpu.device:copy_seconds", int(rays * moved / 2.0))

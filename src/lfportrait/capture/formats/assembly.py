@@ -59,15 +59,11 @@ def calibrated_turns(upright: tuple[int, int], turns: int, size: tuple[int, int]
 
     Parameters
     ----------
-    upright
-        Width and height of the upright picture.
-    turns
-        As the file notes them: see `noted_turns`.
-    size
-        Width and height that were calibrated, or None where the program does not say; a picture may
-        be a reduced copy.
-    name
-        Of the picture, for the message.
+    upright : Width and height of the upright picture.
+    turns : As the file notes them: see `noted_turns`.
+    size : Width and height that were calibrated, or None where the program does not say; a picture
+        may be a reduced copy.
+    name : Of the picture, for the message.
 
     Raises
     ------
@@ -109,12 +105,9 @@ def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
 
     Parameters
     ----------
-    picture
-        uint8 [H, W, C], upright.
-    place
-        The mask's file; white is kept.
-    turns
-        What the photo's file notes: see `noted_turns`.
+    picture : uint8 [H, W, C], upright.
+    place : The mask's file; white is kept.
+    turns : What the photo's file notes: see `noted_turns`.
 
     Raises
     ------
