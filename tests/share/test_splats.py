@@ -18,9 +18,8 @@ from lfportrait.errors import UserError
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import ExportConfig, export_field
 from lfportrait.share.kinds import SplatConfig
-from lfportrait.share.splats import Splats, field_splats, framed, render_splats
-from lfportrait.share.splats.cloud import half_turned, splat_view
-from lfportrait.share.splats.fitting import Ball, place_splats, splat_psnr
+from lfportrait.share.splats.cloud import Splats, framed, half_turned, render_splats, splat_view
+from lfportrait.share.splats.fitting import Ball, field_splats, place_splats, splat_psnr
 from tests.fields import head_field, shell_field
 from tests.reference import splats as reference
 

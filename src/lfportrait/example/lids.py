@@ -250,8 +250,8 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
 
     Parameters
     ----------
-    along, up
-        Of each place, from the first corner (0) to the other (1), and above the line of both.
+    along, up : Of each place, from the first corner (0) to the other (1), and above the line of
+        both.
     upper, lower : Height of the lids' edges there.
     brow : Landmarks, [5, 2], as ``along`` and ``up``.
     """

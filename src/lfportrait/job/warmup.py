@@ -297,14 +297,10 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
 
     Parameters
     ----------
-    size
-        Width and height of the photos in pixels.
-    views
-        Number of photos on an arc.
-    cut_out
-        Whether the photos have mattes.
-    arc
-        Half of the arc in degrees.
+    size : Width and height of the photos in pixels.
+    views : Number of photos on an arc.
+    cut_out : Whether the photos have mattes.
+    arc : Half of the arc in degrees.
     """
     cameras = Camera.arc(np.linspace(-arc, arc, views), distance=4.0, width=size, height=size,
                          focal=1.7 * size)

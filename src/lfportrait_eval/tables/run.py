@@ -63,10 +63,8 @@ class Teller:
 
     Parameters
     ----------
-    progress
-        The line that is drawn; None for silence.
-    waiting
-        Cells that are to be done.
+    progress : The line that is drawn; None for silence.
+    waiting : Cells that are to be done.
     """
 
     def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
@@ -129,20 +127,16 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
 
     Parameters
     ----------
-    sitter
-        Whose field is coded.
-    exemplar
-        The style of the transfers; their photo is the embedded head, 768 x 1024, as the paper's
-        pictures.
-    sizes, size
-        Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers once.
-    progress
-        Updated with what is being measured.
+    sitter : Whose field is coded.
+    exemplar : The style of the transfers; their photo is the embedded head, 768 x 1024, as the
+        paper's pictures.
+    sizes, size : Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers
+        once.
+    progress : Updated with what is being measured.
 
     Returns
     -------
-    figures
-        ``table_1``: a row by resolution. ``fig_6``: by method of transfer
+    figures : ``table_1``: a row by resolution. ``fig_6``: by method of transfer
         ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one picture),
         and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
     """

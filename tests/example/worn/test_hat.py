@@ -10,7 +10,7 @@ from lfportrait.example import Exemplar, Transfer, TransferConfig, bared
 from lfportrait.example.frontal import frontalised
 from lfportrait.example.guides.regions import find_regions, soft_face
 from lfportrait.example.transfers import transfer
-from lfportrait.example.worn import headwear, not_worn
+from lfportrait.example.worn.hat import headwear, not_worn
 from tests.portraits import drawn_face
 
 HEIGHT, WIDTH = 320, 260

@@ -59,7 +59,7 @@ from ..painter.plain_skin import plain_skin, take_out_strands
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
-from ..worn import Wear
+from ..worn.hat import Wear
 from .ears import missing_relief
 from .face import CopiedFace
 from .hair import below_hair, hair_by_place, without_bays

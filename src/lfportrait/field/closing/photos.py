@@ -16,7 +16,7 @@ from ...arrays import Bool, Float32, Float64, Int32, Int64
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
-from ..grid import VoxelField, camera_row, surface_points
+from ..grid import VoxelField, surface_points
 from ..kernels.depth_maps import places_shown
 
 PHOTOS = 40
@@ -120,7 +120,7 @@ class Photos:
                  outwards: Float64 | None = None, least: float = 0.0) -> Bool:
         """Which points a view shows at such depths (`places_shown`), bool [N]."""
         shown = np.empty(len(points), bool)
-        places_shown(np.ascontiguousarray(points, np.float64), camera_row(self.cameras, view),
+        places_shown(np.ascontiguousarray(points, np.float64), self.cameras.row(view),
                      nearest, farthest, before, beyond,
                      self._cosines[view] if square > 0 else _NO_MAP, float(square),
                      _NO_WAYS if outwards is None else np.ascontiguousarray(outwards, np.float64),

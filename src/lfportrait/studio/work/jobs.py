@@ -82,7 +82,7 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     from ...capture import Capture
     from ...field import VoxelField
     from ...stylize import kept_skin
-    from .early import EarlyPicture
+    from .pictures import EarlyPicture
 
     look = EarlyPicture(order, teller)
     config = order.config()
