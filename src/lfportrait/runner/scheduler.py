@@ -362,7 +362,7 @@ class Schedule(Generic[AnyTask]):
         self._runner, self._heard, self._lost = runner, heard, lost
         self._memory, self._lane, self._at_once = memory, lane, dict(at_once or {})
         self._entries: dict[str, _Entry[AnyTask]] = {}
-        self._followers: dict[str, list[str]] = {}
+        self._followers: dict[str, list[str]] = defaultdict(list)
         self._ready: dict[str, list[tuple[tuple[Any, int], str]]] = defaultdict(list)
         self._running: Counter[str] = Counter()
         self._numbers = itertools.count()
@@ -381,22 +381,21 @@ class Schedule(Generic[AnyTask]):
         The lower its ``place``, the earlier it begins; of the same place the first one goes first.
         """
         needs = {need for need in task.needs if need in self._entries}
-        self._entries[task.name] = _Entry(task, self._lane(task), (place, next(self._numbers)),
-                                          needs)
+        entry = _Entry(task, self._lane(task), (place, next(self._numbers)), needs)
+        self._entries[task.name] = entry
         for need in needs:
-            self._followers.setdefault(need, []).append(task.name)
-        self._queue(task.name)
+            self._followers[need].append(task.name)
+        self._queue(entry)
 
     def move(self, name: str, place: Any) -> None:
         """Give a task that waits another place."""
         entry = self._entries[name]
         entry.place = place, entry.place[1]
-        self._queue(name)
+        self._queue(entry)
 
-    def _queue(self, name: str) -> None:
-        entry = self._entries[name]
+    def _queue(self, entry: _Entry[AnyTask]) -> None:
         if not entry.needs and not entry.begun:
-            heapq.heappush(self._ready[entry.lane], (entry.place, name))
+            heapq.heappush(self._ready[entry.lane], (entry.place, entry.task.name))
 
     def give(self) -> None:
         """Give out what can begin now."""
@@ -421,21 +420,28 @@ class Schedule(Generic[AnyTask]):
         """Take in how a task has ended; also of one that waits and is not to begin."""
         entry = self._entries.pop(outcome.task)
         self._running[entry.lane] -= entry.begun
-        followers = self._followers.pop(outcome.task, [])
+        followers = self._followers_of(outcome.task)
         self._heard(entry.task, outcome)
-        for name in followers:
+        for follower in followers:
             if outcome.error:
-                self._lose(name, outcome.task)
-            elif name in self._entries:
-                self._entries[name].needs.discard(outcome.task)
-                self._queue(name)
+                self._lose(follower, outcome.task)
+            else:
+                follower.needs.discard(outcome.task)
+                self._queue(follower)
 
-    def _lose(self, name: str, cause: str) -> None:
+    def _followers_of(self, name: str) -> list[_Entry[AnyTask]]:
+        """The tasks that wait for one; those that were given up, and came again, may not."""
+        known = (self._entries.get(one) for one in self._followers.pop(name, []))
+        return [entry for entry in known if entry is not None and name in entry.needs]
+
+    def _lose(self, entry: _Entry[AnyTask], cause: str) -> None:
         """A task can't begin, nor can those that need it."""
-        entry = self._entries.pop(name, None)
-        followers = self._followers.pop(name, [])
-        if entry is not None:
-            self._lost(entry.task, cause)
+        name = entry.task.name
+        if self._entries.get(name) is not entry:
+            return
+        del self._entries[name]
+        followers = self._followers_of(name)
+        self._lost(entry.task, cause)
         for follower in followers:
             self._lose(follower, cause)
 
