@@ -183,7 +183,8 @@ class Failure:
     Attributes
     ----------
     code
-        ``user_error``, ``disk_full``, ``memory``, or ``internal``: a fault of ours.
+        ``user_error``, ``disk_full``, ``memory``, ``killed``: a process was ended from outside, or
+        ``internal``: a fault of ours.
     message
         One line: what is wrong and what to do.
     trace
@@ -240,7 +241,7 @@ class Outcome:
     again
         Whether it had been done before.
     code
-        Of the failure (`Failure`); ``killed``: its process died; empty if it is done.
+        Of the failure (`Failure`); empty if it is done.
     """
 
     task: str

@@ -64,7 +64,7 @@ class Workers(Runner[AnyTask]):
     ask
         What is sent of a task; what it raises is how the task ends.
     died
-        What a task fails with whose process has died.
+        Of a task whose process has died.
     attempts
         How often a task is given out whose process dies.
     memory
@@ -85,7 +85,7 @@ class Workers(Runner[AnyTask]):
     """
 
     def __init__(self, slots: int, begin: Callable[[AnyTask], Child],
-                 ask: Callable[[AnyTask], Any], died: str, *, attempts: int = 1,
+                 ask: Callable[[AnyTask], Any], died: Failure, *, attempts: int = 1,
                  memory: float | None = None, stay: bool = True,
                  said: Callable[[AnyTask, Any], None] = lambda task, message: None,
                  read: Callable[[BaseException], Failure] = failure_of,
@@ -160,7 +160,7 @@ class Workers(Runner[AnyTask]):
             if worker.attempts < self._attempts:
                 self._give(worker, task)
                 return None
-            outcome = Outcome(task.name, self._died, code="killed")
+            outcome = Outcome.failed(task.name, self._died)
         elif message[0] == "end":
             outcome = (message[1] if isinstance(message[1], Outcome)
                        else Outcome(task.name, figures=message[1]))

@@ -18,7 +18,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
-from ..runner import Costs, Need, Outcome, Schedule, Task, Workers
+from ..runner import Costs, Failure, Need, Outcome, Schedule, Task, Workers
 from .answers import Refusal, read_error
 from .events import Child, Events
 
@@ -214,8 +214,8 @@ _KEPT = 100
 _LIGHT = 2
 """Light jobs that run at once."""
 _NOTES = 20
-_KILLED = ("the job's process was ended from outside, as it happens where memory is short: close "
-           "other programs, then let it go on; what is finished is kept")
+_KILLED = Failure("killed", "the job's process was ended from outside, as it happens where memory "
+                  "is short: close other programs, then let it go on; what is finished is kept")
 
 OrderMaker = Callable[[JobState], Any]
 """Makes what a job's process is sent; raises a `Refusal` where something is missing."""

@@ -28,7 +28,7 @@ from typing import Any
 
 from ...errors import UserError
 from ...measure import THREADS, cost_of, free_memory_bytes, usable_cores
-from ...runner import Child, Outcome, Runner, Workers, finished, outcome_of, serve
+from ...runner import Child, Failure, Outcome, Runner, Workers, finished, outcome_of, serve
 from ...stages import StageFolder
 from ..graph import Task
 from ..warmup import Warmup
@@ -78,8 +78,8 @@ class LocalRunner(Workers[Task]):
             workers or max(1, usable_cores() // cores),
             lambda _: Child("lfportrait.job.batch.runners:serve_batch", log, settings),
             lambda task: (task, results),
-            f"its process died {ATTEMPTS} times, as it does where memory is short: let fewer "
-            "tasks run at once (--workers)", attempts=ATTEMPTS,
+            Failure("killed", f"its process died {ATTEMPTS} times, as it does where memory is "
+                    "short: let fewer tasks run at once (--workers)"), attempts=ATTEMPTS,
             memory=None if free is None else _MEMORY_SHARE * free)
 
 
