@@ -1,12 +1,14 @@
 """A room's surfaces from a plane sweep, and the exposures of its photos."""
 
+import cv2
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.exposure import exposure_gains
 from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
-from lfportrait.field.kernels.depth_maps import fuse_depth
+from lfportrait.field.kernels.depth_maps import fuse_depth, match_planes
 
 GAINS = 1.0 + 0.2 * np.sin(np.arange(9))
 
@@ -93,3 +95,53 @@ def test_votes_equal_the_reference():
     assert np.array_equal(unsure.ravel(), inside & ~ahead & within & ~known)
     seen = solid.ravel() > 0
     assert np.allclose(color.reshape(-1, 3)[seen], image[line[seen], column[seen]])
+
+
+@pytest.mark.parametrize("others, ranks", [(1, 1), (3, 1), (4, 2)])
+def test_planes_are_matched_as_by_the_reference(others, ranks):
+    random = np.random.default_rng(others)
+    height, width, planes = 17, 26, 5
+    reference = random.random((height, width)).astype(np.float32)
+    sizes = np.array([(19, 30), (15, 22), (20, 26), (17, 31)])[:others]
+    pictures = np.zeros((others, 20, 31), np.float32)
+    for picture, (high, wide) in zip(pictures, sizes):
+        picture[:high, :wide] = ndimage.gaussian_filter(random.random((high, wide)), 0.7)
+    warps = np.eye(3) + random.normal(0, 0.02, (planes, others, 3, 3))
+    warps[..., :2, 2] += random.uniform(-3, 3, (planes, others, 2))
+    warps[..., 2, :2] *= 0.02
+
+    def mean(picture, window=7):
+        return cv2.boxFilter(np.asarray(picture, np.float64), -1, (window, window))
+
+    own = mean(reference)
+    spread = mean(reference.astype(float) ** 2) - own ** 2
+    pixels = np.stack([*np.meshgrid(np.arange(width), np.arange(height)),
+                       np.ones((height, width))], -1)
+    scores = np.empty((planes, height, width))
+    for plane in range(planes):
+        found = []
+        for picture, (high, wide), warp in zip(pictures, sizes, warps[plane]):
+            there = pixels @ warp.T
+            x, y = there[..., 0] / there[..., 2], there[..., 1] / there[..., 2]
+            inside = (x >= 0) & (y >= 0) & (x < wide - 1) & (y < high - 1)
+            moved = np.where(inside, ndimage.map_coordinates(
+                picture.astype(float), [y, x], order=1), -10.0)
+            level = mean(moved)
+            both = np.maximum(spread * (mean(moved ** 2) - level ** 2), 1e-8)
+            found.append(np.where(inside, (mean(reference * moved) - own * level)
+                                  / np.sqrt(both), -1.0))
+        scores[plane] = mean(np.sort(found, axis=0)[-ranks:].mean(axis=0), 3)
+    scratch = tuple(np.full(shape, np.nan, np.float32) for shape in (
+        (height, width), (height, width), (ranks, height, width), (3, width + 8), (3, width),
+        (2, width), width))
+    top, below, above = np.empty((3, height, width), np.float32)
+    winner = np.empty((height, width), np.int32)
+    match_planes(reference, own.astype(np.float32), spread.astype(np.float32), pictures, sizes,
+                 warps, scratch, top, winner, below, above)
+    assert np.array_equal(winner, scores.argmax(axis=0))
+    assert len(np.unique(winner)) == planes
+    assert np.abs(top - scores.max(axis=0)).max() < 1e-4
+    inner = (winner > 0) & (winner < planes - 1)
+    for near, step in ((below, -1), (above, 1)):
+        wanted = np.take_along_axis(scores, np.clip(winner + step, 0, planes - 1)[None], 0)[0]
+        assert np.abs(near - wanted)[inner].max() < 1e-4

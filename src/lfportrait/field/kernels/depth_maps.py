@@ -1,4 +1,4 @@
-"""Depth maps on a lattice: votes, signed distances, outlines; and pictures looked up on surfaces.
+"""Depth maps: planes that agree; votes, signed distances, outlines; pictures looked up on surfaces.
 
 A view is a row of 16 numbers: the camera-to-world matrix [3, 4], the focal lengths and the
 principal point in pixels.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...simd.decorators import lean_kernel
+from ...simd.decorators import lean, lean_kernel
 from ...simd.threads import shared
 
 
@@ -289,3 +289,196 @@ def carve(since, until, x, y, z, camera, covered, asked, seen, against):
                     seen[k, j, i] += 1
                     if not covered[row, column]:
                         against[k, j, i] += 1
+
+
+_OUTSIDE = np.float32(-10.0)
+"""In the place of a pixel that a picture does not show; pixels are in [0, 1]."""
+_BESIDE = 3
+"""Pixels from the middle of a window to its sides."""
+_SHARE = np.float32(1.0 / (2 * _BESIDE + 1) ** 2)
+
+
+@lean_kernel
+def match_planes(  # type: ignore[no-untyped-def]
+        reference, mean, variance, pictures, sizes, warps, scratch, top, winner, below, above):
+    """Planes that other pictures agree on: normalized cross-correlation in windows of 7x7 pixels.
+
+    The score of a plane is that of the picture that agrees most, or the mean of the two that do
+    (others may look past an edge), averaged over 3x3 pixels. Beyond its border a picture is
+    mirrored in its last pixel.
+
+    Parameters
+    ----------
+    reference, mean, variance
+        float32 [h, w]: levels in [0, 1]; their mean and variance in each window.
+    pictures, sizes
+        float32 [N, H, W] and int64 [N, 2]: the others, and how many rows and columns each has.
+    warps
+        float64 [P, N, 3, 3], from the reference's pixels to those of the others, by planes.
+    scratch
+        float32 [h, w], [h, w], [R, h, w], [3, w + 8], [3, w], [2, w] and [w], overwritten. R
+        pictures, one or two, count.
+    top, winner
+        float32 [h, w] and int32 [h, w], filled: the largest score and the first plane that has it.
+    below, above
+        float32 [h, w], filled: the scores of the planes before and after it; anything where there
+        are none.
+    """
+    height, width = reference.shape
+    planes, others = warps.shape[:2]
+    moved, recent, best, sums, totals, places, scores = scratch
+    for plane in range(planes):
+        for other in range(others):
+            for y in range(height):
+                _warped_places(warps[plane, other], y, places)
+                _look_up(pictures[other], sizes[other, 0], sizes[other, 1], places, moved[y])
+            for y in range(height):
+                _clear(sums)
+                for line in range(y - _BESIDE, y + _BESIDE + 1):
+                    at = _mirrored(line, height)
+                    _add_line(moved[at], reference[at], sums)
+                for k in range(3):
+                    _mirror_ends(sums[k], width, _BESIDE)
+                    _seven_across(sums[k], totals[k])
+                _correlate(totals, mean[y], variance[y], moved[y], scores)
+                _keep_best(scores, best[0, y], best[len(best) - 1, y], other == 0)
+        for y in range(height):
+            _clear(sums)
+            for line in range(y - 1, y + 2):
+                at = _mirrored(line, height)
+                _add_both(best[0, at], best[len(best) - 1, at], sums[0])
+            _mirror_ends(sums[0], width, 1)
+            _three_across(sums[0], scores)
+            _note_peak(scores, plane, recent[y], top[y], winner[y], below[y], above[y])
+
+
+# Each of these loops is a function of its own, of few arrays: only then are they told apart at run
+# time and done eight pixels at a time. Lines of sums begin at place 4.
+
+@lean
+def _warped_places(warp, y, places):
+    """Where the pixels of row ``y`` are in the other picture: its columns, its rows."""
+    a, d, g = np.float32(warp[0, 0]), np.float32(warp[1, 0]), np.float32(warp[2, 0])
+    b = np.float32(warp[0, 1] * y + warp[0, 2])
+    e = np.float32(warp[1, 1] * y + warp[1, 2])
+    h = np.float32(warp[2, 1] * y + warp[2, 2])
+    for x in range(places.shape[1]):
+        along = np.float32(x)
+        over = np.float32(1) / (g * along + h)
+        places[0, x] = (a * along + b) * over
+        places[1, x] = (d * along + e) * over
+
+
+@lean
+def _look_up(picture, high, wide, places, moved):
+    """A picture at places, bilinear."""
+    right, low, stride = np.float32(wide - 1), np.float32(high - 1), picture.shape[1]
+    pixels = picture.reshape(-1)
+    for x in range(len(moved)):
+        u, v = places[0, x], places[1, x]
+        if u >= 0 and v >= 0 and u < right and v < low:
+            i, j = np.int32(u), np.int32(v)
+            fu, fv = u - np.float32(i), v - np.float32(j)
+            at = np.uint32(j * stride + i)
+            upper = pixels[at] + fu * (pixels[at + 1] - pixels[at])
+            lower = pixels[at + stride] + fu * (pixels[at + stride + 1] - pixels[at + stride])
+            moved[x] = upper + fv * (lower - upper)
+        else:
+            moved[x] = _OUTSIDE
+
+
+@lean
+def _mirrored(place, length):
+    """A place as far inside of the border as ``place`` is outside."""
+    while place < 0 or place >= length:
+        place = abs(place) if place < length else 2 * length - 2 - place
+        if length == 1:
+            return 0
+    return place
+
+
+@lean
+def _mirror_ends(line, width, beside):
+    """Fill the places before and after a line of sums."""
+    for x in range(1, beside + 1):
+        line[4 - x] = line[4 + _mirrored(x, width)]
+        line[3 + width + x] = line[4 + _mirrored(width - 1 + x, width)]
+
+
+@lean
+def _clear(sums):
+    for k in range(3):
+        for x in range(sums.shape[1]):
+            sums[k, x] = np.float32(0)
+
+
+@lean
+def _add_line(moved, reference, sums):
+    """Add a row: its levels, their squares, and their products with the reference's."""
+    for x in range(len(moved)):
+        level = moved[x]
+        sums[0, 4 + x] += level
+        sums[1, 4 + x] += level * level
+        sums[2, 4 + x] += level * reference[x]
+
+
+@lean
+def _seven_across(line, total):
+    for x in range(len(total)):
+        total[x] = (((line[x + 1] + line[x + 2]) + (line[x + 3] + line[x + 4]))
+                    + ((line[x + 5] + line[x + 6]) + line[x + 7]))
+
+
+@lean
+def _correlate(totals, mean, variance, moved, scores):
+    """Normalized cross-correlation of a row, -1 where the other picture shows nothing."""
+    for x in range(len(scores)):
+        level = totals[0, x] * _SHARE
+        spread = variance[x] * (totals[1, x] * _SHARE - level * level)
+        score = (totals[2, x] * _SHARE - mean[x] * level) / np.sqrt(max(spread, np.float32(1e-8)))
+        scores[x] = np.float32(-1) if moved[x] <= np.float32(-0.5) else score
+
+
+@lean
+def _keep_best(scores, one, two, first):
+    """Keep the two best scores of a row; the best one where both are one array."""
+    if first:
+        for x in range(len(scores)):
+            two[x] = np.float32(-np.inf)
+        for x in range(len(scores)):
+            one[x] = scores[x]
+        return
+    for x in range(len(scores)):
+        best, second, score = one[x], two[x], scores[x]
+        low = score if score < best else best
+        two[x] = low if low > second else second
+        one[x] = score if score > best else best
+
+
+@lean
+def _add_both(one, two, line):
+    for x in range(len(one)):
+        line[4 + x] += one[x] + two[x]
+
+
+@lean
+def _three_across(line, total):
+    for x in range(len(total)):
+        total[x] = ((line[x + 3] + line[x + 4]) + line[x + 5]) * np.float32(1.0 / 18.0)
+
+
+@lean
+def _note_peak(scores, plane, recent, top, winner, below, above):
+    """Take note of where a row's scores are the largest so far; ``recent`` are the last plane's."""
+    if plane == 0:
+        for x in range(len(scores)):
+            top[x] = recent[x] = below[x] = above[x] = scores[x]
+            winner[x] = 0
+        return
+    for x in range(len(scores)):
+        score = scores[x]
+        if winner[x] == plane - 1:
+            above[x] = score
+        if score > top[x]:
+            top[x], winner[x], below[x] = score, plane, recent[x]
+        recent[x] = score
