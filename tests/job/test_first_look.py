@@ -41,7 +41,7 @@ def painting():
 
 @pytest.fixture(scope="module", autouse=True)
 def short_reports():
-    """Files without content: a report takes as long as the painting, and looks are no part of it."""
+    """Files without content: a report takes as long as the painting, and shows no look."""
     def none(folder, *_):
         (folder / "hero.png").touch()
         return None, 0.0
