@@ -291,6 +291,49 @@ def carve(since, until, x, y, z, camera, covered, asked, seen, against):
                         against[k, j, i] += 1
 
 
+@lean_kernel
+def places_shown(  # type: ignore[no-untyped-def]
+        points, camera, nearest, farthest, before, beyond, cosines, square, outwards, least, shown):
+    """Which points a view shows at depths between two maps.
+
+    Parameters
+    ----------
+    points
+        float64 [N, 3].
+    camera
+        float64 [16].
+    nearest, farthest
+        float32 [h, w], distances along the optical axis.
+    before, beyond
+        float32, how far before ``nearest`` and beyond ``farthest`` points may lie; below zero the
+        first asks for nothing.
+    cosines, square
+        float32 [h, w], of which a point's must be above ``square``, unless that is zero.
+    outwards, least
+        float64 [N, 3], unit: the way to the camera has a cosine above ``least`` to it; [0, 3] asks
+        for nothing.
+    shown
+        bool [N], filled.
+    """
+    height, width = farthest.shape
+    for k in range(len(points)):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        row, column, along = pixel_of(x, y, z, camera, height, width)
+        shown[k] = False
+        if row < 0 or not along < farthest[row, column] + beyond:
+            continue
+        if before >= 0 and not along > nearest[row, column] - before:
+            continue
+        if square > 0 and not cosines[row, column] > square:
+            continue
+        if len(outwards) > 0:
+            dx, dy, dz = camera[3] - x, camera[7] - y, camera[11] - z
+            across = dx * outwards[k, 0] + dy * outwards[k, 1] + dz * outwards[k, 2]
+            if not across > least * np.sqrt(dx * dx + dy * dy + dz * dz):
+                continue
+        shown[k] = True
+
+
 _OUTSIDE = np.float32(-10.0)
 """In the place of a pixel that a picture does not show; pixels are in [0, 1]."""
 _BESIDE = 3
@@ -352,6 +395,75 @@ def match_planes(  # type: ignore[no-untyped-def]
             _note_peak(scores, plane, recent[y], top[y], winner[y], below[y], above[y])
 
 
+@lean_kernel
+def surface_agreement(  # type: ignore[no-untyped-def]
+        points, cameras, pictures, sizes, weights, beside, scratch, values, score, total, own):
+    """How well pictures agree, in windows of the cells of a surface, with their mean.
+
+    Normalized cross-correlation of what each picture shows of the cells, less its mean in the
+    window. Beyond its border the surface is mirrored in its last cell.
+
+    Parameters
+    ----------
+    points
+        float64 [V, U, 3], the cells in the world.
+    cameras, pictures, sizes
+        float64 [K, 16]; float32 [K, H, W], levels in [0, 1]; int64 [K, 2], rows and columns.
+    weights
+        float32 [K, V, U], how far a picture counts in each cell.
+    beside
+        Cells from the middle of a window to its sides, at most 4.
+    scratch
+        float32 [V, U], [2, U + 8], [2, U], overwritten.
+    values
+        float32 [2, K, V, U], filled: levels less their mean; weights, 0 where a picture does not
+        show a cell.
+    score, total, own
+        float32 [V, U] each, filled: weighted sum of the correlations, sum of the weights, variance
+        of the weighted mean.
+    """
+    mean, sums, totals = scratch
+    levels, shares = values[0], values[1]
+    count, height, width = levels.shape
+    share = np.float32(1.0 / (2 * beside + 1) ** 2)
+    for k in range(count):
+        for y in range(height):
+            _look_at(points[y], cameras[k], pictures[k], sizes[k, 0], sizes[k, 1], weights[k, y],
+                     levels[k, y], shares[k, y])
+        for y in range(height):
+            _clear(sums)
+            for line in range(y - beside, y + beside + 1):
+                _add(levels[k, _mirrored(line, height)], sums[0, 4:])
+            _sum_across(sums[0], beside, mean[y])
+        for y in range(height):
+            _add_scaled(mean[y], -share, levels[k, y])
+    for y in range(height):
+        score[y], total[y], mean[y] = np.float32(0), np.float32(0), np.float32(0)
+        for k in range(count):
+            _add(shares[k, y], total[y])
+            _add_products(shares[k, y], levels[k, y], mean[y])
+        for x in range(width):
+            mean[y, x] /= max(total[y, x], np.float32(1e-6))
+    for y in range(height):
+        _clear(sums)
+        for line in range(y - beside, y + beside + 1):
+            at = _mirrored(line, height)
+            _add_products(mean[at], mean[at], sums[0, 4:])
+        _sum_across(sums[0], beside, own[y])
+        for x in range(width):
+            own[y, x] *= share
+    for k in range(count):
+        for y in range(height):
+            _clear(sums)
+            for line in range(y - beside, y + beside + 1):
+                at = _mirrored(line, height)
+                _add_products(levels[k, at], mean[at], sums[0, 4:])
+                _add_products(levels[k, at], levels[k, at], sums[1, 4:])
+            _sum_across(sums[0], beside, totals[0])
+            _sum_across(sums[1], beside, totals[1])
+            _add_correlations(totals, own[y], share, shares[k, y], score[y])
+
+
 # Each of these loops is a function of its own, of few arrays: only then are they told apart at run
 # time and done eight pixels at a time. Lines of sums begin at place 4.
 
@@ -407,7 +519,7 @@ def _mirror_ends(line, width, beside):
 
 @lean
 def _clear(sums):
-    for k in range(3):
+    for k in range(len(sums)):
         for x in range(sums.shape[1]):
             sums[k, x] = np.float32(0)
 
@@ -482,3 +594,58 @@ def _note_peak(scores, plane, recent, top, winner, below, above):
         if score > top[x]:
             top[x], winner[x], below[x] = score, plane, recent[x]
         recent[x] = score
+
+
+@lean
+def _look_at(points, camera, picture, high, wide, weight, levels, shares):
+    """What a picture shows of a line of points, bilinear, and its weights: 0 outside of it."""
+    right, low = wide - 1.0, high - 1.0
+    for x in range(len(levels)):
+        dx, dy, dz = points[x, 0] - camera[3], points[x, 1] - camera[7], points[x, 2] - camera[11]
+        along = camera[2] * dx + camera[6] * dy + camera[10] * dz
+        over = 1.0 / max(along, 1e-6)
+        u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) * over * camera[12]
+        v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) * over * camera[13]
+        u, v = u + camera[14] - 0.5, v + camera[15] - 0.5
+        if along > 1e-6 and u >= 0 and v >= 0 and u < right and v < low:
+            i, j = int(u), int(v)
+            fu, fv = np.float32(u - i), np.float32(v - j)
+            upper = picture[j, i] + fu * (picture[j, i + 1] - picture[j, i])
+            lower = picture[j + 1, i] + fu * (picture[j + 1, i + 1] - picture[j + 1, i])
+            levels[x], shares[x] = upper + fv * (lower - upper), weight[x]
+        else:
+            levels[x] = shares[x] = np.float32(0)
+
+
+@lean
+def _add(values, line):
+    for x in range(len(values)):
+        line[x] += values[x]
+
+
+@lean
+def _add_scaled(values, factor, line):
+    for x in range(len(values)):
+        line[x] += factor * values[x]
+
+
+@lean
+def _add_products(one, two, line):
+    for x in range(len(one)):
+        line[x] += one[x] * two[x]
+
+
+@lean
+def _sum_across(line, beside, total):
+    """Sums over windows of a line of sums."""
+    _mirror_ends(line, len(total), beside)
+    total[:] = np.float32(0)
+    for k in range(4 - beside, 5 + beside):
+        _add(line[k:k + len(total)], total)
+
+
+@lean
+def _add_correlations(totals, own, share, weights, score):
+    for x in range(len(score)):
+        spread = totals[1, x] * share * own[x]
+        score[x] += weights[x] * (totals[0, x] * share) / np.sqrt(max(spread, np.float32(1e-12)))
