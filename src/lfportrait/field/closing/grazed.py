@@ -38,9 +38,8 @@ OUTER, INNER = 8.0, 9.0
 """Voxels outside and inside of the surface up to which lattice points belong to it."""
 ON = 4.0
 """Voxels beside the surface up to which what a ray meets shows its color."""
-BESIDE = 0.5
-"""Voxels around ears in which colors stay: depth maps, not the chart, know where they face. What
-lies further around has the color of the wall, where mattes cut an ear."""
+BESIDE = 3.0
+"""Voxels around ears in which colors stay: depth maps, not the chart, know where they face."""
 _EVEN = 1.5
 """Sigma, in cells, over which a surface is evened before its cosines are taken, and these."""
 
