@@ -90,6 +90,19 @@ def test_colors_are_even_where_nothing_faces_them_and_stay_elsewhere(head):
     assert np.abs(middle[0] - middle[1]).max() < 0.06
 
 
+def test_hair_keeps_its_strands(head):
+    field, chart, distance = head
+    nothing = np.zeros(distance.shape, bool)
+    hair = np.broadcast_to(chart.angle > 0, distance.shape).copy()
+    even = with_even_colors(field, Grazed(chart, distance, np.zeros(distance.shape), None, nothing,
+                                          hair, None))
+    points = field.lattice_points()
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (points[:, 2] > 0.2)
+    left, right = near & (points[:, 0] < -0.1), near & (points[:, 0] > 0.1)
+    assert np.array_equal(even.sh[right], field.sh[right])
+    assert not np.isclose(even.sh[left][..., 0], field.sh[left][..., 0]).any(axis=1).all()
+
+
 def test_what_shows_nothing_is_left_alone(head):
     field, chart, distance = head
     nowhere = Grazed(chart, distance, np.zeros(distance.shape), None,

@@ -5,7 +5,7 @@ arbitrary: nobody who looks from where the photos were taken sees it, but from a
 stippled and a temple streaked. So the surface is read once more when its last training is done.
 Its colors lose their specks in a median, which keeps the edge of a jaw, and its chroma is smoothed
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
-counts.
+counts. Hair keeps its strands.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Grazed:
     faced : float64 [V, U], 0 where photos see nothing or look along it, 1 where they see it well.
     ears : Solids beside it, or None.
     beside : bool [V, U], cells whose rays may meet ears.
-    hair : bool [V, U], cells that keep apart from the others; None: one color.
+    hair : bool [V, U], cells whose colors stay, and keep apart from the others; None: there are none.
     cut : What lies below is none of the head.
     """
 
@@ -127,7 +127,8 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     points = field.lattice_points()
     places, away = chart.places(points)
     deep = (_at(grazed.distance, places) - away) * _at(cosine, places) / voxel
-    share = 1.0 - _at(grazed.faced, places)
+    stays = grazed.faced if grazed.hair is None else np.maximum(grazed.faced, grazed.hair)
+    share = 1.0 - _at(stays, places)
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
     if grazed.ears is not None:
         share[grazed.ears.distance(points)[0] < BESIDE * voxel] = 0.0
