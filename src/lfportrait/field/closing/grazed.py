@@ -54,7 +54,7 @@ class Grazed:
     faced : float64 [V, U], 0 where photos see nothing or look along it, 1 where they see it well.
     ears : Solids beside it, or None.
     beside : bool [V, U], cells whose rays may meet ears.
-    hair : bool [V, U], cells whose colors stay, and keep apart from the others; None: there are none.
+    hair : bool [V, U], cells that keep apart from the others, and their colors; None: one color.
     cut : What lies below is none of the head.
     """
 
