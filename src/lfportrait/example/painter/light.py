@@ -31,8 +31,8 @@ BLUR, REACH = 1.5, 12.0
 MEET, SEAM, FADES = 0.15, 1.0, 12.0
 """A cell lies at the border of two parts if each has this share of what is around it; sigma of the
 blur that leaves out single strokes, and how far a step of colors is evened out, in cells."""
-MOST_STEP = 0.3
-"""No more of a step is evened out."""
+DARKER_STEP, LIGHTER_STEP = 0.2, 0.3
+"""No more of a step is evened out: what is much darker in the face may be a beard or a brow."""
 
 
 @dataclass(frozen=True)
@@ -202,5 +202,5 @@ def evened_beside(flat: Float32, height: float, painted: Bool, beside: Float32, 
     weight = np.where(painted, np.float32(0), beside)
     for channel in range(3):
         step = cells.step(color[:, channel], painted, outside, SEAM, FADES)
-        out[:, channel] += weight * np.clip(step, -MOST_STEP, MOST_STEP)
+        out[:, channel] += weight * np.clip(step, -DARKER_STEP, LIGHTER_STEP)
     return np.clip(out, 0, 1)

@@ -459,7 +459,7 @@ def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Floa
     """
     paint = np.stack([canvas.gathered(color[..., channel], len(core)) for channel in range(3)], 1)
     low = np.clip((UNDER_JAW - skin.flat[:, 1] / skin.plane.height) / JAW_EDGE, 0, 1)
-    beside = bare * low * (1 - skin.ears) * skin.outwards
+    beside = np.clip(2 * bare - 1, 0, 1) * low * (1 - skin.ears) * skin.outwards
     evened = evened_beside(skin.flat, skin.plane.height, core & skin.outwards,
                            np.asarray(np.where(core, 0, beside), np.float32), paint)
     changed = canvas.own & np.append(beside > 0, False)[canvas.slots]

@@ -51,8 +51,8 @@ BESIDE_RIMS, RIMS = 0.02, (0.2, 0.1, 0.05, 0.03)
 SMALL = 4
 """Broad colors are computed every Nth pixel."""
 RIM, SHADE, THROUGH = 0.15, 0.02, np.float32(0.1)
-"""What is so surely a rim is filled; rims have a shade of this breadth, over the face's height; and
-the weight of what is seen through a lens."""
+"""What is so surely a rim is filled; rims have a shade and glints of this breadth, over the face's
+height, which are filled beside the nose; and the weight of what is seen through a lens."""
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
@@ -101,7 +101,7 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         lines = drawn(worn, shape, min(worn.width, worn.unsure)) > RIM
         behind = lenses(worn, shape, points) > 0
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
-        hole = lines | (behind & ~nose)
+        hole = lines | ((behind | dilated(lines, SHADE * height)) & ~nose)
         # Rims have a shade; and what is seen through a lens counts less than what lies around it.
         beside = np.where(dilated(lines, SHADE * height), np.float32(0), np.float32(1))
         broad = _spread(exemplar.image, beside * np.where(behind & ~nose, THROUGH, np.float32(1)),
@@ -109,7 +109,7 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         bare = dilated(hole, 2 * AROUND * height) & (beside > 0) & ~behind
         return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
 
-    key = key_of(__name__, "spectacles", exemplar.image, exemplar.landmarks)
+    key = key_of(__name__, "spectacles, shades", exemplar.image, exemplar.landmarks)
     found = kept_arrays("bared", key, find, most=30)
     return replace(exemplar, image=found["image"]) if found else exemplar
 
