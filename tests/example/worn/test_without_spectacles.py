@@ -19,14 +19,16 @@ def test_rims_go_with_their_shade_and_eyes_leave_no_smear():
     # Strokes are others.
     true, before, after = (cv2.GaussianBlur(picture.astype(np.float64), (0, 0), 5)
                            for picture in (bare.image, worn, out))
-    for part in (lines > 0.5, beside):
-        assert np.abs(after - true)[part].mean() < 0.6 * np.abs(before - true)[part].mean()
-    # Right below the eyes there is skin, as light as it was.
+    for part, most in ((lines > 0.5, 0.2), (beside, 0.42)):
+        assert np.abs(after - true)[part].mean() < most * np.abs(before - true)[part].mean()
+    # Right below the eyes there is skin, nearly as light as it was; the eyes stay.
+    light = []
     for eye in (bare.landmarks[36:42], bare.landmarks[42:48]):
         x, y = eye.mean(axis=0)
         width = eye[3, 0] - eye[0, 0]
         below = np.s_[int(y + 0.3 * width):int(y + 0.6 * width),
                       int(x - 0.3 * width):int(x + 0.3 * width)]
-        assert after[below].mean() > 0.93 * true[below].mean()
-        np.testing.assert_array_equal(out[int(y), int(x) - 3:int(x) + 4],
-                                      bare.image[int(y), int(x) - 3:int(x) + 4])
+        light.append(after[below].mean() / true[below].mean())
+        iris = np.s_[int(y), int(x) - 3:int(x) + 4]
+        np.testing.assert_array_equal(out[iris], bare.image[iris])
+    assert np.mean(light) > 0.85
