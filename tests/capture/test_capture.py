@@ -1,6 +1,7 @@
 """Captures on disk, and the calibrated data sets that can be read."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,25 @@ def test_saved_captures_come_back_exactly(tmp_path: Path, alpha: bool) -> None:
     assert np.array_equal(back.landmarks, capture.landmarks, equal_nan=True)
     assert np.allclose(back.frame, capture.frame, atol=1e-12)
     assert back.figures == {"points": 3}
+
+
+@pytest.mark.parametrize("alpha", [True, False])
+def test_what_is_saved_is_given_as_it_would_be_read(tmp_path: Path, alpha: bool) -> None:
+    capture = make_capture(alpha=alpha)
+    capture = replace(capture, names=[name.replace("png", "jpg") for name in capture.names],
+                      images=[np.asfortranarray(image) for image in capture.images])
+    given, read = capture.saved(tmp_path / "capture"), Capture.load(tmp_path / "capture")
+    for name in ("pose", "focal", "center", "width", "height"):
+        assert np.array_equal(getattr(given.cameras, name), getattr(read.cameras, name))
+    for ours, theirs in ((given.images, read.images), (given.alphas or [], read.alphas or [])):
+        assert all(map(np.array_equal, ours, theirs))
+        assert len(ours) == len(theirs)
+        assert {(one.flags.c_contiguous, one.flags.writeable) for one in ours} <= {(True, True)}
+    assert given.names == read.names
+    assert np.array_equal(given.held_out, read.held_out)
+    assert np.array_equal(given.frame, read.frame)
+    assert np.array_equal(given.landmarks, read.landmarks, equal_nan=True)
+    assert given.figures == read.figures
 
 
 def test_saving_again_replaces_the_folder_and_leaves_nothing_else(tmp_path: Path) -> None:

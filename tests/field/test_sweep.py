@@ -1,12 +1,19 @@
 """A room's surfaces from a plane sweep, and the exposures of its photos."""
 
+import cv2
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.exposure import exposure_gains
 from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
-from lfportrait.field.kernels.depth_maps import fuse_depth
+from lfportrait.field.kernels.depth_maps import (
+    fuse_depth,
+    match_planes,
+    places_shown,
+    surface_agreement,
+)
 
 GAINS = 1.0 + 0.2 * np.sin(np.arange(9))
 
@@ -93,3 +100,134 @@ def test_votes_equal_the_reference():
     assert np.array_equal(unsure.ravel(), inside & ~ahead & within & ~known)
     seen = solid.ravel() > 0
     assert np.allclose(color.reshape(-1, 3)[seen], image[line[seen], column[seen]])
+
+
+@pytest.mark.parametrize("others, ranks", [(1, 1), (3, 1), (4, 2)])
+def test_planes_are_matched_as_by_the_reference(others, ranks):
+    random = np.random.default_rng(others)
+    height, width, planes = 17, 26, 5
+    reference = random.random((height, width)).astype(np.float32)
+    sizes = np.array([(19, 30), (15, 22), (20, 26), (17, 31)])[:others]
+    pictures = np.zeros((others, 20, 31), np.float32)
+    for picture, (high, wide) in zip(pictures, sizes):
+        picture[:high, :wide] = ndimage.gaussian_filter(random.random((high, wide)), 0.7)
+    warps = np.eye(3) + random.normal(0, 0.02, (planes, others, 3, 3))
+    warps[..., :2, 2] += random.uniform(-3, 3, (planes, others, 2))
+    warps[..., 2, :2] *= 0.02
+
+    def mean(picture, window=7):
+        return cv2.boxFilter(np.asarray(picture, np.float64), -1, (window, window))
+
+    own = mean(reference)
+    spread = mean(reference.astype(float) ** 2) - own ** 2
+    pixels = np.stack([*np.meshgrid(np.arange(width), np.arange(height)),
+                       np.ones((height, width))], -1)
+    scores = np.empty((planes, height, width))
+    for plane in range(planes):
+        found = []
+        for picture, (high, wide), warp in zip(pictures, sizes, warps[plane]):
+            there = pixels @ warp.T
+            x, y = there[..., 0] / there[..., 2], there[..., 1] / there[..., 2]
+            inside = (x >= 0) & (y >= 0) & (x < wide - 1) & (y < high - 1)
+            moved = np.where(inside, ndimage.map_coordinates(
+                picture.astype(float), [y, x], order=1), -10.0)
+            level = mean(moved)
+            both = np.maximum(spread * (mean(moved ** 2) - level ** 2), 1e-8)
+            found.append(np.where(inside, (mean(reference * moved) - own * level)
+                                  / np.sqrt(both), -1.0))
+        scores[plane] = mean(np.sort(found, axis=0)[-ranks:].mean(axis=0), 3)
+    scratch = tuple(np.full(shape, np.nan, np.float32) for shape in (
+        (height, width), (height, width), (ranks, height, width), (3, width + 8), (3, width),
+        (2, width), width))
+    top, below, above = np.empty((3, height, width), np.float32)
+    winner = np.empty((height, width), np.int32)
+    match_planes(reference, own.astype(np.float32), spread.astype(np.float32), pictures, sizes,
+                 warps, scratch, top, winner, below, above)
+    assert np.array_equal(winner, scores.argmax(axis=0))
+    assert len(np.unique(winner)) == planes
+    assert np.abs(top - scores.max(axis=0)).max() < 1e-4
+    inner = (winner > 0) & (winner < planes - 1)
+    for near, step in ((below, -1), (above, 1)):
+        wanted = np.take_along_axis(scores, np.clip(winner + step, 0, planes - 1)[None], 0)[0]
+        assert np.abs(near - wanted)[inner].max() < 1e-4
+
+
+@pytest.mark.parametrize("beside", [2, 4])
+def test_pictures_agree_on_a_surface_as_by_the_reference(beside):
+    random = np.random.default_rng(beside)
+    height, width, count = 13, 22, 3
+    cameras = Camera.arc([-20.0, 5.0, 30.0], distance=2.5, width=24, height=18, focal=26.0)
+    rows = np.stack([np.concatenate([cameras.pose[k, :3].ravel(), cameras.focal[k],
+                                     cameras.center[k]]) for k in range(count)])
+    y, x = np.meshgrid(np.linspace(0.9, -0.9, height), np.linspace(-1.2, 1.2, width),
+                       indexing="ij")
+    points = np.stack([x, y, 0.3 * np.cos(2 * x)], axis=-1)
+    points[0, 0] = 9.0  # behind the cameras
+    sizes = np.array([(18, 24), (17, 23), (18, 20)])
+    pictures = np.zeros((count, 18, 24), np.float32)
+    for picture, (high, wide) in zip(pictures, sizes):
+        picture[:high, :wide] = random.random((high, wide))
+    weights = random.random((count, height, width)).astype(np.float32)
+
+    def mean(picture):
+        return cv2.boxFilter(np.asarray(picture, np.float64), -1, (2 * beside + 1,) * 2)
+
+    pixels, along = cameras.project(points.reshape(-1, 3))
+    levels, shares = np.zeros((2, count, height, width))
+    for k, (high, wide) in enumerate(sizes):
+        u, v = (pixels[k].reshape(height, width, 2) - 0.5).transpose(2, 0, 1)
+        inside = ((along[k].reshape(height, width) > 0) & (u >= 0) & (v >= 0) & (u < wide - 1)
+                  & (v < high - 1))
+        level = np.where(inside, ndimage.map_coordinates(pictures[k].astype(float), [v, u],
+                                                         order=1), 0.0)
+        levels[k], shares[k] = level - mean(level), np.where(inside, weights[k], 0.0)
+    assert 0.2 < (shares > 0).mean() < 0.9
+    total = shares.sum(axis=0)
+    common = (shares * levels).sum(axis=0) / np.maximum(total, 1e-6)
+    own = mean(common ** 2)
+    score = sum(share * mean(level * common)
+                / np.sqrt(np.maximum(mean(level ** 2) * own, 1e-12))
+                for level, share in zip(levels, shares))
+    values = np.full((2, count, height, width), np.nan, np.float32)
+    found = np.full((3, height, width), np.nan, np.float32)
+    scratch = tuple(np.full(shape, np.nan, np.float32) for shape in (
+        (height, width), (2, width + 8), (2, width)))
+    surface_agreement(points, rows, pictures, sizes, weights, beside, scratch, values, *found)
+    assert np.abs(values[0] - levels).max() < 1e-5
+    assert np.abs(values[1] - shares).max() < 1e-6
+    for ours, theirs in zip(found, (score, total, own)):
+        assert np.abs(ours - theirs).max() < 1e-4
+
+
+@pytest.mark.parametrize("before, square, outside", [(0.3, 0.0, False), (0.3, 0.4, True),
+                                                  (-1.0, 0.0, False)])
+def test_places_that_a_view_shows_are_those_of_the_reference(before, square, outside):
+    random = np.random.default_rng(3)
+    camera = Camera.arc([25.0], distance=2.0, width=24, height=18, focal=20.0)
+    row = np.concatenate([camera.pose[0, :3].ravel(), camera.focal[0], camera.center[0]])
+    nearest = random.uniform(1.2, 2.2, (18, 24)).astype(np.float32)
+    farthest = nearest + random.uniform(0, 0.4, (18, 24)).astype(np.float32)
+    farthest[3:6] = np.inf
+    nearest[3:5] = np.inf
+    cosines = random.random((18, 24)).astype(np.float32)
+    points = random.uniform(-1.4, 1.4, (4000, 3))
+    outwards = random.normal(size=(4000, 3))
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    pixels, along = (part[0] for part in camera.project(points))
+    column, line = np.floor(pixels).astype(int).T
+    wanted = (along > 0) & (column >= 0) & (column < 24) & (line >= 0) & (line < 18)
+    assert 0.1 < wanted.mean() < 0.9
+    place = np.clip(line, 0, 17), np.clip(column, 0, 23)
+    wanted &= along < farthest[place] + np.float32(0.1)
+    if before >= 0:
+        wanted &= along > nearest[place] - np.float32(before)
+    if square:
+        wanted &= cosines[place] > square
+    if outside:
+        away = camera.position[0] - points
+        wanted &= (away * outwards).sum(axis=1) > 0.2 * np.linalg.norm(away, axis=1)
+    shown = np.empty(len(points), bool)
+    places_shown(points, row, nearest, farthest, np.float32(before), np.float32(0.1), cosines,
+                 square, outwards if outside else np.zeros((0, 3)), 0.2, shown)
+    assert np.array_equal(shown, wanted)
+    assert 0.005 < shown.mean() < 0.5

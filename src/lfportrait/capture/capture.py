@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Bool, Float32, Float64, Int64, UInt8
 from ..media.depth import DepthMap
 from .camera import Camera
-from .formats import Views, load_views, save_views
+from .formats import Views, load_views, save_views, written_views
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,15 @@ class Capture:
         UserError
             If the folder can't be written.
         """
-        save_views(Views(**{name: getattr(self, name) for name in Views._fields}), Path(folder),
-                   format)
+        save_views(self._views, Path(folder), format)
+
+    def saved(self, folder: str | Path) -> Capture:
+        """Write the capture (`save`); what `load` would read, with the pictures that are here."""
+        return Capture(**written_views(self._views, Path(folder))._asdict())
+
+    @property
+    def _views(self) -> Views:
+        return Views(**{name: getattr(self, name) for name in Views._fields})
 
     @staticmethod
     def load(path: str | Path, holdout: int = 8) -> Capture:

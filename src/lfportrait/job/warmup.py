@@ -38,7 +38,7 @@ from ..progress import Progress
 from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
-FUNCTIONS = {"mattes": 9, "transfer": 44, "reconstruct": 66, "stylize": 43, "encode": 38}
+FUNCTIONS = {"mattes": 10, "transfer": 44, "reconstruct": 68, "stylize": 43, "encode": 38}
 """Functions that each stage compiles after those before it: a few more or less on other
 processors."""
 

@@ -156,7 +156,7 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
             keep_background=task.config.keep_background, need_face=True,
             made_from=task.config.made_from, progress=progress,
             sheet=tools.sheet or target / "photos-left-out.jpg")
-    capture.save(target / task.outputs[0])
+    tools.kept["capture"] = capture.saved(target / task.outputs[0])
     for name in task.outputs[1:]:
         angle = np.abs(np.arctan2(capture.cameras.position[:, 0], capture.cameras.position[:, 2]))
         _write_thumbnail(target / name, capture.image_float(int(np.argmin(angle))))
@@ -166,7 +166,8 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
            progress: Progress) -> dict[str, Any]:
     checkpoint = f"{task.record}.npz"
-    capture = tools.kept["capture"] = Capture.load(results / task.inputs["capture"])
+    capture = tools.kept.get("capture") or Capture.load(results / task.inputs["capture"])
+    tools.kept["capture"] = capture
     figures, tools.kept["field"] = write_field(
         capture, results / task.folder / task.outputs[0], task.config, task.seed, progress,
         folder.scratch(checkpoint), device=tools.device,

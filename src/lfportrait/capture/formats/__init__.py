@@ -10,9 +10,13 @@ also decides which way up a picture is.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
+from ...arrays import UInt8
 from ...errors import UserError
 from ...plugins import blamed, gathered
 from .assembly import (
@@ -33,7 +37,8 @@ from .transforms import Own, Transforms
 
 __all__ = ["CaptureFormat", "ColmapImage", "DataSet", "Shot", "Views", "assemble",
            "capture_formats", "find_views", "held_out_views", "is_calibrated", "lens_of",
-           "load_views", "mask_of", "read_model", "read_shots", "save_views", "turned_upright"]
+           "load_views", "mask_of", "read_model", "read_shots", "save_views", "turned_upright",
+           "written_views"]
 
 FORMATS = "lfportrait.formats"
 """Group of entry points with classes above `CaptureFormat`."""
@@ -90,6 +95,17 @@ def save_views(views: Views, path: Path, format: str = "") -> None:
         raise UserError(f"captures are not written as {format!r}, but as {', '.join(known)}")
     with blamed(writer := known.get(format) or Own()):
         writer.write(views, path)
+
+
+def written_views(views: Views, path: Path) -> Views:
+    """Write a capture of our own; what `load_views` would read, without decoding its pictures."""
+    save_views(views, path)
+
+    def as_read(pictures: Sequence[UInt8]) -> list[UInt8]:
+        return [np.require(picture, requirements=("C", "W")) for picture in pictures]
+
+    return Own().views(path, as_read(views.images),
+                       None if views.alphas is None else as_read(views.alphas))
 
 
 def find_views(path: Path, holdout: int = 0) -> DataSet:

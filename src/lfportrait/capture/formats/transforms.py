@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import UInt8
 from ...errors import UserError
 from ...files import fresh_folder, read_json, write_image, write_json
 from ...measure import usable_cores
@@ -259,14 +260,16 @@ class Own(Transforms):
 
     def load(self, path: Path, holdout: int) -> Views:
         """See `CaptureFormat.load`."""
-        folder = transform_files(path)[0].parent
+        return self.views(transform_files(path)[0].parent)
+
+    def views(self, folder: Path, images: list[UInt8] | None = None,
+              alphas: list[UInt8] | None = None) -> Views:
+        """A capture in a folder, with these pictures if it is known what its files hold."""
         data = read_json(folder / "transforms.json")
         try:
             frames = data["frames"]
-            # Decoding leaves Python to others.
-            with ThreadPoolExecutor(usable_cores()) as pool:
-                pictures = list(pool.map(read_image, [folder / frame["file_path"]
-                                                      for frame in frames]))
+            if images is None:
+                images, alphas = _read_pictures([folder / frame["file_path"] for frame in frames])
             cameras = Camera(
                 np.array([frame["transform_matrix"] for frame in frames]) @ _TO_NERF,
                 np.array([[frame["fl_x"], frame["fl_y"]] for frame in frames]),
@@ -275,10 +278,7 @@ class Own(Transforms):
                 np.array([frame["h"] for frame in frames]))
             landmarks = data["landmarks"]
             return Views(
-                cameras, [np.ascontiguousarray(picture[..., :3]) for picture in pictures],
-                [np.ascontiguousarray(picture[..., 3]) for picture in pictures]
-                if pictures[0].shape[2] == 4 else None,
-                [Path(frame["file_path"]).name for frame in frames],
+                cameras, images, alphas, [Path(frame["file_path"]).name for frame in frames],
                 np.array([frame["held_out"] for frame in frames], bool),
                 np.array(data["portrait_frame"]),
                 None if landmarks is None else np.array(
@@ -287,6 +287,16 @@ class Own(Transforms):
                 some_depth([load_depth(folder, frame.get("depth")) for frame in frames]))
         except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
             raise UserError(f"{folder / 'transforms.json'} is damaged: {error!r}") from error
+
+
+def _read_pictures(files: list[Path]) -> tuple[list[UInt8], list[UInt8] | None]:
+    """Colors, and opacities where there are any."""
+    # Decoding leaves Python to others.
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        pictures = list(pool.map(read_image, files))
+    return ([np.ascontiguousarray(picture[..., :3]) for picture in pictures],
+            [np.ascontiguousarray(picture[..., 3]) for picture in pictures]
+            if pictures[0].shape[2] == 4 else None)
 
 
 def _write(capture: Views, folder: Path) -> None:

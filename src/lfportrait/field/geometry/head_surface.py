@@ -35,6 +35,9 @@ from scipy.interpolate import RBFInterpolator
 
 from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
+from ...simd.threads import side_by_side
+from ..grid import camera_row
+from ..kernels.depth_maps import surface_agreement
 from .chart import Chart, fitted_plate, normals_of, roughly_fitted_plate, smoothed
 
 BROWS = 0.10
@@ -149,9 +152,14 @@ class SurfaceSweep:
     def __init__(self, images: Sequence[UInt8], cameras: Camera, cell: float) -> None:
         factor = float(np.clip(2.0 * cameras.pixel / cell, 0.1, 1.0))
         self.cameras = cameras.scaled(factor)
-        self.greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,
-                                 (int(self.cameras.width[k]), int(self.cameras.height[k])),
-                                 interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
+        greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,
+                            (int(self.cameras.width[k]), int(self.cameras.height[k])),
+                            interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
+        self._sizes = np.array([grey.shape for grey in greys])
+        self._pictures = np.zeros((len(greys), *self._sizes.max(axis=0)), np.float32)
+        for picture, grey in zip(self._pictures, greys):
+            picture[:grey.shape[0], :grey.shape[1]] = grey
+        self._rows = np.stack([camera_row(self.cameras, k) for k in range(len(greys))])
 
     def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
               window: int) -> tuple[Float64, Float64]:
@@ -169,13 +177,12 @@ class SurfaceSweep:
         offset, trust : float64 [V, U] each: outwards from the surface, and the photos' confidence
             in [0, 1].
         """
-        weights = []
-        for cosine in cosines_of(chart, distance, self.cameras):
-            weights.append(np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32))
+        weights = np.stack([np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32)
+                            for cosine in cosines_of(chart, distance, self.cameras)])
         offsets = np.linspace(-reach, reach, steps)
-        with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-            parts = list(workers.map(
-                lambda by: self._agreement(chart.points(distance + by), weights, window), offsets))
+        parts = side_by_side(
+            lambda by: self._agreement(chart.points(distance + by), weights, window),
+            offsets.tolist())
         scores = np.stack([part[0] for part in parts])
         texture = parts[len(parts) // 2][1]
         scores[(distance + offsets[:, None, None]) > limit + 0.2 * reach] = 0.0
@@ -194,33 +201,19 @@ class SurfaceSweep:
         trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)
         return offset, trust
 
-    def _agreement(self, points: Float64, weights: Sequence[Float32], window: int,
+    def _agreement(self, points: Float64, weights: Float32, window: int,
                    ) -> tuple[Float32, Float32]:
         """Mean correlation of the photos with their mean, and the mean's variance, [V, U] each."""
-        flat, shape = points.reshape(-1, 3), points.shape[:2]
-        size = (window, window)
-        values, shares = [], []
-        for view, grey in enumerate(self.greys):
-            pixels = self.cameras[view].project(flat)[0][0]
-            maps = (pixels - 0.5).astype(np.float32).reshape(*shape, 2)
-            value = cv2.remap(grey, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR,
-                              borderMode=cv2.BORDER_CONSTANT, borderValue=-1.0)
-            share = np.where(value >= 0, weights[view], 0).astype(np.float32)
-            value = np.maximum(value, 0)
-            values.append(value - cv2.boxFilter(value, -1, size))
-            shares.append(share)
-        stack, weight = np.stack(values), np.stack(shares)
-        total = np.maximum(weight.sum(axis=0), 1e-6)
-        mean = (weight * stack).sum(axis=0) / total
-        own = cv2.boxFilter(mean * mean, -1, size)
-        score = np.zeros(shape, np.float32)
-        for value, share in zip(stack, weight):
-            together = cv2.boxFilter(value * mean, -1, size)
-            variance = cv2.boxFilter(value * value, -1, size)
-            score += share * together / np.sqrt(np.maximum(variance * own, 1e-12))
-        share = np.clip(score / total, 0.0, 1.0)
+        shape = points.shape[:2]
+        score, total, own = np.empty((3, *shape), np.float32)
+        surface_agreement(
+            points, self._rows, self._pictures, self._sizes, weights, window // 2,
+            (np.empty(shape, np.float32), np.empty((2, shape[1] + 8), np.float32),
+             np.empty((2, shape[1]), np.float32)),
+            np.empty((2, *weights.shape), np.float32), score, total, own)
+        share = np.clip(score / np.maximum(total, 1e-6), 0.0, 1.0)
         # The likelihood of an agreement, but for a factor: what misfits is noise.
-        logarithm = np.where(total > 0.25 * len(stack), -np.log(1.003 - share), 0.0)
+        logarithm = np.where(total > 0.25 * len(weights), -np.log(1.003 - share), 0.0)
         return logarithm.astype(np.float32), own
 
 

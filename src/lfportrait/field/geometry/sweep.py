@@ -9,18 +9,17 @@ Fused, they say where space is empty and where surfaces are, and in what color.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera, Capture
+from ...simd.threads import side_by_side
 from ..grid import camera_row
-from ..kernels.depth_maps import fuse_depth
+from ..kernels.depth_maps import fuse_depth, match_planes
 from ..kernels.march import C0
 from ..training.lattice import box_shape
 
@@ -81,15 +80,14 @@ def sweep_depth(capture: Capture, views: Int64, reach: float = 0.0, *,
     inverse = np.linspace(least, 1.0 / near, planes, axis=1)
     neighbours = [_neighbours(view, position, forward) for view in range(len(small))]
     greys = [item.image.mean(axis=2) for item in small]
-    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-        found = list(workers.map(lambda view: _match(
-            greys, cameras, view, neighbours[view], inverse[view]), range(len(small))))
+    found = side_by_side(lambda view: _match(
+        greys, cameras, view, neighbours[view], inverse[view]), range(len(small)))
     if endless:
         found = [np.maximum(one, np.float32(1e-3)) for one in found]
     steps = inverse[:, 1] - inverse[:, 0]
-    return [DepthMap(item.camera, item.image,
-                     _confirmed(view, found, cameras, neighbours[view], steps))
-            for view, item in enumerate(small)]
+    sure = side_by_side(lambda view: _confirmed(view, found, cameras, neighbours[view], steps),
+                        range(len(small)))
+    return [DepthMap(item.camera, item.image, depth) for item, depth in zip(small, sure)]
 
 
 def small_view(capture: Capture, view: int) -> DepthMap:
@@ -122,35 +120,23 @@ def _match(greys: list[Float32], cameras: list[Camera], view: int,
     window = (_WINDOW, _WINDOW)
     mean = cv2.boxFilter(reference, -1, window)
     variance = cv2.boxFilter(reference * reference, -1, window) - mean * mean
-    scores = np.full((len(inverse), height, width), -1.0, np.float32)
-    far, slopes = zip(*[_homographies(cameras[view], cameras[other]) for other in neighbours])
     # The better half: the others may look past an edge.
     half = max(1, len(neighbours) // 2)
-    for index, value in enumerate(inverse):
-        best = np.full((half, height, width), -np.inf, np.float32)
-        for number, other in enumerate(neighbours):
-            warp = far[number] + float(value) * slopes[number]
-            moved = cv2.warpPerspective(greys[other], warp, (width, height),
-                                        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                                        borderMode=cv2.BORDER_CONSTANT, borderValue=-10.0)
-            mean_moved = cv2.boxFilter(moved, -1, window)
-            variance_moved = cv2.boxFilter(moved * moved, -1, window) - mean_moved * mean_moved
-            together = cv2.boxFilter(reference * moved, -1, window) - mean * mean_moved
-            score = together / np.sqrt(np.maximum(variance * variance_moved, 1e-8))
-            score[moved <= -0.5] = -1.0
-            for rank in range(min(half, number + 1)):
-                # Where it is better than the one of this rank, that one is handed down.
-                lower = np.minimum(best[rank], score)
-                np.maximum(best[rank], score, out=best[rank])
-                score = lower
-        scores[index] = cv2.boxFilter(best.mean(axis=0), -1, (3, 3))
-    winner = scores.argmax(axis=0)
-    top = np.take_along_axis(scores, winner[None], 0)[0]
-    inside = np.clip(winner, 1, len(inverse) - 2)
-    below = np.take_along_axis(scores, inside[None] - 1, 0)[0]
-    above = np.take_along_axis(scores, inside[None] + 1, 0)[0]
+    scratch = tuple(np.empty(shape, np.float32) for shape in (
+        (height, width), (height, width), (half, height, width), (3, width + 8), (3, width),
+        (2, width), width))
+    sizes = np.array([greys[other].shape for other in neighbours])
+    pictures = np.zeros((len(neighbours), *sizes.max(axis=0)), np.float32)
+    for place, other in enumerate(neighbours):
+        pictures[place, :sizes[place, 0], :sizes[place, 1]] = greys[other]
+    far, slopes = zip(*[_homographies(cameras[view], cameras[other]) for other in neighbours])
+    warps = np.stack(far) + inverse[:, None, None, None] * np.stack(slopes)
+    top, below, above = np.empty((3, height, width), np.float32)
+    winner = np.empty((height, width), np.int32)
+    match_planes(reference, mean, variance, pictures, sizes, warps, scratch, top, winner, below,
+                 above)
     bend = np.minimum(below + above - 2.0 * top, -1e-6)
-    shift = np.where(winner == inside, np.clip(0.5 * (below - above) / bend, -0.5, 0.5), 0.0)
+    shift = np.clip(0.5 * (below - above) / bend, -0.5, 0.5)
     value = inverse[0] + (winner + shift) * (inverse[1] - inverse[0])
     good = (top > 0.6) & (variance > 2e-5) & (winner > 0) & (winner < len(inverse) - 1)
     return np.where(good, value, np.nan).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Depth maps on a lattice: votes, signed distances, outlines; and pictures looked up on surfaces.
+"""Depth maps: planes that agree; votes, signed distances, outlines; pictures looked up on surfaces.
 
 A view is a row of 16 numbers: the camera-to-world matrix [3, 4], the focal lengths and the
 principal point in pixels.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...simd.decorators import lean_kernel
+from ...simd.decorators import lean, lean_kernel
 from ...simd.threads import shared
 
 
@@ -289,3 +289,363 @@ def carve(since, until, x, y, z, camera, covered, asked, seen, against):
                     seen[k, j, i] += 1
                     if not covered[row, column]:
                         against[k, j, i] += 1
+
+
+@lean_kernel
+def places_shown(  # type: ignore[no-untyped-def]
+        points, camera, nearest, farthest, before, beyond, cosines, square, outwards, least, shown):
+    """Which points a view shows at depths between two maps.
+
+    Parameters
+    ----------
+    points
+        float64 [N, 3].
+    camera
+        float64 [16].
+    nearest, farthest
+        float32 [h, w], distances along the optical axis.
+    before, beyond
+        float32, how far before ``nearest`` and beyond ``farthest`` points may lie; below zero the
+        first asks for nothing.
+    cosines, square
+        float32 [h, w], of which a point's must be above ``square``, unless that is zero.
+    outwards, least
+        float64 [N, 3], unit: the way to the camera has a cosine above ``least`` to it; [0, 3] asks
+        for nothing.
+    shown
+        bool [N], filled.
+    """
+    height, width = farthest.shape
+    for k in range(len(points)):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        row, column, along = pixel_of(x, y, z, camera, height, width)
+        shown[k] = False
+        if row < 0 or not along < farthest[row, column] + beyond:
+            continue
+        if before >= 0 and not along > nearest[row, column] - before:
+            continue
+        if square > 0 and not cosines[row, column] > square:
+            continue
+        if len(outwards) > 0:
+            dx, dy, dz = camera[3] - x, camera[7] - y, camera[11] - z
+            across = dx * outwards[k, 0] + dy * outwards[k, 1] + dz * outwards[k, 2]
+            if not across > least * np.sqrt(dx * dx + dy * dy + dz * dz):
+                continue
+        shown[k] = True
+
+
+_OUTSIDE = np.float32(-10.0)
+"""In the place of a pixel that a picture does not show; pixels are in [0, 1]."""
+_BESIDE = 3
+"""Pixels from the middle of a window to its sides."""
+_SHARE = np.float32(1.0 / (2 * _BESIDE + 1) ** 2)
+
+
+@lean_kernel
+def match_planes(  # type: ignore[no-untyped-def]
+        reference, mean, variance, pictures, sizes, warps, scratch, top, winner, below, above):
+    """Planes that other pictures agree on: normalized cross-correlation in windows of 7x7 pixels.
+
+    The score of a plane is that of the picture that agrees most, or the mean of the two that do
+    (others may look past an edge), averaged over 3x3 pixels. Beyond its border a picture is
+    mirrored in its last pixel.
+
+    Parameters
+    ----------
+    reference, mean, variance
+        float32 [h, w]: levels in [0, 1]; their mean and variance in each window.
+    pictures, sizes
+        float32 [N, H, W] and int64 [N, 2]: the others, and how many rows and columns each has.
+    warps
+        float64 [P, N, 3, 3], from the reference's pixels to those of the others, by planes.
+    scratch
+        float32 [h, w], [h, w], [R, h, w], [3, w + 8], [3, w], [2, w] and [w], overwritten. R
+        pictures, one or two, count.
+    top, winner
+        float32 [h, w] and int32 [h, w], filled: the largest score and the first plane that has it.
+    below, above
+        float32 [h, w], filled: the scores of the planes before and after it; anything where there
+        are none.
+    """
+    height, width = reference.shape
+    planes, others = warps.shape[:2]
+    moved, recent, best, sums, totals, places, scores = scratch
+    for plane in range(planes):
+        for other in range(others):
+            for y in range(height):
+                _warped_places(warps[plane, other], y, places)
+                _look_up(pictures[other], sizes[other, 0], sizes[other, 1], places, moved[y])
+            for y in range(height):
+                _clear(sums)
+                for line in range(y - _BESIDE, y + _BESIDE + 1):
+                    at = _mirrored(line, height)
+                    _add_line(moved[at], reference[at], sums)
+                for k in range(3):
+                    _mirror_ends(sums[k], width, _BESIDE)
+                    _seven_across(sums[k], totals[k])
+                _correlate(totals, mean[y], variance[y], moved[y], scores)
+                _keep_best(scores, best[0, y], best[len(best) - 1, y], other == 0)
+        for y in range(height):
+            _clear(sums)
+            for line in range(y - 1, y + 2):
+                at = _mirrored(line, height)
+                _add_both(best[0, at], best[len(best) - 1, at], sums[0])
+            _mirror_ends(sums[0], width, 1)
+            _three_across(sums[0], scores)
+            _note_peak(scores, plane, recent[y], top[y], winner[y], below[y], above[y])
+
+
+@lean_kernel
+def surface_agreement(  # type: ignore[no-untyped-def]
+        points, cameras, pictures, sizes, weights, beside, scratch, values, score, total, own):
+    """How well pictures agree, in windows of the cells of a surface, with their mean.
+
+    Normalized cross-correlation of what each picture shows of the cells, less its mean in the
+    window. Beyond its border the surface is mirrored in its last cell.
+
+    Parameters
+    ----------
+    points
+        float64 [V, U, 3], the cells in the world.
+    cameras, pictures, sizes
+        float64 [K, 16]; float32 [K, H, W], levels in [0, 1]; int64 [K, 2], rows and columns.
+    weights
+        float32 [K, V, U], how far a picture counts in each cell.
+    beside
+        Cells from the middle of a window to its sides, at most 4.
+    scratch
+        float32 [V, U], [2, U + 8], [2, U], overwritten.
+    values
+        float32 [2, K, V, U], filled: levels less their mean; weights, 0 where a picture does not
+        show a cell.
+    score, total, own
+        float32 [V, U] each, filled: weighted sum of the correlations, sum of the weights, variance
+        of the weighted mean.
+    """
+    mean, sums, totals = scratch
+    levels, shares = values[0], values[1]
+    count, height, width = levels.shape
+    share = np.float32(1.0 / (2 * beside + 1) ** 2)
+    for k in range(count):
+        for y in range(height):
+            _look_at(points[y], cameras[k], pictures[k], sizes[k, 0], sizes[k, 1], weights[k, y],
+                     levels[k, y], shares[k, y])
+        for y in range(height):
+            _clear(sums)
+            for line in range(y - beside, y + beside + 1):
+                _add(levels[k, _mirrored(line, height)], sums[0, 4:])
+            _sum_across(sums[0], beside, mean[y])
+        for y in range(height):
+            _add_scaled(mean[y], -share, levels[k, y])
+    for y in range(height):
+        score[y], total[y], mean[y] = np.float32(0), np.float32(0), np.float32(0)
+        for k in range(count):
+            _add(shares[k, y], total[y])
+            _add_products(shares[k, y], levels[k, y], mean[y])
+        for x in range(width):
+            mean[y, x] /= max(total[y, x], np.float32(1e-6))
+    for y in range(height):
+        _clear(sums)
+        for line in range(y - beside, y + beside + 1):
+            at = _mirrored(line, height)
+            _add_products(mean[at], mean[at], sums[0, 4:])
+        _sum_across(sums[0], beside, own[y])
+        for x in range(width):
+            own[y, x] *= share
+    for k in range(count):
+        for y in range(height):
+            _clear(sums)
+            for line in range(y - beside, y + beside + 1):
+                at = _mirrored(line, height)
+                _add_products(levels[k, at], mean[at], sums[0, 4:])
+                _add_products(levels[k, at], levels[k, at], sums[1, 4:])
+            _sum_across(sums[0], beside, totals[0])
+            _sum_across(sums[1], beside, totals[1])
+            _add_correlations(totals, own[y], share, shares[k, y], score[y])
+
+
+# Each of these loops is a function of its own, of few arrays: only then are they told apart at run
+# time and done eight pixels at a time. Lines of sums begin at place 4.
+
+@lean
+def _warped_places(warp, y, places):
+    """Where the pixels of row ``y`` are in the other picture: its columns, its rows."""
+    a, d, g = np.float32(warp[0, 0]), np.float32(warp[1, 0]), np.float32(warp[2, 0])
+    b = np.float32(warp[0, 1] * y + warp[0, 2])
+    e = np.float32(warp[1, 1] * y + warp[1, 2])
+    h = np.float32(warp[2, 1] * y + warp[2, 2])
+    for x in range(places.shape[1]):
+        along = np.float32(x)
+        over = np.float32(1) / (g * along + h)
+        places[0, x] = (a * along + b) * over
+        places[1, x] = (d * along + e) * over
+
+
+@lean
+def _look_up(picture, high, wide, places, moved):
+    """A picture at places, bilinear."""
+    right, low, stride = np.float32(wide - 1), np.float32(high - 1), picture.shape[1]
+    pixels = picture.reshape(-1)
+    for x in range(len(moved)):
+        u, v = places[0, x], places[1, x]
+        if u >= 0 and v >= 0 and u < right and v < low:
+            i, j = np.int32(u), np.int32(v)
+            fu, fv = u - np.float32(i), v - np.float32(j)
+            at = np.uint32(j * stride + i)
+            upper = pixels[at] + fu * (pixels[at + 1] - pixels[at])
+            lower = pixels[at + stride] + fu * (pixels[at + stride + 1] - pixels[at + stride])
+            moved[x] = upper + fv * (lower - upper)
+        else:
+            moved[x] = _OUTSIDE
+
+
+@lean
+def _mirrored(place, length):
+    """A place as far inside of the border as ``place`` is outside."""
+    while place < 0 or place >= length:
+        place = abs(place) if place < length else 2 * length - 2 - place
+        if length == 1:
+            return 0
+    return place
+
+
+@lean
+def _mirror_ends(line, width, beside):
+    """Fill the places before and after a line of sums."""
+    for x in range(1, beside + 1):
+        line[4 - x] = line[4 + _mirrored(x, width)]
+        line[3 + width + x] = line[4 + _mirrored(width - 1 + x, width)]
+
+
+@lean
+def _clear(sums):
+    for k in range(len(sums)):
+        for x in range(sums.shape[1]):
+            sums[k, x] = np.float32(0)
+
+
+@lean
+def _add_line(moved, reference, sums):
+    """Add a row: its levels, their squares, and their products with the reference's."""
+    for x in range(len(moved)):
+        level = moved[x]
+        sums[0, 4 + x] += level
+        sums[1, 4 + x] += level * level
+        sums[2, 4 + x] += level * reference[x]
+
+
+@lean
+def _seven_across(line, total):
+    for x in range(len(total)):
+        total[x] = (((line[x + 1] + line[x + 2]) + (line[x + 3] + line[x + 4]))
+                    + ((line[x + 5] + line[x + 6]) + line[x + 7]))
+
+
+@lean
+def _correlate(totals, mean, variance, moved, scores):
+    """Normalized cross-correlation of a row, -1 where the other picture shows nothing."""
+    for x in range(len(scores)):
+        level = totals[0, x] * _SHARE
+        spread = variance[x] * (totals[1, x] * _SHARE - level * level)
+        score = (totals[2, x] * _SHARE - mean[x] * level) / np.sqrt(max(spread, np.float32(1e-8)))
+        scores[x] = np.float32(-1) if moved[x] <= np.float32(-0.5) else score
+
+
+@lean
+def _keep_best(scores, one, two, first):
+    """Keep the two best scores of a row; the best one where both are one array."""
+    if first:
+        for x in range(len(scores)):
+            two[x] = np.float32(-np.inf)
+        for x in range(len(scores)):
+            one[x] = scores[x]
+        return
+    for x in range(len(scores)):
+        best, second, score = one[x], two[x], scores[x]
+        low = score if score < best else best
+        two[x] = low if low > second else second
+        one[x] = score if score > best else best
+
+
+@lean
+def _add_both(one, two, line):
+    for x in range(len(one)):
+        line[4 + x] += one[x] + two[x]
+
+
+@lean
+def _three_across(line, total):
+    for x in range(len(total)):
+        total[x] = ((line[x + 3] + line[x + 4]) + line[x + 5]) * np.float32(1.0 / 18.0)
+
+
+@lean
+def _note_peak(scores, plane, recent, top, winner, below, above):
+    """Take note of where a row's scores are the largest so far; ``recent`` are the last plane's."""
+    if plane == 0:
+        for x in range(len(scores)):
+            top[x] = recent[x] = below[x] = above[x] = scores[x]
+            winner[x] = 0
+        return
+    for x in range(len(scores)):
+        score = scores[x]
+        if winner[x] == plane - 1:
+            above[x] = score
+        if score > top[x]:
+            top[x], winner[x], below[x] = score, plane, recent[x]
+        recent[x] = score
+
+
+@lean
+def _look_at(points, camera, picture, high, wide, weight, levels, shares):
+    """What a picture shows of a line of points, bilinear, and its weights: 0 outside of it."""
+    right, low = wide - 1.0, high - 1.0
+    for x in range(len(levels)):
+        dx, dy, dz = points[x, 0] - camera[3], points[x, 1] - camera[7], points[x, 2] - camera[11]
+        along = camera[2] * dx + camera[6] * dy + camera[10] * dz
+        over = 1.0 / max(along, 1e-6)
+        u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) * over * camera[12]
+        v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) * over * camera[13]
+        u, v = u + camera[14] - 0.5, v + camera[15] - 0.5
+        if along > 1e-6 and u >= 0 and v >= 0 and u < right and v < low:
+            i, j = int(u), int(v)
+            fu, fv = np.float32(u - i), np.float32(v - j)
+            upper = picture[j, i] + fu * (picture[j, i + 1] - picture[j, i])
+            lower = picture[j + 1, i] + fu * (picture[j + 1, i + 1] - picture[j + 1, i])
+            levels[x], shares[x] = upper + fv * (lower - upper), weight[x]
+        else:
+            levels[x] = shares[x] = np.float32(0)
+
+
+@lean
+def _add(values, line):
+    for x in range(len(values)):
+        line[x] += values[x]
+
+
+@lean
+def _add_scaled(values, factor, line):
+    for x in range(len(values)):
+        line[x] += factor * values[x]
+
+
+@lean
+def _add_products(one, two, line):
+    for x in range(len(one)):
+        line[x] += one[x] * two[x]
+
+
+@lean
+def _sum_across(line, beside, total):
+    """Sums over windows of a line of sums."""
+    _mirror_ends(line, len(total), beside)
+    total[:] = np.float32(0)
+    for k in range(4 - beside, 5 + beside):
+        _add(line[k:k + len(total)], total)
+
+
+@lean
+def _add_correlations(totals, own, share, weights, score):
+    for x in range(len(score)):
+        spread = totals[1, x] * share * own[x]
+        score[x] += weights[x] * (totals[0, x] * share) / np.sqrt(max(spread, np.float32(1e-12)))
