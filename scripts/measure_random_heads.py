@@ -7,12 +7,14 @@ model than the truth's makes of them is what a stranger's head gets. Nothing is 
 known. Sizes and distances are those of the eyes: a photo knows none.
 
 Run: python scripts/measure_random_heads.py [HEADS] [PRIOR]
-         PRIOR: generic (the default), or own: the very model that the heads are of
+         PRIOR: generic (the default); own: the very model that the heads are of; or mean: that
+         model's mean alone
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -40,8 +42,12 @@ SIZE, WIDE = 512, 110.0
 """Side of a picture; pixels between the outer corners of the eyes."""
 SEEN = 0.3
 """Cosine of incidence from which on a place of a face counts."""
+SQUARE = 0.6
+"""Cosine from which on it is seen squarely: along the rays a cheek's edge is far off at once."""
 CELL = 0.004
 """Of the picture, over the distance, in which the nearest place hides others."""
+ROUNDS = 12
+"""Of laying a surface on places."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 
 
@@ -95,39 +101,74 @@ def nearest(points: Float64, cosine: Float64) -> NDArray[np.bool_]:
     return np.asarray((cosine > 0.1) & (points[:, 2] < front[flat] + 0.003 + slope))
 
 
-def off(true: HeadPrior, view: View, shape: Float64, mine: HeadPrior, points: Float64,
-        ) -> tuple[float, float]:
-    """Millimetres (root mean square) by which a head is off: the face's depth; skull and ears.
+def seen_face(true: HeadPrior, view: View, shape: Float64, least: float = SEEN,
+              ) -> NDArray[np.bool_]:
+    """Which of a head's vertices are face, between chin and brows and a little above, and seen.
 
-    ``points`` lie in the camera's frame and have the truth's size.
+    ``least`` is their cosine of incidence.
+    """
+    local = view.to_camera(shape)
+    cosine = -(with_normals(shape, true.triangles) @ view.rotation.T * local).sum(axis=1)
+    cosine /= np.linalg.norm(local, axis=1)
+    face = (true.part == FACE) & (cosine > least) & nearest(local, cosine)
+    row = view.project(shape)[:, 1]
+    chin, brows = (float(row[true.landmarks[numbers]].mean()) for numbers in ([8], [19, 24]))
+    return np.asarray(face & (row < chin) & (row > brows - 0.3 * (chin - brows)))
+
+
+def laid_on(points: Float64, triangles: NDArray[np.int32], places: Float64) -> Float64:
+    """Points moved, turned and scaled so that their surface lies best on places (planes' ICP)."""
+    for _ in range(ROUNDS):
+        normals = with_normals(points, triangles)
+        close = cKDTree(points).query(places)[1]
+        one, normal = points[close], normals[close]
+        middle = one.mean(axis=0)
+        rows = np.column_stack([np.cross(one - middle, normal), normal,
+                                ((one - middle) * normal).sum(axis=1)])
+        step = np.linalg.lstsq(rows, ((places - one) * normal).sum(axis=1), rcond=None)[0]
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        points = (1 + step[6]) * (points - middle) @ turn.T + middle + step[3:6]
+    return points
+
+
+def off(true: HeadPrior, view: View, shape: Float64, mine: HeadPrior, points: Float64,
+        ) -> tuple[float, float, float, float]:
+    """Millimetres (root mean square) by which a head is off.
+
+    The face's depth along the camera's rays; that of its places seen squarely; how far the face
+    lies from the surface; the same of skull and ears. ``points`` lie in the camera's frame and
+    have the truth's size.
     """
     local = view.to_camera(shape)
     normals = with_normals(points, mine.triangles)
     facing = -(normals * points).sum(axis=1) / np.linalg.norm(points, axis=1)
     front = nearest(points, facing) & ~np.isin(mine.part, (SOCKETS, EYES))
     depth = LinearNDInterpolator(points[front, :2] / points[front, 2:], points[front, 2])
-    cosine = -(with_normals(shape, true.triangles) @ view.rotation.T * local).sum(axis=1)
-    cosine /= np.linalg.norm(local, axis=1)
-    face = (true.part == FACE) & (cosine > SEEN) & nearest(local, cosine)
-    row = view.project(shape)[:, 1]
-    chin, brows = (float(row[true.landmarks[numbers]].mean()) for numbers in ([8], [19, 24]))
-    face &= (row < chin) & (row > brows - 0.3 * (chin - brows))
+    face, square = (seen_face(true, view, shape, least) for least in (SEEN, SQUARE))
     away = depth(local[face, :2] / local[face, 2:]) - local[face, 2]
-    away = away[np.isfinite(away)]
-    away -= np.median(away)
+    away -= np.nanmedian(away)
+    squarely = away[square[face]]
     skull = (true.part != FACE) & ~np.isin(true.part, (SOCKETS, EYES))
     skull &= shape[:, 1] > shape[true.landmarks[8], 1] + 0.04  # neither neck nor jaw
-    length, close = cKDTree(points).query(local[skull])
-    along = ((local[skull] - points[close]) * normals[close]).sum(axis=1)
-    length = np.where(length < 0.01, np.abs(along), length)
-    return (1000 * float(np.sqrt((away ** 2).mean())),
-            1000 * float(np.sqrt((length ** 2).mean())))
+    tree = cKDTree(points)
+
+    def from_surface(places: Float64) -> Float64:
+        length, close = tree.query(places)
+        along = ((places - points[close]) * normals[close]).sum(axis=1)
+        return np.where(length < 0.01, np.abs(along), length)
+
+    one, two, three, four = (
+        1000 * float(np.sqrt(np.nanmean(each ** 2)))
+        for each in (away, squarely, from_surface(local[face]), from_surface(local[skull])))
+    return one, two, three, four
 
 
 def main(heads: int, name: str) -> None:
     """Print a line a head, then the means."""
     true = head_prior()
     mine = generic_prior() if name == "generic" else true
+    if name == "mean":
+        mine = replace(true, identity=true.identity[:0])
     found = []
     for number in range(heads):
         random = np.random.default_rng(number)
@@ -143,16 +184,20 @@ def main(heads: int, name: str) -> None:
         points *= eyes[0] / eyes[1]
         points += (local[true.landmarks[17:]] - points[mine.landmarks[17:]]).mean(axis=0)
         straight = turned_back(points, points[mine.landmarks[17:]], local[true.landmarks[17:]])
+        best = laid_on(points, mine.triangles, local[seen_face(true, view, shape)])
         turned = [fit.views[0].angles[one] - view.angles[one] for one in ("yaw", "pitch")]
         found.append((*off(true, view, shape, mine, points),
-                      *off(true, view, shape, mine, straight), *np.abs(turned)))
+                      *off(true, view, shape, mine, straight),
+                      *off(true, view, shape, mine, best), *np.abs(turned)))
         print(f"{number}: " + " ".join(f"{one:.1f}" for one in found[-1]), flush=True)
     means, worst = np.mean(found, axis=0), np.max(found, axis=0)
     print(f"{heads} heads, {mine.name}; millimetres, the worst head in brackets:")
-    for what, at in (("as fitted", 0), ("turned onto the truth's landmarks", 2)):
-        print(f"{what}: face {means[at]:.1f} ({worst[at]:.1f}), skull and ears "
-              f"{means[at + 1]:.1f} ({worst[at + 1]:.1f})")
-    print(f"yaw is off by {means[4]:.1f} degrees, pitch by {means[5]:.1f}")
+    for what, at in (("as fitted", 0), ("turned onto the truth's landmarks", 4),
+                     ("turned and scaled onto the truth's face", 8)):
+        each = [f"{means[at + k]:.1f} ({worst[at + k]:.1f})" for k in range(4)]
+        print(f"{what}: depth of the face {each[0]}, where it is seen squarely {each[1]}, from its "
+              f"surface {each[2]}; skull and ears {each[3]}")
+    print(f"yaw is off by {means[12]:.1f} degrees, pitch by {means[13]:.1f}")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ one (`generic_prior`), with a few hand-made modes.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,8 @@ from .. import models
 from ..arrays import Float32, Float64, Int32, Int64, UInt8
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS
-from .landmarks import GENERIC_LANDMARKS, MIRRORED, generic_depth
+from .generic_head import FACE_MODES, generic_surface
+from .landmarks import MIRRORED
 
 FACE, HEAD, SOCKETS, EYES = range(4)
 """Parts of a head's vertices: face; skull, ears and neck; eye sockets; eyeballs."""
@@ -261,80 +261,11 @@ def with_normals(points: Float64, triangles: Int32) -> Float64:
     return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
 
 
-# The generic head: rings around an axis. One unit of the portrait frame is about 0.207 metres.
-_UNIT = 0.207
-_RINGS, _COLUMNS = 150, 240
-_LOWEST = -0.95
-"""Height at which the generic head's neck ends, portrait units."""
-
-
 @functools.lru_cache(1)
 def generic_prior() -> HeadPrior:
     """The generic head as a `HeadPrior`, with modes of proportion instead of statistics."""
-    from ..field.geometry import bust_chart, bust_distance
-
-    chart = bust_chart(0.012, lowest=_LOWEST)
-    points = chart.points(bust_distance(chart))
-    rows, columns = points.shape[:2]
-    flat = points.reshape(-1, 3)
-    front = (flat[:, 2] > 0.0) & (flat[:, 1] > -0.66) & (flat[:, 1] < 0.42)
-    depth = generic_depth(flat[front, 0], flat[front, 1])
-    away = np.sqrt((flat[front, 0] / 0.37) ** 2 + ((flat[front, 1] + 0.2) / 0.5) ** 2)
-    share = np.clip((1.0 - away) / 0.25, 0, 1)
-    flat[front, 2] += share * share * (3 - 2 * share) * (depth - flat[front, 2])
-    mesh = np.arange(rows * columns).reshape(rows, columns)
-    right = np.roll(mesh, -1, axis=1)
-    triangles = np.concatenate([
-        np.stack([mesh[:-1], right[:-1], right[1:]], -1).reshape(-1, 3),
-        np.stack([mesh[:-1], right[1:], mesh[1:]], -1).reshape(-1, 3)])
-    top, bottom = flat[mesh[-1]].mean(0), flat[mesh[0]].mean(0)
-    count = rows * columns
-    triangles = np.concatenate([
-        triangles, np.stack([mesh[-1], right[-1], np.full(columns, count)], -1),
-        np.stack([right[0], mesh[0], np.full(columns, count + 1)], -1)]).astype(np.int32)
-    flat = np.concatenate([flat, top[None], bottom[None]])
-    normal = np.cross(flat[triangles[:, 1]] - flat[triangles[:, 0]],
-                      flat[triangles[:, 2]] - flat[triangles[:, 0]])
-    if (normal * (flat[triangles].mean(1) - flat.mean(0))).sum() < 0:
-        triangles = np.ascontiguousarray(triangles[:, ::-1])
-    landmarks = np.array([_nearest(flat, place) for place in GENERIC_LANDMARKS])
-    part = np.where((flat[:, 2] > 0.1) & (flat[:, 1] > -0.66) & (flat[:, 1] < 0.4), FACE, HEAD)
-    mean = np.asarray(_UNIT * flat, np.float32)
-    identity = np.stack([_UNIT * mode(flat) for mode in _MODES]).astype(np.float32)
-    return HeadPrior("a generic head", mean, triangles, part.astype(np.uint8), landmarks,
-                     identity, np.zeros((0, len(mean), 3), np.float32), ())
-
-
-def _nearest(points: Float64, place: Float64) -> int:
-    """The vertex nearest to a place of the face, seen from the front."""
-    away = np.hypot(*(points[:, :2] - place[:2]).T) + 0.3 * np.abs(points[:, 2] - place[2])
-    return int(np.argmin(np.where(points[:, 2] > 0, away, np.inf)))
-
-
-def _bump(points: Float64, middle: tuple[float, float, float], width: float) -> Float64:
-    return np.asarray(np.exp(-((points - middle) ** 2).sum(axis=1) / (2 * width ** 2)))
-
-
-def _moved(points: Float64, axis: int, by: Float64 | float) -> Float64:
-    out = np.zeros_like(points)
-    out[:, axis] = by
-    return out
-
-
-_MODES: tuple[Callable[[Float64], Float64], ...] = (
-    lambda p: 0.05 * p,  # size
-    lambda p: _moved(p, 0, 0.05 * p[:, 0]),  # width
-    lambda p: _moved(p, 1, 0.05 * p[:, 1]),  # height
-    lambda p: _moved(p, 2, 0.05 * p[:, 2]),  # depth
-    lambda p: _moved(p, 0, 0.07 * p[:, 0] / (1 + np.exp((p[:, 1] + 0.25) / 0.08))),  # jaw's width
-    lambda p: _moved(p, 1, -0.04 / (1 + np.exp((p[:, 1] + 0.40) / 0.06))),  # chin's height
-    lambda p: _moved(p, 2, 0.04 * _bump(p, (0, -0.6, 0.5), 0.15)),  # chin forward
-    lambda p: _moved(p, 2, 0.04 * _bump(p, (0, -0.17, 0.65), 0.08)),  # nose
-    lambda p: _moved(p, 1, -0.03 * _bump(p, (0, -0.22, 0.6), 0.09)),  # nose's length
-    lambda p: _moved(p, 1, 0.03 * _bump(p, (0, -0.4, 0.6), 0.13)),  # mouth's height
-    lambda p: _moved(p, 0, 0.08 * p[:, 0] * _bump(p, (0, -0.4, 0.6), 0.15)),  # mouth's width
-    lambda p: _moved(p, 1, 0.03 * (_bump(p, (0.2, 0.14, 0.5), 0.1)
-                                   + _bump(p, (-0.2, 0.14, 0.5), 0.1))),  # brows
-    lambda p: _moved(p, 0, 0.05 * p[:, 0] * _bump(p, (0, 0.0, 0.5), 0.2)),  # eyes' distance
-    lambda p: _moved(p, 1, 0.06 / (1 + np.exp((0.2 - p[:, 1]) / 0.06))),  # forehead
-)
+    points, triangles, landmarks, face = generic_surface()
+    mean = np.asarray(points, np.float32)
+    identity = np.stack([mode(points) for mode in FACE_MODES]).astype(np.float32)
+    return HeadPrior("a generic head", mean, triangles, np.where(face, FACE, HEAD).astype(np.uint8),
+                     landmarks, identity, np.zeros((0, len(mean), 3), np.float32), ())

@@ -36,7 +36,7 @@ def test_the_chin_follows_its_landmarks():
 def test_photos_from_two_sides_say_how_deep_a_face_is():
     prior = generic_prior()
     identity = np.zeros(len(prior.identity))
-    identity[NOSE] = 2.0  # over a centimetre longer
+    identity[NOSE] = 3.0  # a centimetre longer
     true, views = prior.shape(identity, np.zeros(0)), [_view(prior, yaw) for yaw in (0.0, 40.0)]
     pictures = [Picture((SIZE, SIZE), view.project(true)[prior.landmarks], FOCAL)
                 for view in views]
