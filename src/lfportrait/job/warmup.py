@@ -55,7 +55,7 @@ def _mattes() -> None:
 
 def _reconstruct() -> None:
     from ..field import ReconstructConfig, reconstruct
-    from ..field.geometry.head_surface import find_surface
+    from ..field.geometry import find_surface
 
     find_surface(ball_capture(size=96, arc=14.0))  # what a narrow arc starts from
     reconstruct(ball_capture(), ReconstructConfig(
