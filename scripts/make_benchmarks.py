@@ -1,7 +1,7 @@
 """Write docs/benchmarks.md, and the tables of measured figures in other documents, from a file.
 
 `docs/measured.json` holds the figures with their machine, vectors, commit and date
-(`lfportrait_eval.bench.measured`); here is what they are figures of, and where they are shown. No
+(`lfportrait_eval.bench.run`); here is what they are figures of, and where they are shown. No
 figure is typed into a document: ``lfportrait bench ... --record docs/measured.json`` measures, this
 script writes.
 
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lfportrait_eval.bench.measured import read_measured
+from lfportrait_eval.bench.run import read_measured
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "measured.json"

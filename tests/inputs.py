@@ -15,7 +15,8 @@ from PIL import Image
 from lfportrait.capture import Capture, is_calibrated, read_photos, read_source, video_frames
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
-from lfportrait.example.skin import Skin, load_skin, save_skin
+from lfportrait.example.skin.sitter import Skin
+from lfportrait.example.skin.storage import load_skin, save_skin
 from lfportrait.face import read_landmarks
 from lfportrait.field import VoxelField
 from lfportrait.files import write_image
@@ -24,8 +25,7 @@ from lfportrait.job.batch.journal import read_events
 from lfportrait.lightfield import Display, QuiltLayout, layout_for, layout_of_file
 from lfportrait.lightfield.display_files import calibration_of
 from lfportrait.media.depth import read_depth
-from lfportrait.media.masks import read_mask
-from lfportrait.media.pictures import read_image
+from lfportrait.media.pictures import read_image, read_mask
 from lfportrait.share import write_quilt, write_video
 from lfportrait_eval.study import read_answers
 from lfportrait_eval.study.assembly import clip_of

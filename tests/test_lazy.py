@@ -34,10 +34,11 @@ def test_light_commands_load_nothing_slow():
 
 
 PACKAGES = ("lfportrait", "lfportrait.capture", "lfportrait.cli", "lfportrait.demo",
-            "lfportrait.example", "lfportrait.field", "lfportrait.job", "lfportrait.lightfield",
-            "lfportrait.lightfield.prints", "lfportrait.share", "lfportrait.share.frames",
-            "lfportrait.share.page", "lfportrait.studio", "lfportrait.stylize",
-            "lfportrait_eval.baselines.transfer")
+            "lfportrait.example", "lfportrait.face", "lfportrait.field",
+            "lfportrait.field.closing", "lfportrait.field.geometry", "lfportrait.field.gpu",
+            "lfportrait.job", "lfportrait.job.batch", "lfportrait.lightfield",
+            "lfportrait.lightfield.prints", "lfportrait.lightfield.screens", "lfportrait.share",
+            "lfportrait.studio", "lfportrait.stylize", "lfportrait_eval.baselines.transfer")
 """Those with a stub, which says where their names are."""
 
 

@@ -2,7 +2,7 @@ from .capture import Camera, Capture, calibrate
 from .demo import demo_capture
 from .errors import UserError
 from .example import Exemplar, Skin, TransferConfig, transfer
-from .face.one_photo import head_from_photos
+from .face.one_photo.heads import head_from_photos
 from .field import ReconstructConfig, Rendering, VoxelField, reconstruct
 from .files import write_image
 from .job import Session, make
@@ -29,7 +29,8 @@ from .share import (
     orbit_cameras,
     write_page,
 )
-from .share.splats import field_splats, render_splats
+from .share.splats.cloud import render_splats
+from .share.splats.fitting import field_splats
 from .stylize import StyledField, StylizeConfig, load_network, paint, stylize
 from .stylize.losses import content_loss, laplacian_loss, nearest_neighbour_loss
 from .version import __version__

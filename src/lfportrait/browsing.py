@@ -17,8 +17,8 @@ def open_browser(address: str) -> threading.Thread:
 
     Returns
     -------
-    opening
-        The thread that waits for the browser. It is a daemon: it holds up no program that ends.
+    opening : The thread that waits for the browser. It is a daemon: it holds up no program that
+        ends.
     """
     def opened() -> None:
         with contextlib.suppress(OSError, webbrowser.Error):  # the address is printed as well

@@ -63,10 +63,8 @@ def key_of(maker: str, *parts: Any) -> str:
 
     Parameters
     ----------
-    maker
-        The full name of the module that makes it: ``__name__``.
-    parts
-        Data classes, dictionaries, arrays, numbers, strings, keys of other results.
+    maker : The full name of the module that makes it: ``__name__``.
+    parts : Data classes, dictionaries, arrays, numbers, strings, keys of other results.
     """
     return hash_of(code_of(maker.partition(".")[0]), maker, *parts)
 
@@ -77,8 +75,7 @@ def code_of(package: str) -> str:
 
     Parameters
     ----------
-    package
-        Name of an installed package, or of a module that is a single file.
+    package : Name of an installed package, or of a module that is a single file.
 
     Raises
     ------
@@ -199,21 +196,15 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
 
     Parameters
     ----------
-    kind
-        Folder in the user's cache.
-    key
-        Hash of all that the arrays depend on (`key_of`).
-    make
-        Makes them, where there is no file of that name.
-    folder
-        Instead of the user's cache.
-    most
-        So many files, those that were used last, stay in the folder; `MOST` by default.
+    kind : Folder in the user's cache.
+    key : Hash of all that the arrays depend on (`key_of`).
+    make : Makes them, where there is no file of that name.
+    folder : Instead of the user's cache.
+    most : So many files, those that were used last, stay in the folder; `MOST` by default.
 
     Returns
     -------
-    arrays
-        By name. If nothing can be written, they are made each time.
+    arrays : By name. If nothing can be written, they are made each time.
     """
     folder = folder or user_cache(kind)
     file = folder / f"{key}.npz"

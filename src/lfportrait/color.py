@@ -58,8 +58,7 @@ def primaries_to_srgb(primaries: tuple[float, ...]) -> Float64:
 
     Parameters
     ----------
-    primaries
-        Chromaticities as in `SRGB`. Another white is adapted to sRGB's (Bradford).
+    primaries : Chromaticities as in `SRGB`. Another white is adapted to sRGB's (Bradford).
     """
     def cone(values: tuple[float, ...]) -> Float64:
         x, y = values[6:8]
@@ -75,17 +74,13 @@ def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"],
 
     Parameters
     ----------
-    signal
-        uint16 [H, W, 3], full range, R'G'B'.
-    curve
-        HLG (ARIB STD-B67) or PQ (SMPTE ST 2084), as in ITU-R BT.2100.
-    primaries
-        Chromaticities as in `SRGB`.
+    signal : uint16 [H, W, 3], full range, R'G'B'.
+    curve : HLG (ARIB STD-B67) or PQ (SMPTE ST 2084), as in ITU-R BT.2100.
+    primaries : Chromaticities as in `SRGB`.
 
     Returns
     -------
-    picture
-        uint8 [H, W, 3]; a diffuse white is nearly white.
+    picture : uint8 [H, W, 3]; a diffuse white is nearly white.
     """
     value = np.arange(65536) / 65535.0
     if curve == "hlg":

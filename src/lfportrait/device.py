@@ -28,14 +28,10 @@ class TorchDevice:
 
     Attributes
     ----------
-    place
-        Torch's own name of it: ``"cpu"``, ``"cuda:0"``, ``"mps"``, ``"xpu:1"``.
-    name
-        Its maker's name.
-    backend
-        ``"CUDA"``, ``"ROCm"``, ``"Metal"`` or ``"XPU"``; empty for the CPU.
-    memory
-        In bytes; 0 where torch does not report it.
+    place : Torch's own name of it: ``"cpu"``, ``"cuda:0"``, ``"mps"``, ``"xpu:1"``.
+    name : Its maker's name.
+    backend : ``"CUDA"``, ``"ROCm"``, ``"Metal"`` or ``"XPU"``; empty for the CPU.
+    memory : In bytes; 0 where torch does not report it.
     """
 
     place: str = "cpu"
@@ -79,15 +75,13 @@ def gpu_adapter(choice: str = "auto") -> Adapter | None:
 
     Parameters
     ----------
-    choice
-        ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best one, if
-        need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the best one
-        with this in its name, upper or lower case.
+    choice : ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best
+        one, if need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the best
+        one with this in its name, upper or lower case.
 
     Returns
     -------
-    adapter
-        None: compute on the CPU.
+    adapter : None: compute on the CPU.
 
     Raises
     ------
@@ -161,15 +155,13 @@ def torch_device(choice: str = "auto") -> TorchDevice:
 
     Parameters
     ----------
-    choice
-        ``"auto"`` and ``"gpu"``: on its first GPU, if it has any. ``"cpu"``: on the CPU.
+    choice : ``"auto"`` and ``"gpu"``: on its first GPU, if it has any. ``"cpu"``: on the CPU.
         ``"gpu:NAME"``: on the first with this in its name, upper or lower case.
 
     Returns
     -------
-    device
-        The CPU, with a warning, also where the chosen GPU is one that WebGPU can use and torch,
-        as installed, can't.
+    device : The CPU, with a warning, also where the chosen GPU is one that WebGPU can use and
+        torch, as installed, can't.
 
     Raises
     ------

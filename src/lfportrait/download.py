@@ -70,21 +70,15 @@ def download(url: str, target: str | Path, sha256: str, size: int = 0, *,
 
     Parameters
     ----------
-    url
-        Its address, http or https.
-    target
-        Where it goes; the folder is made.
-    sha256
-        Its SHA-256 in hex, or the first digits of it.
-    size
-        Its size in bytes, for the progress line and error messages; 0 if unknown.
-    quiet
-        Draw no progress line.
+    url : Its address, http or https.
+    target : Where it goes; the folder is made.
+    sha256 : Its SHA-256 in hex, or the first digits of it.
+    size : Its size in bytes, for the progress line and error messages; 0 if unknown.
+    quiet : Draw no progress line.
 
     Returns
     -------
-    target
-        The path.
+    target : The path.
 
     Raises
     ------

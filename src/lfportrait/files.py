@@ -156,10 +156,8 @@ def lock(path: Path, wait: float = 0.0) -> BaseFileLock:
 
     Parameters
     ----------
-    path
-        The file; it stays.
-    wait
-        Seconds to wait for another process that has it; below 0 as long as it takes.
+    path : The file; it stays.
+    wait : Seconds to wait for another process that has it; below 0 as long as it takes.
 
     Raises
     ------
@@ -302,10 +300,8 @@ def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -
 
     Parameters
     ----------
-    path
-        File name, ending in ``.exr``.
-    values
-        [H, W], stored as channel ``Z`` (the name OpenEXR gives to depth); infinity is kept.
+    path : File name, ending in ``.exr``.
+    values : [H, W], stored as channel ``Z`` (the name OpenEXR gives to depth); infinity is kept.
     """
     plane = np.ascontiguousarray(values, "<f4")
     height, width = plane.shape

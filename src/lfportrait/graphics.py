@@ -34,10 +34,8 @@ class Lack(NamedTuple):
 
     Attributes
     ----------
-    what
-        In words.
-    remedy
-        A command, or what to do.
+    what : In words.
+    remedy : A command, or what to do.
     """
 
     what: str

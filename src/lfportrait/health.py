@@ -36,16 +36,11 @@ class Fact(NamedTuple):
 
     Attributes
     ----------
-    group, name
-        Under which heading, and what.
-    text
-        What was found, in words.
-    state
-        ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: to be fixed.
-    remedy
-        The command that fixes it, or empty.
-    value
-        What was found, for programs.
+    group, name : Under which heading, and what.
+    text : What was found, in words.
+    state : ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: to be fixed.
+    remedy : The command that fixes it, or empty.
+    value : What was found, for programs.
     """
 
     group: str
@@ -61,13 +56,11 @@ def examine(folder: str | os.PathLike[str] = ".") -> list[Fact]:
 
     Parameters
     ----------
-    folder
-        Where results would be written.
+    folder : Where results would be written.
 
     Returns
     -------
-    facts
-        Those of a group one after the other.
+    facts : Those of a group one after the other.
     """
     return [*_versions(), *_computing(), _memory(free_memory_bytes()), *_disks(Path(folder)),
             *_libraries(), *_screen(), *_networks()]

@@ -66,12 +66,9 @@ class RegionStyle:
 
     Attributes
     ----------
-    region
-        A label or a group of labels.
-    style
-        Another exemplar or style, or "" for that of the whole.
-    strength
-        0 leaves the photo, 1 gives the painting, more exaggerates.
+    region : A label or a group of labels.
+    style : Another exemplar or style, or "" for that of the whole.
+    strength : 0 leaves the photo, 1 gives the painting, more exaggerates.
     """
 
     region: str
@@ -104,18 +101,14 @@ def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = N
 
     Parameters
     ----------
-    region
-        Its name.
-    value
-        A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or ``STYLE:NUMBER``. A
-        style whose name is a number is meant by ``STYLE:NUMBER`` alone.
-    styles
-        Styles that there are; None where any name may be one, as a picture's path is.
+    region : Its name.
+    value : A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or ``STYLE:NUMBER``.
+        A style whose name is a number is meant by ``STYLE:NUMBER`` alone.
+    styles : Styles that there are; None where any name may be one, as a picture's path is.
 
     Returns
     -------
-    region_style
-        Without a style of its own, that of the whole is meant.
+    region_style : Without a style of its own, that of the whole is meant.
 
     Raises
     ------

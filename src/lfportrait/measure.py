@@ -52,16 +52,14 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
 
     Parameters
     ----------
-    function
-        What to call.
+    function : What to call.
 
     Returns
     -------
-    memory
-        Peak during the call less the resident memory before it, in bytes; where the system does not
-        report this (other than Linux), by how much the process's largest memory so far grew.
-    result
-        The function's.
+    memory : Peak during the call less the resident memory before it, in bytes; where the system
+        does not report this (other than Linux), by how much the process's largest memory so far
+        grew.
+    result : The function's.
     """
     try:
         before = _status("VmRSS")
@@ -81,12 +79,10 @@ class Cost:
 
     Attributes
     ----------
-    seconds
-        Wall time.
-    cpu_seconds
-        Time on the cores, of all threads together.
-    peak_memory_bytes
-        Largest resident memory of the process meanwhile; since it began where only that is known.
+    seconds : Wall time.
+    cpu_seconds : Time on the cores, of all threads together.
+    peak_memory_bytes : Largest resident memory of the process meanwhile; since it began where only
+        that is known.
     """
 
     seconds: float
@@ -113,8 +109,7 @@ def free_memory_bytes(system: Path = Path("/")) -> int | None:
 
     Parameters
     ----------
-    system
-        Root of the file system in which Linux keeps its accounts.
+    system : Root of the file system in which Linux keeps its accounts.
     """
     try:
         rows = (system / "proc/meminfo").read_text("utf-8").splitlines()
@@ -175,10 +170,8 @@ def limit_threads(environment: MutableMapping[str, str], system: Path = Path("/"
 
     Parameters
     ----------
-    environment
-        Variables that libraries read when they are loaded; changed.
-    system
-        As for `usable_cores`.
+    environment : Variables that libraries read when they are loaded; changed.
+    system : As for `usable_cores`.
     """
     cores = usable_cores(system)
     if cores < _cores_to_run_on():
@@ -196,8 +189,7 @@ def free_in_groups(system: Path) -> int | None:
 
     Parameters
     ----------
-    system
-        Root of the file system in which Linux keeps its accounts.
+    system : Root of the file system in which Linux keeps its accounts.
     """
     left = [*(_left(group, ("memory.max", "memory.high"), "memory.current", "inactive_file")
               for group in _groups(system, "")),
@@ -259,10 +251,8 @@ def _groups(system: Path, controller: str) -> Iterator[Path]:
 
     Parameters
     ----------
-    system
-        Root of the file system.
-    controller
-        Of version 1; "" for version 2.
+    system : Root of the file system.
+    controller : Of version 1; "" for version 2.
     """
     own = _own_group(system, controller)
     for root, mount in _mounts(system, controller):

@@ -18,10 +18,8 @@ def psnr(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None) -> float:
 
     Parameters
     ----------
-    a, b
-        [H, W] or [H, W, C], float in [0, 1].
-    mask
-        bool [H, W]: the pixels that count; all by default.
+    a, b : [H, W] or [H, W, C], float in [0, 1].
+    mask : bool [H, W]: the pixels that count; all by default.
     """
     if a.shape != b.shape:
         raise ValueError(f"pictures of different shape: {a.shape} and {b.shape}")
@@ -40,8 +38,7 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     Parameters
     ----------
-    a, b
-        [H, W] or [H, W, C], float in [0, 1], at least 11 pixels each way.
+    a, b : [H, W] or [H, W, C], float in [0, 1], at least 11 pixels each way.
     """
     if a.shape != b.shape:
         raise ValueError(f"pictures of different shape: {a.shape} and {b.shape}")

@@ -36,20 +36,14 @@ class ModelFile:
 
     Attributes
     ----------
-    file
-        File name.
-    sha256
-        Full hash in hex, or its first digits where the publisher states only those.
-    source
-        Who publishes it.
-    licence
-        Licence of the weights.
-    url
-        Official address, or empty: the file must be put in place by hand.
-    size
-        Size in bytes.
-    folder
-        A collection of its own that the file may lie in, in the folder of networks or beside it.
+    file : File name.
+    sha256 : Full hash in hex, or its first digits where the publisher states only those.
+    source : Who publishes it.
+    licence : Licence of the weights.
+    url : Official address, or empty: the file must be put in place by hand.
+    size : Size in bytes.
+    folder : A collection of its own that the file may lie in, in the folder of networks or beside
+        it.
     """
 
     file: str
@@ -177,18 +171,14 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
 
     Parameters
     ----------
-    name
-        Name in the registry.
-    download
-        False downloads nothing: a missing file is an error then. So it is in a process whose
+    name : Name in the registry.
+    download : False downloads nothing: a missing file is an error then. So it is in a process whose
         environment has ``LFPORTRAIT_OFFLINE``.
-    quiet
-        Draw no progress line.
+    quiet : Draw no progress line.
 
     Returns
     -------
-    path
-        The file, its SHA-256 checked.
+    path : The file, its SHA-256 checked.
 
     Raises
     ------
@@ -256,14 +246,11 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
 
     Parameters
     ----------
-    names
-        Networks or groups (`GROUPS`).
-    download
-        True downloads all that are missing, with a progress line for each; False only checks.
-    purpose
-        What they are for, the subject of the message.
-    quiet
-        Draw no progress lines.
+    names : Networks or groups (`GROUPS`).
+    download : True downloads all that are missing, with a progress line for each; False only
+        checks.
+    purpose : What they are for, the subject of the message.
+    quiet : Draw no progress lines.
 
     Raises
     ------
@@ -323,8 +310,7 @@ def add(path: str | Path) -> Path:
 
     Returns
     -------
-    target
-        Where it was put.
+    target : Where it was put.
 
     Raises
     ------

@@ -34,11 +34,9 @@ def pack(values: NDArray[Any], order: int = 1) -> UInt8:
 
     Parameters
     ----------
-    values
-        [N] or [..., C] of integers or floats, the numbers of each of C columns differing little
-        from one row to the next; or booleans [...].
-    order
-        How often differences are taken: once where neighbours are alike, twice where the steps
+    values : [N] or [..., C] of integers or floats, the numbers of each of C columns differing
+        little from one row to the next; or booleans [...].
+    order : How often differences are taken: once where neighbours are alike, twice where the steps
         between them are, too; never where most numbers are one of a few.
     """
     values = np.ascontiguousarray(values)

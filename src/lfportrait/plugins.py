@@ -135,12 +135,9 @@ def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
 
     Parameters
     ----------
-    count
-        Number of photos.
-    height
-        Of a photo in pixels.
-    seed
-        Of all choices.
+    count : Number of photos.
+    height : Of a photo in pixels.
+    seed : Of all choices.
 
     Raises
     ------

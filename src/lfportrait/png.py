@@ -39,16 +39,11 @@ class PngWriter:
 
     Parameters
     ----------
-    stream
-        Where to write.
-    width, height
-        Size in pixels.
-    channels
-        1 grey, 2 grey and alpha, 3 color, 4 color and alpha.
-    bits
-        Of a channel: 8 or 16.
-    chunks
-        Kinds and contents of chunks that come before the pixels.
+    stream : Where to write.
+    width, height : Size in pixels.
+    channels : 1 grey, 2 grey and alpha, 3 color, 4 color and alpha.
+    bits : Of a channel: 8 or 16.
+    chunks : Kinds and contents of chunks that come before the pixels.
     """
 
     def __init__(self, stream: BinaryIO, width: int, height: int, *, channels: int = 3,

@@ -55,10 +55,8 @@ def finished_record(folder: Path, name: str, key: str, outputs: Iterable[str],
 
     Parameters
     ----------
-    folder
-        Of the job.
-    name, key, outputs
-        As for `StageFolder.run`.
+    folder : Of the job.
+    name, key, outputs : As for `StageFolder.run`.
     """
     try:
         data = json.loads((folder / _RECORDS / f"{name}.json").read_text("utf-8"))
@@ -73,18 +71,14 @@ class StageFolder:
 
     Parameters
     ----------
-    folder
-        Where the outputs go; made if it does not exist.
-    report
-        Called with one line of text when a stage is skipped because it is done.
+    folder : Where the outputs go; made if it does not exist.
+    report : Called with one line of text when a stage is skipped because it is done.
 
     Attributes
     ----------
-    figures
-        Per stage: the figures that its function returned, with ``"seconds"``; those of a stage that
-        was finished in an earlier run come from its record.
-    resumed
-        Names of the stages that an earlier run had finished.
+    figures : Per stage: the figures that its function returned, with ``"seconds"``; those of a
+        stage that was finished in an earlier run come from its record.
+    resumed : Names of the stages that an earlier run had finished.
     """
 
     def __init__(self, folder: Path, report: Callable[[str], None] = lambda line: None) -> None:

@@ -49,8 +49,7 @@ def temporary_folder(room: int = _ROOM) -> Iterator[Path]:
 
     Parameters
     ----------
-    room
-        Bytes that the block writes at the least.
+    room : Bytes that the block writes at the least.
 
     Raises
     ------
@@ -145,10 +144,8 @@ def part_name(path: Path, *, hidden: bool = True) -> Path:
 
     Parameters
     ----------
-    path
-        The final name.
-    hidden
-        Begin with a dot.
+    path : The final name.
+    hidden : Begin with a dot.
     """
     number = os.getpid()
     mark = f".{number}-{_started(number)}-{_host()}-{secrets.token_hex(4)}.part"
@@ -195,8 +192,7 @@ def sweep(folder: Path) -> list[str]:
 
     Returns
     -------
-    names
-        Of what was removed.
+    names : Of what was removed.
     """
     removed = []
     try:

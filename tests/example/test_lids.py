@@ -82,6 +82,23 @@ def test_only_the_shut_eye_of_a_painting_is_changed(painting):
     np.testing.assert_array_equal(wink.image[low:], painting.image[low:])
 
 
+@pytest.mark.parametrize("edge, around", [(250, 120), (40, 170)])
+def test_a_lid_has_the_colors_of_the_skin_around(painting, edge, around):
+    """A light edge of a lid in a dark socket, drawn down over the whole eye, would be pale."""
+    image = painting.image.copy()
+    eye = painting.landmarks[36:42]
+    width = eye[3, 0] - eye[0, 0]
+    top, bottom = int(eye[1:3, 1].mean()), int(eye[4:, 1].mean())
+    left, right = int(eye[0, 0] - width / 2), int(eye[3, 0] + width / 2)
+    socket = np.s_[int(painting.landmarks[17:22, 1].max()) + 2:bottom + int(width / 2), left:right]
+    inside = (image[socket] > 240).all(axis=-1)
+    image[socket][~inside] = around
+    image[top - int(0.25 * width):top - 1, int(eye[0, 0]):int(eye[3, 0])] = edge
+    shut = closed(replace(painting, image=image), (True, False))
+    lid = in_eye(replace(shut, landmarks=painting.landmarks), 36).mean()
+    assert abs(lid - around) < 0.7 * abs(edge - around)
+
+
 def test_closed_paintings_keep_what_is_known_of_them(painting):
     shut = closed(painting, (True, True))
     before, now = painting.regions(), shut.regions()

@@ -8,7 +8,6 @@ import pytest
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.clean_plates import CleanPlates, _one_piece, plate_mattes
-from lfportrait.field.grid import camera_row
 from lfportrait.field.kernels.depth_maps import compose_plate
 from tests.reference import plates as reference
 
@@ -161,7 +160,7 @@ def test_pieces_go_and_pinholes_are_filled():
 def test_composed_plates_equal_the_plain_ones():
     random = np.random.default_rng(3)
     cameras = Camera.arc(np.linspace(-20, 20, 6), distance=3.0, width=30, height=24, focal=30.0)
-    rows = np.array([camera_row(cameras, view) for view in range(6)])
+    rows = np.array([cameras.row(view) for view in range(6)])
     inverse = random.uniform(0.2, 0.3, (24, 30)).astype(np.float32)
     pictures = random.integers(0, 256, (5, 24, 30, 4)).astype(np.uint8)
     pictures[..., 3][random.random((5, 24, 30)) < 0.4] = 0

@@ -10,7 +10,6 @@ from lfportrait.cli import reconstruction
 from lfportrait.errors import UserError
 from lfportrait.field.geometry.fused_depth import Solid, backing_planes
 from lfportrait.field.geometry.mattes import _cut, cut_out, trim
-from lfportrait.field.grid import camera_row
 from lfportrait.field.kernels.depth_maps import fuse_distance, outline_distance
 from lfportrait.job.prepare import cut_person
 
@@ -269,7 +268,7 @@ def test_fused_distances_equal_the_plain_ones():
     axis, reach = np.linspace(-0.9, 0.9, 8), 0.3
     total, person = (np.zeros((8, 8, 8), np.float32) for _ in range(2))
     count, seen = (np.zeros((8, 8, 8), np.int16) for _ in range(2))
-    fuse_distance(axis, camera_row(camera, 0), depth, matte, reach, total, count, person, seen)
+    fuse_distance(axis, camera.row(0), depth, matte, reach, total, count, person, seen)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     pixels, along = camera.project(np.stack([x, y, z], -1).reshape(-1, 3))
     column, row = (np.floor(pixels[0, :, i]).astype(int) for i in (0, 1))
@@ -303,6 +302,6 @@ def test_the_outline_of_a_ball_is_where_rays_touch_it():
         abs(nearest[(outline < 0) != (nearest < 0)]).max() < 0.25 * spacing)
     # Empty space is leapt over without anything being missed.
     plain = outline_distance(distance, np.zeros(distance.shape, np.uint8), axis[0], spacing,
-                             camera_row(camera, 0), 60, 80)
+                             camera.row(0), 60, 80)
     assert np.allclose(np.clip(plain * 3 * spacing, -2 * spacing, None).ravel(),
                        np.clip(outline, -2 * spacing, None), atol=0.1 * spacing)

@@ -8,7 +8,12 @@ from scipy import ndimage
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.exposure import exposure_gains
 from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
-from lfportrait.field.kernels.depth_maps import fuse_depth, match_planes, surface_agreement
+from lfportrait.field.kernels.depth_maps import (
+    fuse_depth,
+    match_planes,
+    places_shown,
+    surface_agreement,
+)
 
 GAINS = 1.0 + 0.2 * np.sin(np.arange(9))
 
@@ -192,3 +197,37 @@ def test_pictures_agree_on_a_surface_as_by_the_reference(beside):
     assert np.abs(values[1] - shares).max() < 1e-6
     for ours, theirs in zip(found, (score, total, own)):
         assert np.abs(ours - theirs).max() < 1e-4
+
+
+@pytest.mark.parametrize("before, square, outside", [(0.3, 0.0, False), (0.3, 0.4, True),
+                                                  (-1.0, 0.0, False)])
+def test_places_that_a_view_shows_are_those_of_the_reference(before, square, outside):
+    random = np.random.default_rng(3)
+    camera = Camera.arc([25.0], distance=2.0, width=24, height=18, focal=20.0)
+    row = np.concatenate([camera.pose[0, :3].ravel(), camera.focal[0], camera.center[0]])
+    nearest = random.uniform(1.2, 2.2, (18, 24)).astype(np.float32)
+    farthest = nearest + random.uniform(0, 0.4, (18, 24)).astype(np.float32)
+    farthest[3:6] = np.inf
+    nearest[3:5] = np.inf
+    cosines = random.random((18, 24)).astype(np.float32)
+    points = random.uniform(-1.4, 1.4, (4000, 3))
+    outwards = random.normal(size=(4000, 3))
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    pixels, along = (part[0] for part in camera.project(points))
+    column, line = np.floor(pixels).astype(int).T
+    wanted = (along > 0) & (column >= 0) & (column < 24) & (line >= 0) & (line < 18)
+    assert 0.1 < wanted.mean() < 0.9
+    place = np.clip(line, 0, 17), np.clip(column, 0, 23)
+    wanted &= along < farthest[place] + np.float32(0.1)
+    if before >= 0:
+        wanted &= along > nearest[place] - np.float32(before)
+    if square:
+        wanted &= cosines[place] > square
+    if outside:
+        away = camera.position[0] - points
+        wanted &= (away * outwards).sum(axis=1) > 0.2 * np.linalg.norm(away, axis=1)
+    shown = np.empty(len(points), bool)
+    places_shown(points, row, nearest, farthest, np.float32(before), np.float32(0.1), cosines,
+                 square, outwards if outside else np.zeros((0, 3)), 0.2, shown)
+    assert np.array_equal(shown, wanted)
+    assert 0.005 < shown.mean() < 0.5

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,7 +39,20 @@ def painting():
     return demo_exemplar(width=180, height=240)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module", autouse=True)
+def short_reports():
+    """Files without content: a report takes as long as the painting, and shows no look."""
+    def none(folder, *_):
+        (folder / "hero.png").touch()
+        return None, 0.0
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lfportrait.job.summary._report", none)
+        patch.setattr("lfportrait.job.summary.write_report", lambda path, _: path.touch())
+        yield
+
+
+@pytest.fixture(scope="module")
 def job(capture, painting):
     """Runs the job into a folder."""
     def run(out, painting=painting, **how):
@@ -56,38 +70,59 @@ def plain(capture, painting, tmp_path_factory):
     return out
 
 
-@pytest.fixture
-def looks(monkeypatch):
-    """The fields that looks were taken of."""
+def counting(patch):
+    """The fields that looks are taken of from now on."""
     found = []
 
     def counted(field, *others):
         found.append(field)
         return painted_roughly(field, *others)
 
-    monkeypatch.setattr(first_look, "painted_roughly", counted)
+    patch.setattr(first_look, "painted_roughly", counted)
     return found
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """The fields that looks were taken of."""
+    return counting(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def quick(job, tmp_path_factory):
+    """A job that ended at its look: its folder, its figures, the fields that were looked at."""
+    out = tmp_path_factory.mktemp("quick") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        seen = counting(patch)
+        return out, job(out, quick=True), seen
+
+
+@pytest.fixture(scope="module")
+def looked(job, tmp_path_factory):
+    """A job with a look to its end, as `quick` is, and the pages before the painting."""
+    out, early = tmp_path_factory.mktemp("looked") / "out", []
+
+    def watched(*given, **more):
+        early.append((out / "portrait.html").read_bytes())
+        return paint(*given, **more)
+
+    paint = work.write_styled
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(work, "write_styled", watched)
+        seen = counting(patch)
+        return out, job(out), seen, early
 
 
 def digests(out: Path) -> dict[str, str]:
     return {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in FILES}
 
 
-def test_the_page_is_there_before_the_painting_and_leaves_no_trace(job, plain, looks, tmp_path,
-                                                                   monkeypatch):
-    early = []
-
-    def watched(*given, **more):
-        early.append((tmp_path / "out/portrait.html").read_bytes())
-        return paint(*given, **more)
-
-    paint = work.write_styled
-    monkeypatch.setattr(work, "write_styled", watched)
-    run = job(tmp_path / "out")
+def test_the_page_is_there_before_the_painting_and_leaves_no_trace(looked, plain):
+    out, run, looks, early = looked
     assert LOOK in early[0] and b"data-stream" in early[0]
     assert len(early[0]) < 2e6
-    assert digests(tmp_path / "out") == digests(plain)
-    assert run == json.loads((tmp_path / "out/run.json").read_text())
+    assert digests(out) == digests(plain)
+    assert run == json.loads((out / "run.json").read_text())
     assert 0 < run["first_look"]["cost_seconds"] < run["first_look"]["seconds"]
     assert set(run["seconds"]) == {"total", "capture", "reconstruct", "stylize", "encode", "share"}
     assert len(looks) == 1 and max(looks[0].links.shape) < 48, "of the coarse level"
@@ -113,22 +148,21 @@ def test_quick_ends_there_and_the_same_without_it_goes_on(job, plain, looks, tmp
     assert digests(out) == digests(plain) and len(looks) == 1
 
 
-def test_a_page_that_is_missing_is_made_again(job, looks, tmp_path):
-    job(tmp_path, quick=True)
-    (tmp_path / "portrait.html").unlink()
-    job(tmp_path, quick=True)
-    assert LOOK in (tmp_path / "portrait.html").read_bytes() and len(looks) == 2
+def test_a_page_that_is_missing_is_made_again(job, quick, looks, tmp_path):
+    out = Path(shutil.copytree(quick[0], tmp_path / "out"))
+    (out / "portrait.html").unlink()
+    job(out, quick=True)
+    assert LOOK in (out / "portrait.html").read_bytes() and len(looks) == 1
 
 
-def test_the_look_at_another_painting_is_not_taken_for_the_finished_page(job, plain, looks,
-                                                                         tmp_path):
-    out = tmp_path / "out"
-    job(out)
+def test_the_look_at_another_painting_is_not_taken_for_the_finished_page(job, plain, looked,
+                                                                         looks, tmp_path):
+    out = Path(shutil.copytree(looked[0], tmp_path / "out"))
     other = demo_exemplar("charcoal", width=180, height=240)
     run = job(out, other, quick=True)
     assert LOOK in (out / "portrait.html").read_bytes()
     assert run["resumed"] == ["capture", "reconstruct"]
-    assert len(looks) == 2 and max(looks[1].links.shape) >= 40, "the finished field"
+    assert len(looks) == 1 and max(looks[0].links.shape) >= 40, "the finished field"
     job(out, first_look=False)
     assert digests(out) == digests(plain)
 
@@ -217,8 +251,7 @@ def test_it_waits_for_kernels_only_if_it_is_all_that_is_wanted(capture, painting
         assert offered(look, **how) and look.figures
 
 
-def test_a_rough_field_is_painted_with_its_ground(job, capture, painting, looks, tmp_path):
-    job(tmp_path, quick=True)
-    styled = painted_roughly(looks[0], capture, painting, CONFIG.stylize)
+def test_a_rough_field_is_painted_with_its_ground(quick, capture, painting):
+    styled = painted_roughly(quick[2][0], capture, painting, CONFIG.stylize)
     assert isinstance(styled, StyledField) and styled.styles == ("fauve",)
     assert styled.backdrop is not None

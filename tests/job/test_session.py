@@ -9,7 +9,7 @@ import pytest
 import lfportrait as lf
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
-from lfportrait.example.skin import SkinPainter
+from lfportrait.example.skin.painting import SkinPainter
 from lfportrait.files import write_image
 from lfportrait.job import Session
 from lfportrait.stylize import stylization as module

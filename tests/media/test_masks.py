@@ -10,7 +10,7 @@ from PIL import Image
 
 from lfportrait.errors import UserError
 from lfportrait.media.folders import Finder
-from lfportrait.media.masks import mask_places, read_mask
+from lfportrait.media.pictures import mask_places, read_mask
 
 SHAPE = (60, 80)
 

@@ -43,7 +43,7 @@ def test_a_row_for_every_exemplar(tmp_path, monkeypatch, capsys):
     capture = demo_capture(size=64, views=24)
     capture.save(tmp_path / "lee")
     field, _ = reconstruct_with_figures(
-        capture, ReconstructConfig(resolutions=(32,), rays=(0.3,), batch=(4096,)))
+        capture, ReconstructConfig(resolutions=(32,), rays=(0.05,), batch=(2048,)))
     field.save(tmp_path / "field.npz")
     monkeypatch.setattr(script, "detect_landmarks", lambda image: photo.landmarks)
     assert script.main([str(tmp_path), "--field", str(tmp_path / "field.npz"), "--height", "64",

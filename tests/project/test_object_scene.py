@@ -81,7 +81,7 @@ def test_kinds_differ():
             assert np.abs(first - second)[..., :3].mean() > 12
 
 
-@njit
+@njit(cache=True)
 def least_distances(solids, numbers, profiles, points):
     out = np.full(len(points), 1e9)
     for i in range(len(points)):

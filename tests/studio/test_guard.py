@@ -133,7 +133,7 @@ def test_a_body_that_does_not_come_is_given_up(tmp_path):
     import asyncio
 
     from lfportrait.studio.answers import Refusal
-    from lfportrait.studio.guard import Guard, Keys
+    from lfportrait.studio.app import Guard, Keys
 
     seen = {}
 

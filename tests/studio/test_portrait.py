@@ -31,8 +31,8 @@ from .conftest import opened
 SMALL = replace(CONFIG, stylize=replace(CONFIG.stylize, steps=0))
 
 PARAMETERS = {
-    "reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.05, 0.12],
-    "reconstruct.batch": [1024], "reconstruct.sh_degree": 0, "stylize.pixels": 72.0,
+    "reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.03, 0.06],
+    "reconstruct.batch": [1024], "reconstruct.sh_degree": 0, "stylize.pixels": 48.0,
     "stylize.fit_iterations": 2, "stylize.steps": 0, "stylize.content_network": "embedded",
     "stylize.style_network": "embedded", "sweep_size": 48}
 
@@ -54,7 +54,7 @@ def project(page):
     photos.rmdir()
     demo_capture(size=72, views=16).save(photos)
     page.do("PATCH", f"/api/projects/{made}", {
-        "display": panel["id"], "options": {"parameters": PARAMETERS, "pixels": 72.0}})
+        "display": panel["id"], "options": {"parameters": PARAMETERS, "pixels": 48.0}})
     return made
 
 

@@ -8,7 +8,7 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, Skin, SkinPainter, eye_opening
-from lfportrait.example.skin import save_skin
+from lfportrait.example.skin.storage import save_skin
 from lfportrait.job.warmup import ball_capture
 from lfportrait.stylize import (
     Painters,

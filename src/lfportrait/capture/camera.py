@@ -112,6 +112,10 @@ class Camera:
         directions = local @ self.pose[view, :3, :3].T
         return np.broadcast_to(self.position[view], directions.shape).copy(), directions
 
+    def row(self, view: int) -> Float64:
+        """One view as kernels take it: float64 [16], pose row by row, focal, principal point."""
+        return np.concatenate([self.pose[view, :3].ravel(), self.focal[view], self.center[view]])
+
     def project(self, points: Float64) -> tuple[Float64, Float64]:
         """Project world points into every view.
 

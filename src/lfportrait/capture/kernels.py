@@ -112,6 +112,17 @@ _FLOOR = np.float32(4e-4)
 """Variance of a color: sensor noise, and so that a flat patch does not exclude its own shading."""
 
 
+@njit(cache=True, inline="always")
+def _adjugate(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+    """A symmetric matrix's adjugate, its upper half row by row, and the determinant, at least tiny.
+
+    The inverse is the adjugate over the determinant.
+    """
+    i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    return i00, i01, i02, i11, i12, i22, max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))
+
+
 @shared("moments")
 @lean_kernel
 def block_moments(since, until, image, weight, cell, moments):  # type: ignore[no-untyped-def]
@@ -170,9 +181,7 @@ def gaussians(since, until, moments, terms):  # type: ignore[no-untyped-def]
             yy = block[7] * one - g * g + _FLOOR
             yz = block[8] * one - g * b
             zz = block[9] * one - b * b + _FLOOR
-            i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-            i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-            determinant = max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))
+            i00, i01, i02, i11, i12, i22, determinant = _adjugate(xx, xy, xz, yy, yz, zz)
             over = np.float32(1) / determinant
             own[0], own[1], own[2] = r, g, b
             own[3], own[4], own[5] = i00 * over, 2 * i01 * over, 2 * i02 * over
@@ -321,9 +330,8 @@ def window_functions(  # type: ignore[no-untyped-def]
             xy, xz, yz = rg * share - r * g, rb * share - r * b, gb * share - g * b
             red, green, blue = red * share - r * level, green * share - g * level, (
                 blue * share - b * level)
-            i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-            i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-            over = np.float32(1) / max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))
+            i00, i01, i02, i11, i12, i22, determinant = _adjugate(xx, xy, xz, yy, yz, zz)
+            over = np.float32(1) / determinant
             own = functions[y, x]
             own[0] = (i00 * red + i01 * green + i02 * blue) * over
             own[1] = (i01 * red + i11 * green + i12 * blue) * over

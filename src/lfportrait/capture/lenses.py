@@ -242,10 +242,8 @@ def straightened(depth: DepthMap, lens: Lens) -> DepthMap:
 
     Parameters
     ----------
-    depth
-        Over the upright photo.
-    lens
-        The photo's lens.
+    depth : Over the upright photo.
+    lens : The photo's lens.
     """
     if not lens.distorts:
         return depth

@@ -83,19 +83,14 @@ def guided_filter(image: Float32, plane: Float32, radius: int, epsilon: float,
 
     Parameters
     ----------
-    image
-        float32 [H, W, 3] in [0, 1], the guide.
-    plane
-        float32 [H, W].
-    radius
-        Half the window's side in pixels.
-    epsilon
-        Variance of color that counts as an edge.
-    step
-        Find the functions for each block of so many pixels a side and interpolate (He and Sun 2015,
-        "Fast Guided Filter").
-    wanted
-        bool [H, W], the pixels that are asked; all by default. Others are not filtered rightly.
+    image : float32 [H, W, 3] in [0, 1], the guide.
+    plane : float32 [H, W].
+    radius : Half the window's side in pixels.
+    epsilon : Variance of color that counts as an edge.
+    step : Find the functions for each block of so many pixels a side and interpolate (He and Sun
+        2015, "Fast Guided Filter").
+    wanted : bool [H, W], the pixels that are asked; all by default. Others are not filtered
+        rightly.
     """
     height, width = plane.shape
     blocks, radius = (-(-width // step), -(-height // step)), max(1, radius // step)

@@ -242,14 +242,10 @@ class Noted:
 
     Attributes
     ----------
-    focal
-        Focal length over the picture's longer side; None where nothing usable is noted.
-    source
-        Where it is from: ``"35 mm"``, ``"focal plane"``, ``"camera model"``; or empty.
-    lens
-        Camera, lens and focal length in millimetres: equal for photos of one lens, not zoomed.
-    turns
-        Quarter turns (counter-clockwise) from the upright picture to the sensor's, 0 to 3.
+    focal : Focal length over the picture's longer side; None where nothing usable is noted.
+    source : Where it is from: ``"35 mm"``, ``"focal plane"``, ``"camera model"``; or empty.
+    lens : Camera, lens and focal length in millimetres: equal for photos of one lens, not zoomed.
+    turns : Quarter turns (counter-clockwise) from the upright picture to the sensor's, 0 to 3.
     """
 
     focal: float | None = None
@@ -318,15 +314,12 @@ def noted(exif: Image.Exif, size: tuple[int, int]) -> Noted:
 
     Parameters
     ----------
-    exif
-        Of a picture as Pillow reads it.
-    size
-        Width and height of the picture in pixels.
+    exif : Of a picture as Pillow reads it.
+    size : Width and height of the picture in pixels.
 
     Returns
     -------
-    notes
-        What is noted and makes sense; damaged tags count as missing.
+    notes : What is noted and makes sense; damaged tags count as missing.
     """
     try:
         tags: Any = exif.get_ifd(_IFD)
@@ -427,17 +420,14 @@ def blurred(images: Sequence[UInt8], threshold: float) -> list[int]:
 
     Parameters
     ----------
-    images
-        V pictures in the order in which they were taken, uint8 [H, W, 3 or 4].
-    threshold
-        Those whose fine detail, in their worst direction, is below this part of their neighbours'
-        are blurred; 0 finds none.
+    images : V pictures in the order in which they were taken, uint8 [H, W, 3 or 4].
+    threshold : Those whose fine detail, in their worst direction, is below this part of their
+        neighbours' are blurred; 0 finds none.
 
     Returns
     -------
-    indices
-        A quarter of the pictures at most, the worst; none where there are fewer than six, too few
-        to compare.
+    indices : A quarter of the pictures at most, the worst; none where there are fewer than six, too
+        few to compare.
     """
     if threshold <= 0 or len(images) < 6:
         return []

@@ -150,13 +150,10 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
 
     Parameters
     ----------
-    command
-        Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``; what
+    command : Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``; what
         differs from the defaults is `given`.
-    arguments
-        The words after the command's name.
-    program
-        How help calls it.
+    arguments : The words after the command's name.
+    program : How help calls it.
     """
     if {"-h", "--help"} & {*arguments} and "--help-all" not in arguments:
         print_short_help(command, program)

@@ -40,7 +40,7 @@ it is freed; making and zeroing these pages again each time takes a fifth of a p
 _LAB = "lfportrait_eval.commands"
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "run all stages on the embedded capture and exemplar"),
-    "studio": ("studio", "Studio", "open the studio: everything on a page in the browser"),
+    "studio": ("make", "Studio", "open the studio: everything on a page in the browser"),
     "make": ("make", "Make", "photos + painting -> coded light field, all stages"),
     "batch": ("make", "BatchCommand", "make many portraits from one jobs file, locally or on Ray"),
     "batch status": ("make", "BatchStatus", "how far a batch is"),
@@ -64,8 +64,8 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "interlace": ("panels", "Interlace", "quilt or folder of views -> coded picture for a display"),
     "deinterlace": ("panels", "Deinterlace", "coded picture -> quilt or folder of views"),
     "simulate": ("panels", "Simulate", "simulate the view of an eye in front of the display"),
-    "cast": ("devices", "Cast", "show quilts on a Looking Glass, by Bridge or on its drive"),
-    "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
+    "cast": ("panels", "Cast", "show quilts on a Looking Glass, by Bridge or on its drive"),
+    "show": ("panels", "Show", "show a coded picture full screen on an attached panel, unscaled"),
     "display": ("presets", "DisplayList", "list the display presets"),
     "display list": ("presets", "DisplayList", "the same"),
     "display show": ("presets", "DisplayShow", "a display's parameters and depth budget"),

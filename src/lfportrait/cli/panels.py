@@ -1,15 +1,19 @@
-"""Coded pictures as commands: of a field (``encode``), of views (``interlace``), and back.
+"""Commands of displays: coded pictures of a field (``encode``), of views (``interlace``), and back.
 
-``deinterlace`` takes coded pictures apart, ``simulate`` shows what an eye sees.
+``deinterlace`` takes coded pictures apart, ``simulate`` shows what an eye sees. ``cast`` and
+``show`` are for attached displays; ``show --live`` codes a field on the GPU as it moves.
 """
 
 from __future__ import annotations
 
+import os
+import re
 import time
+import warnings
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import tyro
@@ -27,11 +31,22 @@ from ..lightfield import (
     interlace,
     layout_for,
     lossless,
+    quilt_of,
     read_coded,
     read_views,
     write_coded,
 )
-from ..share import QUILTS, QuiltName, SequenceConfig, write_quilt, write_sequence
+from ..lightfield.screens import URL, Bridge, DepthPicture, Device, Entry
+from ..share import (
+    QUILTS,
+    SECONDS,
+    DrivePlan,
+    QuiltName,
+    SequenceConfig,
+    fill_drive,
+    write_quilt,
+    write_sequence,
+)
 from .common import Common
 
 
@@ -226,3 +241,294 @@ class Deinterlace(Common):
             print(f"{out}: {count} views of {width} x {height}")
         return {"views": count, "view_size": [width, height], "display": panel.name, "out": out,
                 "seconds": {"deinterlace": round(time.perf_counter() - start, 4)}}
+
+
+def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: EncodeConfig,
+             photo: Path | None, *, screen: int, simulate: bool, seconds: float,
+             ) -> dict[str, Any]:
+    """Show a field until the viewer closes the window, or the time is up.
+
+    Parameters
+    ----------
+    command : Its device and its progress line.
+    fields : The field's file, one.
+    panel, config : The display, and how the field is placed at first.
+    photo : The field to mix with; None: one of the same points beside it.
+    screen : Number of the panel's screen; -1 = the one that has its pixels.
+    simulate : An ordinary window instead of the panel.
+    seconds : How long; 0 = until the window is closed.
+
+    Returns
+    -------
+    figures : What ``--json`` writes.
+    """
+    from ..lightfield.screens import (
+        LiveWindow,
+        check_packages,
+        fields_to_show,
+        live_adapter,
+        show_live,
+    )
+
+    if len(fields) != 1 or fields[0].suffix.lower() != ".npz":
+        raise UserError("name one field to show live: lfportrait show styled.npz --live")
+    if command.device != "cpu":
+        check_packages()
+    adapter = live_adapter(command.device)
+    window = LiveWindow(panel, screen, simulate)
+    with command.progress("live") as progress:
+        progress.update(0, fields[0].name)
+        field, real = fields_to_show(fields[0], photo)
+
+        def say(line: str, stays: bool) -> None:
+            if stays:
+                progress.say(line)
+            else:
+                progress.update(0, line)
+
+        return show_live(window, adapter, field, config, panel, real, seconds=seconds, say=say)
+
+
+@dataclass
+class Cast(Common):
+    """Show quilts, or fields, on a Looking Glass, several in turn.
+
+    Through a running Looking Glass Bridge, or, with --drive, by filling the drive of a frame that
+    stands alone.
+    """
+
+    sources: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Quilts (pictures or videos; the name gives columns, rows and aspect, or else the side file or
+    EXIF), or fields (.npz): their quilts are rendered for this display and written beside the
+    fields."""
+    drive: Path | None = None
+    """Folder or letter of the drive as which a frame appears when it is plugged in: the quilts are
+    written there, with a playlist that the frame plays without a computer."""
+    display: str = ""
+    """With --drive: the frame, a preset or a file; by default the calibration on the drive, else
+    lookingglass-go."""
+    picture: Literal["png", "jpg"] = "png"
+    """With --drive: format of the fields' quilts; jpg takes less than half the room."""
+    title: str = "lfportrait"
+    """With --drive: title of the playlist."""
+    seconds: float = SECONDS
+    """How long each of several is shown."""
+    screen: int = -1
+    """Bridge's number of the display (see --list); by default the first Looking Glass."""
+    list: bool = False
+    """Only list the screens that Bridge reports."""
+    save_display: Path | None = None
+    """Write the display's calibration, as Bridge reports it, to this file (.toml)."""
+    hide: bool = False
+    """Stop playback and hide Bridge's window."""
+    columns: int = 0
+    """Columns of the quilts; they come before what the quilts say."""
+    rows: int = 0
+    """Rows of the quilts."""
+    aspect: float = 0.0
+    """Aspect (width over height) of a view's content, if the quilts do not give it."""
+    views: int = 0
+    """Number of views of the quilt; all tiles by default."""
+    shift: float = 0.0
+    """Bridge's focus: shift between the views, from -1 to 1."""
+    rgbd: bool = False
+    """The picture is RGB-D (color and depth side by side), not a quilt."""
+    depth_side: int = 2
+    """With --rgbd: Bridge's number, 0 to 3, of the side on which the depth lies."""
+    depthiness: float = 1.0
+    """With --rgbd: depth of the result, 0 to 3."""
+    depth_inverted: bool = False
+    """With --rgbd: dark is near."""
+    url: str = URL
+    """Address of Bridge."""
+    timeout: float = 10.0
+    """Timeout for Bridge's answers in seconds."""
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
+    """Placement of a field's head."""
+
+    def run(self) -> dict[str, Any]:
+        """Connect and show."""
+        if not (self.sources or self.list or self.save_display or self.hide or self.drive):
+            raise UserError("name the quilt or the field to cast: lfportrait cast "
+                            "portrait_qs8x6a0.75.png")
+        if not 0.1 <= self.seconds <= 86400:
+            raise UserError(f"--seconds must be 0.1 to 86400, not {self.seconds:g}")
+        QuiltHint.of_options(self.columns, self.rows, self.aspect)
+        if self.drive is not None:
+            return self._filled(self.drive)
+        if not 0 < self.timeout <= 3600:
+            raise UserError(f"--timeout must be 0 to 3600 seconds, not {self.timeout:g}")
+        if not (0 <= self.depth_side <= 3 and 0 <= self.depthiness <= 3 and -1 <= self.shift <= 1):
+            raise UserError("--depth-side must be 0 to 3, --depthiness 0 to 3, --shift -1 to 1")
+        for source in self.sources:
+            if "://" not in source and not Path(source).is_file():
+                raise UserError(f"no such file: {source}")
+        with Bridge(self.url, self.timeout) as bridge:
+            figures: dict[str, Any] = {"bridge": bridge.version()}
+            devices = bridge.devices()
+            figures["screens"] = [{"index": device.index, "name": device.name,
+                                   "hardware": device.hardware} for device in devices]
+            if self.list:
+                for device in devices:
+                    kind = device.hardware if device.looking_glass else "an ordinary monitor"
+                    print(f"{device.index:3}  {device.name}  ({kind})")
+                if not devices:
+                    print("Looking Glass Bridge reports no screens")
+            if self.save_display is not None:
+                panel = self._glass(bridge).display()
+                panel.save(self.save_display)
+                print(f"{self.save_display}: {panel.summary()}")
+            if self.hide:
+                bridge.hide(self.screen)
+            if self.sources:
+                figures |= self._cast(bridge)
+        return figures
+
+    def _filled(self, drive: Path) -> dict[str, Any]:
+        """Fill a frame's drive."""
+        if self.list or self.save_display or self.hide or self.rgbd or self.views:
+            raise UserError("--drive needs no Bridge: leave out --list, --save-display, --hide, "
+                            "--rgbd and --views")
+        if os.name == "nt" and re.fullmatch("[A-Za-z]:", str(drive)):
+            drive = Path(f"{drive}\\")  # E: alone is whatever folder was last open there
+        plan = DrivePlan(drive, [Path(source) for source in self.sources], self.title,
+                         self.display, self.picture, self.seconds, self.config,
+                         QuiltHint.of_options(self.columns, self.rows, self.aspect))
+        with self.progress("cast", len(plan.sources)) as progress:
+            figures = fill_drive(plan, lambda number, _: progress.update(
+                number, plan.sources[number].name))
+        if not self.quiet:
+            for quilt in figures["quilts"]:
+                print(f"{drive / quilt['name']}: {quilt['views']} views")
+            print(f"{drive}: {len(figures['quilts'])} quilts for {figures['display']}, "
+                  f"{figures['bytes'] / 1e6:.1f} MB; eject the drive before you unplug it")
+        return figures
+
+    def _glass(self, bridge: Bridge) -> Device:
+        device = bridge.device(self.screen)
+        if not device.calibration:
+            raise UserError(f"screen {device.index} ({device.name}) is not a Looking Glass")
+        return device
+
+    def _cast(self, bridge: Bridge) -> dict[str, Any]:
+        device = bridge.device(self.screen)
+        entries = [self._entry(source, device) for source in self.sources]
+        playlist = bridge.cast_all(entries, screen=device.index)
+        if not self.quiet:
+            for entry in entries:
+                print(f"{entry.picture}: {entry.layout.columns} x {entry.layout.rows} views on "
+                      f"{device.name}")
+        return {"playlist": playlist, "picture": entries[0].picture, "screen": device.index,
+                "views": entries[0].views or entries[0].layout.count,
+                "pictures": [entry.picture for entry in entries]}
+
+    def _entry(self, source: str, device: Device) -> Entry:
+        """What Bridge is to show of one source."""
+        address = "://" in source
+        picture = source if address else str(Path(source).resolve())
+        if source.lower().endswith(".npz"):
+            picture, layout = self._rendered(source, device)
+        else:
+            panel = device.display() if device.calibration else None
+            layout = self._layout(source, panel)
+        if not 0 <= self.views <= layout.count:
+            raise UserError(f"the quilt has {layout.count} views, not {self.views}")
+        depth = (DepthPicture(self.depth_side, self.depthiness, self.depth_inverted)
+                 if self.rgbd else None)
+        return Entry(picture, layout, self.views, self.shift, depth, self.seconds)
+
+    def _layout(self, source: str, panel: Display | None) -> QuiltLayout:
+        """The layout of a quilt, or of that which Bridge makes of a picture with depth."""
+        asked = QuiltHint.of_options(self.columns, self.rows, self.aspect)
+        if "://" not in source and not self.rgbd:
+            return layout_for(Path(source), panel, asked=asked)
+        # Of a file behind an address only the name is known.
+        hints = asked, QuiltHint.of_name(source.rpartition("/")[2])
+        layout = next((QuiltLayout(hint.columns, hint.rows, aspect) for hint in hints
+                       if hint and hint.columns
+                       and (aspect := hint.aspect or (panel.aspect if panel else 0.0))), None)
+        if layout is None and self.rgbd and panel is not None:
+            return QuiltLayout.of_display(panel)
+        if layout is None:
+            raise UserError(f"nothing gives the layout of the quilt {source}: give --columns, "
+                            "--rows and --aspect")
+        return layout
+
+    def _rendered(self, source: str, device: Device) -> tuple[str, QuiltLayout]:
+        """A quilt of a field for this display, written beside the field."""
+        from ..field import VoxelField
+
+        if not device.calibration:
+            raise UserError(f"screen {device.index} ({device.name}) is not a Looking Glass: make a "
+                            "quilt with `lfportrait encode --quilt` and cast that")
+        panel = device.display()
+        field = VoxelField.load(Path(source))
+        with self.progress("quilt"):
+            quilt, name = quilt_of(field, panel, self.config)
+        layout = QuiltLayout.of_name(name)
+        assert layout is not None
+        out = Path(source).with_suffix("")
+        out = out.with_name(f"{out.name}{layout.suffix()}.png").resolve()
+        write_quilt(out, quilt, layout)
+        return str(out), layout
+
+
+@dataclass
+class Show(Common):
+    """Show coded pictures, or a field live, full screen on an attached panel; Esc closes."""
+
+    lightfields: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Coded pictures; the arrow keys switch between them. With --live: a field (.npz)."""
+    display: str = "generic-4k"
+    """The display that the pictures were coded for."""
+    live: bool = False
+    """Code a field on the GPU for each picture: the head moves, and the pointer turns it; h lists
+    the keys."""
+    simulate: bool = False
+    """The same in an ordinary window: what an eye in the middle of the display sees."""
+    photo: Path | None = None
+    """With --live: the field that the shown one was stylised from, to mix both; by default
+    field.npz beside it."""
+    screen: int = -1
+    """Number of the screen (see --list); by default the one that has the display's pixels."""
+    seconds: float = 0.0
+    """Time for each picture, or for --live; 0 = until a key is pressed."""
+    list: bool = False
+    """Only list the attached screens."""
+    usual: ClassVar[tuple[str, ...]] = ("compose", "size", "focus", "ground")
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
+    """With --live: placement of the head at first."""
+
+    def run(self) -> dict[str, Any]:
+        """Show until closed."""
+        from ..lightfield.screens import PygameDriver, screen_sizes, show
+
+        if self.list:
+            if self.live:
+                screens = screen_sizes()
+            else:
+                driver = PygameDriver()
+                screens = driver.screens()
+                driver.close()
+            for number, (width, height) in enumerate(screens):
+                print(f"{number:3}  {width} x {height}")
+            return {"screens": screens}
+        if not 0 <= self.seconds < 1e6:
+            raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
+        panel = Display.resolve(self.display)
+        if not (panel.calibrated or self.simulate):
+            warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
+                          "`lfportrait display import` and `lfportrait cast --save-display`",
+                          UserWarning, stacklevel=1)
+        if self.live or self.simulate:
+
+            return run_live(self, self.lightfields, panel, self.config, self.photo,
+                            screen=self.screen, simulate=self.simulate, seconds=self.seconds)
+        if not self.lightfields:
+            raise UserError("name the coded picture to show: lfportrait show lightfield.png")
+        if any(path.suffix.lower() == ".npz" for path in self.lightfields):
+            raise UserError("a field is shown with --live; without, it is coded first: lfportrait "
+                            "encode field.npz")
+        images = [read_coded(path, panel) for path in self.lightfields]
+        screen = show(images, panel, screen=self.screen, seconds=self.seconds)
+        return {"screen": screen, "display": panel.name, "pictures": len(images)}

@@ -30,11 +30,11 @@ from ..example import (
     face_landmarks,
     fitting,
     mix_regions,
+    not_worn,
     photo_method,
     prepare,
     suited,
 )
-from ..example.worn import not_worn
 from ..face import detect_landmarks, face_pose
 from ..files import picture_format, write_image
 from ..labels import LABELS, RegionStyle, members, read_regions, read_value

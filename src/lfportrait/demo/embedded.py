@@ -29,10 +29,8 @@ def resized(picture: NDArray[Any], width: int, height: int) -> NDArray[Any]:
 
     Parameters
     ----------
-    picture
-        [H, W], [H, W, 3] or, with straight alpha, [H, W, 4].
-    width, height
-        Of the result in pixels.
+    picture : [H, W], [H, W, 3] or, with straight alpha, [H, W, 4].
+    width, height : Of the result in pixels.
     """
     if picture.shape[:2] == (height, width):
         return picture

@@ -8,7 +8,10 @@ from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_me
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchSearch
-from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
+from .skin.charts import Atlas, draw_atlas
+from .skin.painting import Painting, SkinConfig, SkinPainter, rehearse_painting
+from .skin.sitter import SKIN_PIXELS, Skin, canvas_of
+from .skin.storage import as_stored, load_skin, save_skin, skin_key
 from .styleblit import BlitConfig, Synthesis, TransferResult, synthesise
 from .surface_guide import SurfaceGuide, surface_position_guide
 from .table import LookUpTable, TableConfig, build_table
@@ -23,11 +26,14 @@ from .transfers import (
     transfer,
 )
 from .video import VideoTransfer
-from .worn import bared, spectacles, without_spectacles
+from .worn.glasses import spectacles
+from .worn.hat import Wear, not_worn
+from .worn.inpainting import bared, without_spectacles
 
 __all__ = [
     "FRONTAL",
     "PROFILE",
+    "SKIN_PIXELS",
     "Atlas",
     "BlitConfig",
     "Exemplar",
@@ -53,11 +59,14 @@ __all__ = [
     "TransferConfig",
     "TransferResult",
     "VideoTransfer",
+    "Wear",
     "appearance_guide",
     "as_painted",
+    "as_stored",
     "asked_lids",
     "bared",
     "build_table",
+    "canvas_of",
     "closed_words",
     "draw_atlas",
     "eye_opening",
@@ -70,14 +79,19 @@ __all__ = [
     "frontal_view",
     "head_mesh",
     "known_ground",
+    "load_skin",
     "mix_regions",
+    "not_worn",
     "paint",
     "painted_shares",
     "photo_method",
     "photo_regions",
     "position_guide",
     "prepare",
+    "rehearse_painting",
+    "save_skin",
     "shut_eyes",
+    "skin_key",
     "spectacles",
     "suited",
     "surface_position_guide",

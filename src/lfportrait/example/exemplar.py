@@ -16,8 +16,7 @@ from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
 from ..labels import BY_HAND
-from ..media.masks import read_mask
-from ..media.pictures import read_image
+from ..media.pictures import read_image, read_mask
 from ..plugins import provided_styles
 from .guides.regions import Regions, find_regions
 

@@ -511,9 +511,8 @@ class FaceAside:
     points : float64 [M, 3], what is seen of the generic head, in its frame.
     places : float64 [M, 2], where the photo shows it, pixels.
     pose : Of the face.
-    share
-        How far these points replace the landmarks as control points, in (0, 1]: a head that turns
-        in a video does not jump.
+    share : How far these points replace the landmarks as control points, in (0, 1]: a head that
+        turns in a video does not jump.
     """
 
     landmarks: Float64

@@ -61,8 +61,8 @@ class Sides:
     face : float32 [h, w], the face; light changes nothing of hair and hats around it.
     head : float32 [h, w], the head: bare skin in it is lit, too.
     hair : float32 [h, w], what of his own paint is hair; None where that is not known.
-    features
-        float32 [h, w] in [0, 1], from the brows to the mouth: there darkness is shade, no hat.
+    features : float32 [h, w] in [0, 1], from the brows to the mouth: there darkness is shade, no
+        hat.
     scale : Pixels per unit of the head.
     """
 

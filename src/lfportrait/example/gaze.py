@@ -81,8 +81,8 @@ def irises_found(image: UInt8, landmarks: Float64) -> Float64 | None:
 
     Returns
     -------
-    irises
-        float64 [2, 2] pixels, of the picture's left eye first; None where an eye shows no disc.
+    irises : float64 [2, 2] pixels, of the picture's left eye first; None where an eye shows no
+        disc.
     """
     seen = (_seen(image, np.asarray(landmarks[part], np.float64))
             for part in (slice(36, 42), slice(42, 48)))
@@ -244,9 +244,8 @@ def agreed(eyes: Float64, discs: Float64) -> float:
 
     Returns
     -------
-    degrees
-        The lesser of what both kinds of irises show; 0 where one shows the contrary, or eyes more
-        than `MOST` degrees apart.
+    degrees : The lesser of what both kinds of irises show; 0 where one shows the contrary, or eyes
+        more than `MOST` degrees apart.
     """
     turned = [_turned(disc, eye[0], eye[1])[0] for eye, disc in zip(eyes, discs)]
     by_discs = float(turned[1] - turned[0]) - DISCS_USUAL

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bool, Float64, UInt8
+from ..arrays import Bool, Float32, Float64, UInt8
 from .exemplar import Exemplar
 from .guides.filters import grey
 from .guides.regions import polygon
@@ -45,9 +45,12 @@ SOUGHT = -0.02, 0.12
 """Where the upper lid's edge is sought above its landmarks, over the eye's width."""
 NEAR = 0.25
 """The same as a share of the way to the brow, at most."""
-BROAD, USUAL, FEW = 0.08, (0.2, 0.8), 8
-"""Sigma of the blur for a lid's broad colors, over the eye's width; the shares of what lies above
-it between which these stay; and pixels that say enough."""
+BROAD, NEARBY, LIKE, FEW = 0.08, 0.2, 4.0, 8
+"""Sigma of the blur for a lid's broad colors, and for those of the skin around that go on over it,
+over the eye's width; how far apart both may be, of 255; and pixels that say enough."""
+BESIDE, RIM = 0.35, 0.04
+"""Skin beside an eye counts so far from its corners, and blur of the edge of what is changed, over
+its width."""
 SLACK = 0.5
 """How much less the upper lid is stretched at the brow than it is on average, and how much more at
 its edge: its crease stays in its upper half."""
@@ -181,29 +184,45 @@ def _drawn_down(image: UInt8, points: Float64, first: int) -> UInt8:
     part = out[low[1]:high[1], low[0]:high[0]]
     part[source != up] = moved[source != up]
     lid = (up > lower) & (up < upper) & (along > 0) & (along < 1)
-    _as_above(part, lid, image[low[1]:high[1], low[0]:high[0]],
-              (along > 0.1) & (along < 0.9) & (up > upper + 2 * LASHES)
-              & (up < upper + BROW * np.maximum(over[:, 1].mean() - upper, 0.15)),
-              BROAD * width)
+    skin = (up > upper + 2 * LASHES) & (
+        up < upper + BROW * np.maximum(over[:, 1].mean() - upper, 0.15))
+    skin &= (along > 0) & (along < 1)
+    # Both corners' sides, as high as the eye is: in the painter's light there.
+    skin |= (np.abs(along - 0.5) > 0.5 + LASHES) & (np.abs(along - 0.5) < 0.5 + BESIDE) & (
+        up > flat[4:, 1].mean() - LASHES) & (up < flat[1:3, 1].mean() + 2 * LASHES)
+    _as_around(part, lid, image[low[1]:high[1], low[0]:high[0]], skin, width)
     line = LINE_SHARE * _line(along, up - lower)[..., None]
     part[:] = np.clip((1 - line) * part + line * np.minimum(_dark(image, eye), part) + 0.5, 0, 255)
     return out
 
 
-def _as_above(part: UInt8, lid: Bool, shown: UInt8,
-              above: Bool, sigma: float) -> None:
-    """Keep the broad colors of a lid [h, w] among those that a picture shows above it; in place.
+def _as_around(part: UInt8, lid: Bool, shown: UInt8, around: Bool, width: float) -> None:
+    """Keep the broad colors of a lid [h, w] like those that go on from around it; in place.
 
-    A thin edge of another color, drawn down over a whole eye, would be a stain.
+    A thin edge of another color, drawn down over a whole eye, would be a stain, and so would the
+    light of a brow or the dark of a socket. ``shown`` is the picture before, ``width`` the eye's.
     """
-    if min(lid.sum(), above.sum()) < FEW:
+    if min(lid.sum(), around.sum()) < FEW:
         return
-    weight = lid.astype(np.float32)
-    total = np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), np.float32(1e-3))[..., None]
-    broad = cv2.GaussianBlur(part * weight[..., None], (0, 0), sigma) / total
-    low, high = np.quantile(shown[above].astype(np.float32), USUAL, axis=0)
-    change = (np.clip(broad, low, high) - broad)[lid]
-    part[lid] = np.asarray(np.clip(part[lid] + change + 0.5, 0, 255), np.uint8)
+    broad = _blurred(part, lid, BROAD * width)
+    apart = _blurred(shown, around, NEARBY * width) - broad
+    change = apart - np.clip(apart, -LIKE, LIKE)
+    soft = cv2.GaussianBlur(lid.astype(np.float32), (0, 0), max(RIM * width, 0.3))
+    part[:] = np.asarray(np.clip(part + soft[..., None] * change + 0.5, 0, 255), np.uint8)
+
+
+def _blurred(picture: UInt8, inside: Bool, sigma: float) -> Float32:
+    """Colors [h, w, 3] of what lies inside, blurred and carried on."""
+    # From broad to narrow: what is near counts alone, where there is any.
+    weight = inside.astype(np.float32)
+    mean = picture[inside].astype(np.float32).mean(axis=0)
+    out = np.broadcast_to(mean, picture.shape).astype(np.float32)
+    for reach in (4 * sigma, 2 * sigma, sigma):
+        total = cv2.GaussianBlur(weight, (0, 0), reach)[..., None]
+        here = cv2.GaussianBlur(picture * weight[..., None], (0, 0), reach)
+        sure = np.clip(total / np.float32(0.1), 0, 1)
+        out += sure * (here / np.maximum(total, np.float32(1e-4)) - out)
+    return np.asarray(out, np.float32)
 
 
 def _line(along: Float64, above: Float64) -> Float64:
@@ -250,8 +269,8 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
 
     Parameters
     ----------
-    along, up
-        Of each place, from the first corner (0) to the other (1), and above the line of both.
+    along, up : Of each place, from the first corner (0) to the other (1), and above the line of
+        both.
     upper, lower : Height of the lids' edges there.
     brow : Landmarks, [5, 2], as ``along`` and ``up``.
     """

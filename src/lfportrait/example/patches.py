@@ -100,12 +100,10 @@ class PatchTarget:
     guides : float32 [H, W, G] as the source's.
     start : float32 [H, W, 2], exemplar places (x, y) where the search begins.
     guided : float32 [H, W, 2], places that the search always tries.
-    wanted, weight, limit
-        float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the weight times the
-        squared distance from the wanted place, at most ``limit`` (squared pixels), for each pixel
-        of the patch; no weights: everywhere alike.
-    even
-        float32 [h, w], how often each exemplar pixel would be used if those of its material were
+    wanted, weight, limit : float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the
+        weight times the squared distance from the wanted place, at most ``limit`` (squared pixels),
+        for each pixel of the patch; no weights: everywhere alike.
+    even : float32 [h, w], how often each exemplar pixel would be used if those of its material were
         used alike; None: all alike.
     trust : float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
     state : uint8 [H, W] of `kernels.patches`; None: all is synthesised.

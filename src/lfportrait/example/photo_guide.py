@@ -136,8 +136,8 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
 
     Returns
     -------
-    sources, targets
-        [M, 2] in the target and in the exemplar; only points known on both sides count.
+    sources, targets : [M, 2] in the target and in the exemplar; only points known on both sides
+        count.
     weights, softness : [M], see `guides.mls_similarity`.
     """
     sources, targets = [landmarks], [style_landmarks]

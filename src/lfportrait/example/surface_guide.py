@@ -189,8 +189,8 @@ class HeadPlane:
 
     Parameters
     ----------
-    landmarks3d
-        float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are unknown.
+    landmarks3d : float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are
+        unknown.
 
     Attributes
     ----------

@@ -62,7 +62,8 @@ from .styleblit import (
     synthesise,
 )
 from .table import TableConfig, cached_table
-from .worn import Hat, Layer, Wear, bared, without_spectacles
+from .worn.hat import Hat, Layer, Wear
+from .worn.inpainting import bared, without_spectacles
 
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches

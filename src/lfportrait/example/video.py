@@ -145,9 +145,8 @@ class Motion:
 
     Attributes
     ----------
-    back
-        float32 [h, w, 2], place in the frame before minus place here, in pixels, at the middles of
-        blocks.
+    back : float32 [h, w, 2], place in the frame before minus place here, in pixels, at the middles
+        of blocks.
     there : The same from the frame before, to this one.
     trusted : bool [h, w].
     factor : Side of a block in pixels.

@@ -22,12 +22,19 @@ from safetensors.numpy import load_file
 
 from .. import models
 from ..arrays import Float32, Float64, UInt8
+from ..cache import key_of
 from .landmarks import FROM_MEDIAPIPE, centred
 from .segmentation import made, picture
 
 _AROUND = 1.5
 _MANY = 8
 """Faces that are looked for in a picture."""
+
+
+def detectors_key() -> str:
+    """Hash of what finds landmarks: the networks that are at hand, and the code of this package."""
+    return key_of(__name__, models.in_use(
+        ["face-landmarker", "face-landmarks-68", "face-detector"]))
 
 
 @functools.lru_cache(maxsize=4)
@@ -329,10 +336,8 @@ def detect_face(image: UInt8, least: float = 0.4,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    least
-        Score below which a box is no face.
+    image : uint8 [H, W, 3].
+    least : Score below which a box is no face.
     """
     weights = _weights("face-detector")
     height, width = image.shape[:2]

@@ -62,14 +62,10 @@ class FaceCameras:
 
     Attributes
     ----------
-    photos
-        Numbers of the photos that have a camera.
-    cameras
-        Theirs, about in the portrait frame.
-    landmarks
-        float64 [68, 3], of the person.
-    error
-        Root mean square error of the landmarks, over the face's extent.
+    photos : Numbers of the photos that have a camera.
+    cameras : Theirs, about in the portrait frame.
+    landmarks : float64 [68, 3], of the person.
+    error : Root mean square error of the landmarks, over the face's extent.
     """
 
     photos: list[int]
@@ -84,19 +80,14 @@ def cameras_from_faces(landmarks: Sequence[Float64 | None], sizes: Sequence[tupl
 
     Parameters
     ----------
-    landmarks
-        float64 [68, 2] in pixels for each photo, or None where no face was found.
-    sizes
-        Width and height of each photo in pixels.
-    focals
-        Focal lengths in pixels that the cameras noted, or None.
-    lenses
-        Number of each photo's lens; those of one lens share a focal length.
+    landmarks : float64 [68, 2] in pixels for each photo, or None where no face was found.
+    sizes : Width and height of each photo in pixels.
+    focals : Focal lengths in pixels that the cameras noted, or None.
+    lenses : Number of each photo's lens; those of one lens share a focal length.
 
     Returns
     -------
-    found
-        None if fewer than three photos fit together.
+    found : None if fewer than three photos fit together.
     """
     photos = [k for k, points in enumerate(landmarks) if points is not None]
     for _ in range(3):

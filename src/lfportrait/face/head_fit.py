@@ -107,10 +107,8 @@ class Found:
 
     Attributes
     ----------
-    vertices
-        int64 [M].
-    places
-        float64 [M, 2] in pixels.
+    vertices : int64 [M].
+    places : float64 [M, 2] in pixels.
     """
 
     vertices: Int64
@@ -123,15 +121,11 @@ class View:
 
     Attributes
     ----------
-    rotation, shift
-        float64 [3, 3] and [3]: a point X of the head lies at rotation X + shift in the camera's
-        frame (x right, y down, z forward), metres.
-    focal
-        Pixels.
-    center
-        float64 [2], the principal point in pixels.
-    expression
-        float64 [M].
+    rotation, shift : float64 [3, 3] and [3]: a point X of the head lies at rotation X + shift in
+        the camera's frame (x right, y down, z forward), metres.
+    focal : Pixels.
+    center : float64 [2], the principal point in pixels.
+    expression : float64 [M].
     """
 
     rotation: Float64
@@ -164,16 +158,11 @@ class HeadFit:
 
     Attributes
     ----------
-    prior
-        The model.
-    identity
-        float64 [K], in deviations.
-    views
-        One a photo.
-    pixels
-        Root mean square distance in pixels of the landmarks besides the jaw's, one a photo.
-    deviations
-        Root mean square of the coefficients of identity.
+    prior : The model.
+    identity : float64 [K], in deviations.
+    views : One a photo.
+    pixels : Root mean square distance in pixels of the landmarks besides the jaw's, one a photo.
+    deviations : Root mean square of the coefficients of identity.
     """
 
     prior: HeadPrior
@@ -204,10 +193,8 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
 
     Parameters
     ----------
-    faces
-        Landmarks [68, 2] of all faces in a photo, the largest first.
-    name
-        Of the photo.
+    faces : Landmarks [68, 2] of all faces in a photo, the largest first.
+    name : Of the photo.
 
     Raises
     ------
@@ -232,12 +219,9 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
 
     Parameters
     ----------
-    prior
-        The model.
-    pictures
-        One a photo.
-    names
-        Of the photos, for messages.
+    prior : The model.
+    pictures : One a photo.
+    names : Of the photos, for messages.
 
     Raises
     ------
@@ -265,14 +249,10 @@ def refit(fit: HeadFit, pictures: list[Picture], found: list[list[Found]], round
 
     Parameters
     ----------
-    fit
-        The head so far.
-    pictures
-        Its photos.
-    found
-        For each photo where it shows vertices.
-    rounds
-        Steps.
+    fit : The head so far.
+    pictures : Its photos.
+    found : For each photo where it shows vertices.
+    rounds : Steps.
     """
     solver = _Solver(fit.prior, pictures, None, fit)
     solver.found = found
@@ -476,8 +456,8 @@ def outline_errors(picture: Picture, places: Float64, view: View,
 
     Returns
     -------
-    away, slope, hair
-        [N] the distances; [N, 2] their derivatives by the place; [N] how much hair is there.
+    away, slope, hair : [N] the distances; [N, 2] their derivatives by the place; [N] how much hair
+        is there.
     """
     assert picture.inside is not None
     height, width = picture.inside.shape

@@ -308,3 +308,8 @@ MOST_TURNED = 35.0
 """Degrees that a face may be turned in its photo."""
 FIT = "head_fit"
 """Key of a capture's figures under which the fit of a head is kept."""
+
+
+def is_portrait(capture: Any) -> bool:
+    """Whether a capture's head was fitted to its photos (`one_photo`)."""
+    return FIT in capture.figures

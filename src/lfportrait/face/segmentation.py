@@ -258,10 +258,8 @@ def made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
 
     Parameters
     ----------
-    make
-        Makes the task.
-    first
-        Runs it once: some of the chatter comes only then.
+    make : Makes the task.
+    first : Runs it once: some of the chatter comes only then.
     """
     with _LOCK:
         return _made(make, first)

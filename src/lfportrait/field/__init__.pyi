@@ -1,7 +1,7 @@
 from .background import Backdrop, head_points
 from .closing.photos import Coverage
 from .config import ReconstructConfig, lattice_points
-from .grid import Rendering, SampleWeights, VoxelField, camera_row
+from .grid import Rendering, SampleWeights, VoxelField
 from .kernels.march import C0
 from .reconstruction import reconstruct, reconstruct_with_figures
 from .storage import check_field_path, read_arrays, save_checkpoint, save_field
@@ -10,7 +10,7 @@ from .texture import SurfaceTexture
 from .training.meter import held_out_quality
 
 __all__ = ["C0", "Backdrop", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
-           "SampleWeights", "SurfaceGraph", "SurfaceTexture", "VoxelField", "camera_row",
+           "SampleWeights", "SurfaceGraph", "SurfaceTexture", "VoxelField",
            "check_field_path", "field_mesh", "field_points", "head_points", "held_out_quality",
            "lattice_points", "read_arrays", "reconstruct", "reconstruct_with_figures",
            "save_checkpoint", "save_field"]

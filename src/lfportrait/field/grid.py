@@ -122,12 +122,6 @@ class SampleWeights:
     alpha: Float32
 
 
-def camera_row(cameras: Camera, view: int) -> Float64:
-    """One camera as the kernels take it: float64 [16], pose row by row, focal, principal point."""
-    return np.concatenate([cameras.pose[view, :3].ravel(), cameras.focal[view],
-                           cameras.center[view]])
-
-
 @dataclass(frozen=True)
 class Cut:
     """A plane: what lies below it goes.
@@ -319,7 +313,7 @@ class VoxelField:
         bricks = self.bricks
         render_kernel(bricks.width)(
             bricks.table, bricks.links, bricks.density, bricks.rows, self.lattice, bricks.basis,
-            camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
+            cameras.row(view), (width, height), step, threshold, stop, color, alpha, depth)
         cast = Rendering(color.reshape(height, width, 3), alpha.reshape(height, width),
                          depth.reshape(height, width))
         return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
@@ -331,7 +325,7 @@ class VoxelField:
         bricks = self.bricks
         render_kernel(0)(
             bricks.table, bricks.links, bricks.density, np.zeros(0, np.uint16), self.lattice, 0,
-            camera_row(cameras, view), size, 0.5, 1e-2, 1e-3, np.zeros(0, np.float32), alpha,
+            cameras.row(view), size, 0.5, 1e-2, 1e-3, np.zeros(0, np.float32), alpha,
             depth)
         return alpha.reshape(size[::-1]), depth.reshape(size[::-1])
 
@@ -355,7 +349,7 @@ class VoxelField:
         if self.texture is not None and not painted:
             footprint, covered = self.detail_of(cameras, view, anisotropic)
             add_texture(self.bricks.table, *self.texture_rows(footprint), covered, self.lattice,
-                        camera_row(cameras, view), (width, height), opacity.reshape(-1),
+                        cameras.row(view), (width, height), opacity.reshape(-1),
                         cast.depth.reshape(-1), image.reshape(-1))
         behind = np.asarray(background, np.float32)
         if self.background is not None:
@@ -385,7 +379,7 @@ class VoxelField:
 
         footprint, covered = self.detail_of(cameras, view, anisotropic)
         size = int(cameras.width[view]), int(cameras.height[view])
-        job = ViewJob(camera_row(cameras, view)[None], size, self.lattice, 0, step, threshold, stop,
+        job = ViewJob(cameras.row(view)[None], size, self.lattice, 0, step, threshold, stop,
                       False, covered, PROBES, REACH)
         color, alpha, depth = views_on_gpu(process, self, job, footprint)
         return Rendering(color[0], alpha[0], depth[0])
@@ -421,7 +415,7 @@ class VoxelField:
         bricks = self.bricks
         pixel_weights(bricks.table, bricks.links,
                       np.append(self.density, np.float32(0.0)), self.lattice,
-                      camera_row(cameras, 0), (int(cameras.width[0]), int(cameras.height[0])),
+                      cameras.row(0), (int(cameras.width[0]), int(cameras.height[0])),
                       wanted, step, 1e-3, rows, weights, counts)
         kept = np.arange(CAPACITY)[None] < counts[:, None]
         lengths = np.zeros(inside.size, np.int64)

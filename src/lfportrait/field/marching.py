@@ -5,9 +5,11 @@ rendering's, with another shading, and the same texture where a ray ends.
 """
 
 from .kernels.march import enter_box, make_channel_shade, make_march, sh_basis
-from .kernels.texture import make_detail, make_texture_share
+from .kernels.texture import PROBES, REACH, make_detail, make_texture_share
 
 __all__ = [
+           "PROBES",
+           "REACH",
            "enter_box",
            "make_channel_shade",
            "make_detail",

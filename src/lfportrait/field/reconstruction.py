@@ -32,6 +32,7 @@ from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing.colors import with_steady_colors
 from .closing.fitted_head import FitHead
+from .closing.grazed import with_even_colors
 from .closing.sides import close_back, close_sides
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
@@ -255,6 +256,8 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                 field = settled(trainer, field)
                 if surface is not None:
                     field = with_steady_colors(field, cameras, middle)
+                if closed.grazed is not None:
+                    field = with_even_colors(field, closed.grazed)
     if cut is not None:
         count = len(field.density)
         field = trim(field, cut)

@@ -3,7 +3,7 @@
 `graph` has their parameters, keys and costs, `work` does them, `pipeline` joins them,
 `lfportrait.stages` sees that nothing finished is done twice, `prepare` makes captures of photos and
 cuts the person out of those with a background, `summary` fills the report. `photo_check` looks at
-photos before any of that; `style_check` and `style_drawing` do the same for a painting.
+photos before any of that; `style_check` does the same for a painting.
 `inspection` says what files are and how they will be read. `first_look` shows a portrait while its
 field is trained, `time_left` knows how long a job will still take. `batch` is a package of its own:
 many jobs at once. Modules are imported when something of them is asked for.

@@ -24,8 +24,7 @@ from .photo_check import PhotoCheck, PhotoFacts, check_photos, check_picture
 from .pipeline import MakeConfig, make, run_figures
 from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session
-from .style_check import StyleCheck, check_style, chosen_face
-from .style_drawing import add_style, style_picture
+from .style_check import StyleCheck, add_style, check_style, chosen_face, style_picture
 from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage

@@ -35,8 +35,7 @@ class NotTogether(Exception):
 
     Parameters
     ----------
-    error
-        What is said where that fails, too.
+    error : What is said where that fails, too.
     """
 
     def __init__(self, error: UserError) -> None:
@@ -115,16 +114,11 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
 
     Parameters
     ----------
-    photos
-        A photo, or a folder of some.
-    config
-        Its ``max_side`` counts.
-    progress
-        Progress line.
-    why
-        A reason for this way, for the line that says so.
-    keep_background
-        Warn that the room behind the person is not kept.
+    photos : A photo, or a folder of some.
+    config : Its ``max_side`` counts.
+    progress : Progress line.
+    why : A reason for this way, for the line that says so.
+    keep_background : Warn that the room behind the person is not kept.
 
     Raises
     ------
@@ -177,12 +171,9 @@ def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    landmarks
-        float64 [68, 2], pixels.
-    name
-        Of the photo.
+    image : uint8 [H, W, 3], sRGB.
+    landmarks : float64 [68, 2], pixels.
+    name : Of the photo.
     """
     from ..example import spectacles
     from ..face import hair_mask, parts

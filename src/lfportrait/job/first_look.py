@@ -59,12 +59,9 @@ def painted_roughly(field: VoxelField, capture: Capture, exemplar: Exemplar,
 
     Parameters
     ----------
-    field
-        Of any resolution.
-    capture, exemplar
-        Its capture, and the painting.
-    config
-        As for the finished portrait.
+    field : Of any resolution.
+    capture, exemplar : Its capture, and the painting.
+    config : As for the finished portrait.
     """
     if capture.landmarks is None or not config.on_skin:
         return field
@@ -178,14 +175,11 @@ class PageLook(FirstLook):
 
     Parameters
     ----------
-    stages
-        The job's folder. A record beside those of its stages says which portrait the page shows.
-    key
-        Hash of what the portrait is made of.
-    exemplar, config, begun, only
-        As for `FirstLook`.
-    page, ground
-        Parameters of the finished page.
+    stages : The job's folder. A record beside those of its stages says which portrait the page
+        shows.
+    key : Hash of what the portrait is made of.
+    exemplar, config, begun, only : As for `FirstLook`.
+    page, ground : Parameters of the finished page.
     """
 
     def __init__(self, stages: StageFolder, key: str, exemplar: Exemplar, config: StylizeConfig,

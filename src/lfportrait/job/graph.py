@@ -111,13 +111,10 @@ class Stage:
 
     Attributes
     ----------
-    title
-        What people see while it runs.
-    need
-        What it takes on one core, before any task of it was measured: on the demo's head at its
+    title : What people see while it runs.
+    need : What it takes on one core, before any task of it was measured: on the demo's head at its
         full size, on a 4K panel, and rounded up.
-    kernels
-        What of `Warmup` it waits for.
+    kernels : What of `Warmup` it waits for.
     """
 
     title: str

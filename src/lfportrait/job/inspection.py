@@ -40,14 +40,11 @@ class FolderFacts:
 
     Attributes
     ----------
-    path
-        As it was given.
-    fault
-        Why no photos can be taken from it; empty where they can.
-    pictures
-        Of each photo, in the order in which they are read; those with a fault are left out.
-    left_out
-        Other files by the reason why they are not among them, the place where photos lie alone.
+    path : As it was given.
+    fault : Why no photos can be taken from it; empty where they can.
+    pictures : Of each photo, in the order in which they are read; those with a fault are left out.
+    left_out : Other files by the reason why they are not among them, the place where photos lie
+        alone.
     """
 
     path: Path

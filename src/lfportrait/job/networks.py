@@ -59,17 +59,13 @@ def networks_of(photos: Path, painting: Path | None, keep_background: bool,
 
     Parameters
     ----------
-    photos
-        Folder of photos, video or data set.
-    painting
-        The exemplar's picture; None where the exemplar is known already.
-    keep_background
-        Whether the room stays, so that no mattes are wanted.
+    photos : Folder of photos, video or data set.
+    painting : The exemplar's picture; None where the exemplar is known already.
+    keep_background : Whether the room stays, so that no mattes are wanted.
 
     Returns
     -------
-    needed, better
-        Names in the registry of `lfportrait.models`.
+    needed, better : Names in the registry of `lfportrait.models`.
     """
     described = _described(photos)
     landmarks_given = described.get("landmarks") is not None and not _bare(painting)

@@ -373,14 +373,10 @@ def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80
 
     Parameters
     ----------
-    path
-        Folder of photos, or a video, as it was given to `lfportrait.capture.calibrate`.
-    marks
-        What is wrong, by the photo's name.
-    out
-        File to write.
-    frames
-        Frames that were taken from a video.
+    path : Folder of photos, or a video, as it was given to `lfportrait.capture.calibrate`.
+    marks : What is wrong, by the photo's name.
+    out : File to write.
+    frames : Frames that were taken from a video.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # unreadable files were reported already

@@ -398,18 +398,14 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
 
     Parameters
     ----------
-    capture
-        Photos in the portrait frame.
-    progress
-        Progress line.
-    network
-        Person matte of a picture whose direction ``up`` is given; by default
+    capture : Photos in the portrait frame.
+    progress : Progress line.
+    network : Person matte of a picture whose direction ``up`` is given; by default
         `lfportrait.face.person_matte`.
 
     Returns
     -------
-    mattes
-        V times float32 [H, W] in [0, 1].
+    mattes : V times float32 [H, W] in [0, 1].
 
     Raises
     ------

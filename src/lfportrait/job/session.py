@@ -187,16 +187,13 @@ def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, 
 
     Parameters
     ----------
-    pixels
-        Of the skin, per world unit.
-    cache
-        Folder for what is kept; None: the user's cache. If nothing can be written there, the skin
-        is drawn each time.
+    pixels : Of the skin, per world unit.
+    cache : Folder for what is kept; None: the user's cache. If nothing can be written there, the
+        skin is drawn each time.
 
     Returns
     -------
-    field, capture, skin
-        In the portrait frame; the capture has 12 small photos.
+    field, capture, skin : In the portrait frame; the capture has 12 small photos.
     """
     field, capture = demo_head(), demo_capture(size=256, views=12)
     kept = (cache or user_cache("heads")) / "embedded.skin.npz"

@@ -131,12 +131,9 @@ def usual_steps(config: MakeConfig, source: Source, look: bool, cores: int) -> l
 
     Parameters
     ----------
-    config, source
-        Its parameters and its photos.
-    look
-        Whether a first look is taken.
-    cores
-        Cores that it may use.
+    config, source : Its parameters and its photos.
+    look : Whether a first look is taken.
+    cores : Cores that it may use.
     """
     amounts, steps = _amounts(config, source), []
     for stage, costs in _COSTS.items():

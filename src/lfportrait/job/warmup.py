@@ -38,7 +38,7 @@ from ..progress import Progress
 from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
-FUNCTIONS = {"mattes": 10, "transfer": 44, "reconstruct": 67, "stylize": 43, "encode": 38}
+FUNCTIONS = {"mattes": 10, "transfer": 44, "reconstruct": 68, "stylize": 43, "encode": 38}
 """Functions that each stage compiles after those before it: a few more or less on other
 processors."""
 
@@ -55,7 +55,9 @@ def _mattes() -> None:
 
 def _reconstruct() -> None:
     from ..field import ReconstructConfig, reconstruct
+    from ..field.geometry import find_surface
 
+    find_surface(ball_capture(size=96, arc=14.0))  # what a narrow arc starts from
     reconstruct(ball_capture(), ReconstructConfig(
         resolutions=(16, 32), rays=(0.004, 0.01), batch=(1024,)), device="cpu")
 
@@ -295,14 +297,10 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
 
     Parameters
     ----------
-    size
-        Width and height of the photos in pixels.
-    views
-        Number of photos on an arc.
-    cut_out
-        Whether the photos have mattes.
-    arc
-        Half of the arc in degrees.
+    size : Width and height of the photos in pixels.
+    views : Number of photos on an arc.
+    cut_out : Whether the photos have mattes.
+    arc : Half of the arc in degrees.
     """
     cameras = Camera.arc(np.linspace(-arc, arc, views), distance=4.0, width=size, height=size,
                          focal=1.7 * size)

@@ -19,8 +19,7 @@ from PIL import Image
 
 from ..capture import Camera, Capture
 from ..errors import UserError
-from ..example import Exemplar, Skin
-from ..example.skin import load_skin, save_skin
+from ..example import Exemplar, Skin, load_skin, save_skin
 from ..face import fit_to_surface, is_portrait, portrait_field
 from ..field import VoxelField, reconstruct_with_figures
 from ..files import write_image
@@ -284,21 +283,15 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
 
     Parameters
     ----------
-    styled, display
-        What is coded, for what.
-    folder, name
-        Where the coded picture goes.
-    config
-        Parameters.
-    prefix
-        Begins the quilt's name; quilts of that prefix from before are removed.
-    device
-        Where to compute.
+    styled, display : What is coded, for what.
+    folder, name : Where the coded picture goes.
+    config : Parameters.
+    prefix : Begins the quilt's name; quilts of that prefix from before are removed.
+    device : Where to compute.
 
     Returns
     -------
-    figures
-        Of the coding; ``quilt`` is the quilt's file name.
+    figures : Of the coding; ``quilt`` is the quilt's file name.
     """
     encode = composed(styled, display, config.encode)
     image, figures = encode_with_figures(styled, display, encode,

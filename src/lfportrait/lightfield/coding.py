@@ -34,8 +34,9 @@ from ..cache import key_of, user_cache
 from ..capture import Camera
 from ..device import device_name, gpu_adapter
 from ..errors import UserError
-from ..field import VoxelField, camera_row, head_points
-from ..field.gpu import PROBES, REACH, ViewJob, keep_field, views_on_gpu
+from ..field import VoxelField, head_points
+from ..field.gpu import ViewJob, keep_field, views_on_gpu
+from ..field.marching import PROBES, REACH
 from ..files import UNREADABLE_ARRAYS, atomic_write
 from ..gpu import Adapter, GpuProcess, attempted
 from .display import Display
@@ -270,7 +271,7 @@ def _picture_job(field: VoxelField, cameras: Camera, views: list[int], covered: 
     ahead = np.abs(cameras.pose[views, 2, 2])
     axis, step = (3, 1.0) if ahead.min() > _STEEP else (0, 0.5)
     rays = None if ground is None else np.stack([ground.rays(cameras, view) for view in views])
-    return ViewJob(np.stack([camera_row(cameras, view) for view in views]),
+    return ViewJob(np.stack([cameras.row(view) for view in views]),
                    (int(cameras.width[0]), int(cameras.height[0])), field.lattice, axis, step,
                    2e-4 * field.lattice[5] if axis else 1e-2, 4e-3 if axis else 1e-3, axis > 0,
                    covered, PROBES, REACH, True, (background,) * 3,

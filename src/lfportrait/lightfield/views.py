@@ -22,7 +22,7 @@ from ..arrays import Float32, Float64, UInt8
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..errors import UserError
-from ..field import Rendering, VoxelField, camera_row
+from ..field import Rendering, VoxelField
 from ..gpu import attempted
 from .coding import composed, pictures_on_gpu, view_camera
 from .display import Display
@@ -56,7 +56,7 @@ def _rays(row: Float64, size: tuple[int, int], corners: Float64) -> tuple[float,
 
     Parameters
     ----------
-    row : float64 [16], the camera (`camera_row`).
+    row : float64 [16], the camera (`Camera.row`).
     size : Width and height of its picture.
     corners : float64 [4, 2], x and z of the lattice's corners.
 
@@ -131,7 +131,7 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
     while wanted:
         first = wanted[0]
         size = int(cameras.width[first]), int(cameras.height[first])
-        row = camera_row(cameras, first)
+        row = cameras.row(first)
         slopes = _rays(row, size, corners)
         if gpu_adapter(device) is not None or not _fits(field, row, slopes):
             behind = background if ground is None else ground.seen(cameras, first)
@@ -141,7 +141,7 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
         rows, reach = [], 0.0
         most = max(1, _TOGETHER // (20 * size[0] * size[1]))
         for view in wanted[:most]:
-            other = camera_row(cameras, view)
+            other = cameras.row(view)
             slopes = _rays(other, size, corners)
             if ((int(cameras.width[view]), int(cameras.height[view])) != size
                     or not _beside(row, other) or not _fits(field, other, slopes)):

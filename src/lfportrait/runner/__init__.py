@@ -1,7 +1,7 @@
 """How work is run, whatever it is.
 
 `scheduler`: tasks and what needs what, what work costs, what errors mean, and how each task ends;
-`processes` of our own and the one way to talk to them.
+`processes` of our own and the one way to talk to them; `workers`: tasks in such processes.
 """
 
 from .processes import CAN_PAUSE, Child, Pipe
@@ -13,12 +13,15 @@ from .scheduler import (
            Outcome,
            Plan,
            Runner,
+           Schedule,
            Task,
            failure_of,
            finished,
            outcome_of,
            run_tasks,
 )
+from .workers import Workers, serve
 
 __all__ = ["CAN_PAUSE", "Child", "Costs", "Failure", "Here", "Need", "Outcome", "Pipe",
-           "Plan", "Runner", "Task", "failure_of", "finished", "outcome_of", "run_tasks"]
+           "Plan", "Runner", "Schedule", "Task", "Workers", "failure_of", "finished", "outcome_of",
+           "run_tasks", "serve"]

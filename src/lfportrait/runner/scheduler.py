@@ -1,8 +1,8 @@
 """Tasks that need each other, run in order: what they need and took, and what errors mean.
 
-A `Plan` has tasks, each after those that it needs; `run_tasks` gives each to a `Runner` when those
-are done, and takes in its `Outcome`. `Costs` learns what a kind of work takes; `failure_of` reads
-an error for the user.
+A `Schedule` has tasks that come and go. It gives each to a `Runner` when those that it needs are
+done, and takes in its `Outcome`. `run_tasks` runs those of a `Plan` to their end. `Costs` learns
+what a kind of work takes; `failure_of` reads an error for the user.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import heapq
+import itertools
 import traceback
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, dataclass, field
-from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -182,7 +183,8 @@ class Failure:
     Attributes
     ----------
     code
-        ``user_error``, ``disk_full``, ``memory``, or ``internal``: a fault of ours.
+        ``user_error``, ``disk_full``, ``memory``, ``killed``: a process was ended from outside, or
+        ``internal``: a fault of ours.
     message
         One line: what is wrong and what to do.
     trace
@@ -238,6 +240,8 @@ class Outcome:
         Machine and process that did it.
     again
         Whether it had been done before.
+    code
+        Of the failure (`Failure`); empty if it is done.
     """
 
     task: str
@@ -246,6 +250,12 @@ class Outcome:
     fault: str = ""
     worker: str = ""
     again: bool = False
+    code: str = ""
+
+    @classmethod
+    def failed(cls, task: str, failure: Failure, worker: str = "") -> Outcome:
+        """Of a task that ended with an error."""
+        return cls(task, failure.message, fault=failure.trace, worker=worker, code=failure.code)
 
 
 def outcome_of(task: Task, work: Callable[[], dict[str, Any]], worker: str = "") -> Outcome:
@@ -253,8 +263,7 @@ def outcome_of(task: Task, work: Callable[[], dict[str, Any]], worker: str = "")
     try:
         return Outcome(task.name, figures=work(), worker=worker)
     except Exception as error:
-        failure = failure_of(error)
-        return Outcome(task.name, failure.message, fault=failure.trace, worker=worker)
+        return Outcome.failed(task.name, failure_of(error), worker)
 
 
 Given = TypeVar("Given", bound=Task, contravariant=True)
@@ -311,6 +320,139 @@ class Here(Runner[AnyTask]):
         """Nothing runs any more."""
 
 
+@dataclass(eq=False)
+class _Entry(Generic[AnyTask]):
+    """A task of a schedule, as long as it has not ended."""
+
+    task: AnyTask
+    lane: str
+    place: tuple[Any, int]
+    needs: set[str]
+    begun: bool = False
+
+
+class Schedule(Generic[AnyTask]):
+    """Tasks that wait for each other and for room, and those that run.
+
+    It runs nothing by itself: `step` takes in what has ended, and gives out what can begin. All of
+    it is called from one thread.
+
+    Parameters
+    ----------
+    runner
+        Runs them; it is not closed.
+    heard
+        Called with each task when it begins, and with its outcome when it has ended.
+    lost
+        Called with each task that can't begin, and the name of the task before it that failed; it
+        may add the task again, with other needs.
+    memory
+        Bytes that a task takes.
+    lane
+        What a task stands in: tasks of one lane begin in their order, past those of another.
+    at_once
+        Tasks of a lane that run at once; by default as many as the runner takes.
+    """
+
+    def __init__(self, runner: Runner[AnyTask],
+                 heard: Callable[[AnyTask, Outcome | None], None] = lambda task, outcome: None,
+                 lost: Callable[[AnyTask, str], None] = lambda task, cause: None,
+                 memory: Callable[[AnyTask], int] = lambda task: 0,
+                 lane: Callable[[AnyTask], str] = lambda task: "",
+                 at_once: Mapping[str, int] | None = None) -> None:
+        self._runner, self._heard, self._lost = runner, heard, lost
+        self._memory, self._lane, self._at_once = memory, lane, dict(at_once or {})
+        self._entries: dict[str, _Entry[AnyTask]] = {}
+        self._followers: dict[str, list[str]] = defaultdict(list)
+        self._ready: dict[str, list[tuple[tuple[Any, int], str]]] = defaultdict(list)
+        self._running: Counter[str] = Counter()
+        self._numbers = itertools.count()
+
+    def __contains__(self, name: str) -> bool:
+        """Whether a task waits or runs."""
+        return name in self._entries
+
+    def __len__(self) -> int:
+        """Tasks that wait or run."""
+        return len(self._entries)
+
+    def add(self, task: AnyTask, place: Any = 0) -> None:
+        """A new task; its needs that neither wait nor run are done.
+
+        The lower its ``place``, the earlier it begins; of the same place the first one goes first.
+        """
+        needs = {need for need in task.needs if need in self._entries}
+        entry = _Entry(task, self._lane(task), (place, next(self._numbers)), needs)
+        self._entries[task.name] = entry
+        for need in needs:
+            self._followers[need].append(task.name)
+        self._queue(entry)
+
+    def move(self, name: str, place: Any) -> None:
+        """Give a task that waits another place."""
+        entry = self._entries[name]
+        entry.place = place, entry.place[1]
+        self._queue(entry)
+
+    def _queue(self, entry: _Entry[AnyTask]) -> None:
+        if not entry.needs and not entry.begun:
+            heapq.heappush(self._ready[entry.lane], (entry.place, entry.task.name))
+
+    def give(self) -> None:
+        """Give out what can begin now."""
+        for lane, ready in list(self._ready.items()):
+            most = self._at_once.get(lane)
+            while ready and (most is None or self._running[lane] < most):
+                place, name = ready[0]
+                entry = self._entries.get(name)
+                if entry is None or entry.begun or entry.place != place:
+                    heapq.heappop(ready)  # it has ended, or has another place
+                    continue
+                memory = self._memory(entry.task)
+                if not self._runner.fits(memory):
+                    break
+                heapq.heappop(ready)
+                entry.begun = True
+                self._running[lane] += 1
+                self._heard(entry.task, None)
+                self._runner.start(entry.task, memory)
+
+    def end(self, outcome: Outcome) -> None:
+        """Take in how a task has ended; also of one that waits and is not to begin."""
+        entry = self._entries.pop(outcome.task)
+        self._running[entry.lane] -= entry.begun
+        followers = self._followers_of(outcome.task)
+        self._heard(entry.task, outcome)
+        for follower in followers:
+            if outcome.error:
+                self._lose(follower, outcome.task)
+            else:
+                follower.needs.discard(outcome.task)
+                self._queue(follower)
+
+    def _followers_of(self, name: str) -> list[_Entry[AnyTask]]:
+        """The tasks that wait for one; those that were given up, and came again, may not."""
+        known = (self._entries.get(one) for one in self._followers.pop(name, []))
+        return [entry for entry in known if entry is not None and name in entry.needs]
+
+    def _lose(self, entry: _Entry[AnyTask], cause: str) -> None:
+        """A task can't begin, nor can those that need it."""
+        name = entry.task.name
+        if self._entries.get(name) is not entry:
+            return
+        del self._entries[name]
+        followers = self._followers_of(name)
+        self._lost(entry.task, cause)
+        for follower in followers:
+            self._lose(follower, cause)
+
+    def step(self, seconds: float = 0.0) -> None:
+        """Take in what has ended, after ``seconds`` at most, and give out what can begin."""
+        for outcome in self._runner.wait(seconds):
+            self.end(outcome)
+        self.give()
+
+
 def run_tasks(tasks: Iterable[AnyTask], runner: Runner[AnyTask],
               heard: Callable[[AnyTask, Outcome | None], None] = lambda task, outcome: None,
               memory: Callable[[AnyTask], int] = lambda task: 0) -> dict[str, str]:
@@ -332,29 +474,15 @@ def run_tasks(tasks: Iterable[AnyTask], runner: Runner[AnyTask],
     lost
         Names of the tasks that could not begin, and of the one before each that failed.
     """
-    order, failed, lost = list(tasks), set[str](), dict[str, str]()
-    place = {task.name: number for number, task in enumerate(order)}
-    graph = TopologicalSorter({task.name: [need for need in task.needs if need in place]
-                               for task in order})
-    graph.prepare()
-    ready, running = sorted(place[name] for name in graph.get_ready()), 0
-    while ready or running:
-        while ready and runner.fits(memory(order[ready[0]])):
-            task = order[heapq.heappop(ready)]
-            heard(task, None)
-            runner.start(task, memory(task))
-            running += 1
-        for outcome in runner.wait(_PATIENCE):
-            running -= 1
-            heard(order[place[outcome.task]], outcome)
-            if outcome.error:
-                failed.add(outcome.task)
-                continue
-            graph.done(outcome.task)
-            for name in graph.get_ready():
-                heapq.heappush(ready, place[name])
-    for task in order:
-        for need in task.needs:
-            if need in failed or need in lost:
-                lost[task.name] = lost.get(need, need)
+    lost: dict[str, str] = {}
+
+    def lose(task: AnyTask, cause: str) -> None:
+        lost[task.name] = cause
+
+    schedule = Schedule(runner, heard, lose, memory)
+    for task in tasks:
+        schedule.add(task)
+    schedule.give()
+    while len(schedule):
+        schedule.step(_PATIENCE)
     return lost

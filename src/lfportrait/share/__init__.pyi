@@ -1,12 +1,5 @@
-from .frames import (
-    QUILTS,
-    SECONDS,
-    DrivePlan,
-    FrameConfig,
-    QuiltName,
-    fill_drive,
-    write_quilt,
-)
+from .frames.files import SECONDS, FrameConfig, QuiltName
+from .frames.quilts import QUILTS, DrivePlan, fill_drive, write_quilt
 from .kinds import (
     Export,
     ExportConfig,
@@ -20,7 +13,7 @@ from .kinds import (
     exports,
     own_exports,
 )
-from .page import OpenPage, page_script, recolored, serve_page, write_page
+from .page.assembly import OpenPage, page_script, recolored, serve_page, write_page
 from .paths import (
     good_cone,
     orbit_cameras,

@@ -22,8 +22,7 @@ class Glb:
 
     Attributes
     ----------
-    scene
-        The JSON; `add` and `add_picture` extend it.
+    scene : The JSON; `add` and `add_picture` extend it.
     """
 
     def __init__(self, extensions: list[str]) -> None:
@@ -50,14 +49,10 @@ class Glb:
 
         Parameters
         ----------
-        values
-            uint8, uint16, uint32 or float32, [K] or [K, 2 to 4].
-        bounds
-            State the least and the largest values, as positions must.
-        indices
-            Of a mesh's corners.
-        normalized
-            Whole numbers that stand for 0 to 1.
+        values : uint8, uint16, uint32 or float32, [K] or [K, 2 to 4].
+        bounds : State the least and the largest values, as positions must.
+        indices : Of a mesh's corners.
+        normalized : Whole numbers that stand for 0 to 1.
         """
         values = np.ascontiguousarray(values)
         kind = values.dtype.str[1:]

@@ -55,14 +55,10 @@ class TexturedMesh:
 
     Attributes
     ----------
-    vertices, normals
-        float32 [V, 3].
-    places
-        float32 [V, 2], where in the picture, 0 to 1; x to the right, y down.
-    faces
-        int32 [F, 3], counter-clockwise from outside.
-    picture
-        uint8 [H, W, 3], sRGB.
+    vertices, normals : float32 [V, 3].
+    places : float32 [V, 2], where in the picture, 0 to 1; x to the right, y down.
+    faces : int32 [F, 3], counter-clockwise from outside.
+    picture : uint8 [H, W, 3], sRGB.
     """
 
     vertices: Float32
@@ -77,10 +73,8 @@ def bake_texture(field: VoxelField, mesh: Mesh) -> TexturedMesh:
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    mesh
-        Of the field (`lfportrait.field.field_mesh`), with less than 5 million faces.
+    field : In the portrait frame.
+    mesh : Of the field (`lfportrait.field.field_mesh`), with less than 5 million faces.
     """
     atlas = _atlas(field)
     chart = _charts(field, atlas, mesh)
@@ -171,17 +165,13 @@ def _pieces(colors: UInt8, width: int) -> tuple[UInt8, Float32]:
 
     Parameters
     ----------
-    colors
-        uint8 [K, 3, 3], of their corners.
-    width
-        Of the picture.
+    colors : uint8 [K, 3, 3], of their corners.
+    width : Of the picture.
 
     Returns
     -------
-    picture
-        uint8 [H, width, 3].
-    places
-        float32 [K, 3, 2], the corners' places in it.
+    picture : uint8 [H, width, 3].
+    places : float32 [K, 3, 2], the corners' places in it.
     """
     across = width // PIECE
     number = np.arange(len(colors))
@@ -298,8 +288,7 @@ def write_textured_obj(path: Path, place: Float32, normals: Float32,
 
     Returns
     -------
-    paths
-        Of the files; the mesh, which names the others, is written last.
+    paths : Of the files; the mesh, which names the others, is written last.
     """
     stem = plain_stem(path.stem)
     material, picture = path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}_texture.png")

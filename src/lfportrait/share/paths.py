@@ -178,10 +178,8 @@ def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:
 
     Parameters
     ----------
-    config
-        Frames, size and the ellipse's radii.
-    field
-        Whose extent to frame, and which may limit the turn (`VoxelField.cone`).
+    config : Frames, size and the ellipse's radii.
+    field : Whose extent to frame, and which may limit the turn (`VoxelField.cone`).
     """
     share = np.arange(config.frames) / config.frames
     wide = good_cone(field, 2 * config.sway)
@@ -213,13 +211,11 @@ def write_loop(field: VoxelField, path: Path, config: LoopConfig,
 
     Parameters
     ----------
-    field, path, config, context
-        As `lfportrait.share.Export.write` has them.
+    field, path, config, context : As `lfportrait.share.Export.write` has them.
 
     Returns
     -------
-    figures
-        ``frames``.
+    figures : ``frames``.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from typing import Any
 from starlette.responses import JSONResponse, Response
 
 from ..errors import UserError
-from ..runner import failure_of
+from ..runner import Failure, failure_of
 
 STATUS = {
     "bad_request": 400, "bad_name": 400, "no_session": 401, "refused": 403, "not_found": 404,
@@ -78,6 +78,13 @@ def failed(error: BaseException) -> Refusal:
         return Refusal("killed", "the memory is too small: close other programs, or make the field "
                        "smaller (reconstruct.max_voxels)")
     return Refusal(found.code, found.message)
+
+
+def read_error(error: BaseException) -> Failure:
+    """Any error of the studio's own processes, and where a fault of ours was."""
+    refusal = failed(error)
+    return Failure(refusal.code, refusal.message, failure_of(error).trace
+                   if refusal.code == "internal" else "")
 
 
 def _wrong(field: str, words: str) -> Refusal:

@@ -63,17 +63,14 @@ def batch_file(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    desk
-        The studio.
-    data
-        ``projects``, ``styles`` and ``displays``, ids each; ``versions``: sitters in the style of a
-        version, in its strength and with the regions that it keeps.
+    desk : The studio.
+    data : ``projects``, ``styles`` and ``displays``, ids each; ``versions``: sitters in the style
+        of a version, in its strength and with the regions that it keeps.
 
     Returns
     -------
-    answer
-        ``file``, its ``text``, the ``command`` that takes it, the folder ``out`` of its results,
-        and ``notes``: what of the versions a batch can't do.
+    answer : ``file``, its ``text``, the ``command`` that takes it, the folder ``out`` of its
+        results, and ``notes``: what of the versions a batch can't do.
     """
     folder = desk.projects.folder
     projects = {one: desk.projects.get(one) for one in _words(data, "projects")}
@@ -130,8 +127,7 @@ class _Styles:
 
     Parameters
     ----------
-    folder
-        Of the file.
+    folder : Of the file.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -178,15 +174,12 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    desk
-        The studio.
-    data
-        ``versions``: pairs of a project and a version; ``title``.
+    desk : The studio.
+    data : ``versions``: pairs of a project and a version; ``title``.
 
     Returns
     -------
-    answer
-        ``file``, its ``text``, which is the ``command``, and the ``page`` that it makes.
+    answer : ``file``, its ``text``, which is the ``command``, and the ``page`` that it makes.
     """
     pairs = _versions(desk, data)
     if len(pairs) < 2:

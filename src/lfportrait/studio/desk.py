@@ -41,8 +41,7 @@ class Desk:
 
     Parameters
     ----------
-    folder
-        Of the projects.
+    folder : Of the projects.
     """
 
     def __init__(self, folder: Path) -> None:

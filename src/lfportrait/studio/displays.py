@@ -33,12 +33,9 @@ class Panel:
 
     Attributes
     ----------
-    id, kind
-        ``preset`` or ``file``.
-    display
-        Its parameters.
-    path
-        Its file; None for a preset.
+    id, kind : ``preset`` or ``file``.
+    display : Its parameters.
+    path : Its file; None for a preset.
     """
 
     id: str
@@ -192,19 +189,14 @@ def corrected(display: Display, step: str, answer: dict[str, Any],
 
     Parameters
     ----------
-    display
-        As it is.
-    step
-        ``slant``, ``views`` or ``fringe``.
-    answer
-        What is seen.
-    seen
-        What was counted before at this step; empty at first.
+    display : As it is.
+    step : ``slant``, ``views`` or ``fringe``.
+    answer : What is seen.
+    seen : What was counted before at this step; empty at first.
 
     Returns
     -------
-    display, next, said, seen
-        ``next``: the step to go on with, or None.
+    display, next, said, seen : ``next``: the step to go on with, or None.
     """
     if step == "fringe":
         if choice(answer, "edges", ("clean", "colored")) == "clean":

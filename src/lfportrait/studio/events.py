@@ -1,4 +1,4 @@
-"""What the server hears and says: processes of its own, heard in its loop, and events for the page.
+"""Events for the page, and the processes that they tell of.
 
 Events are server-sent lines, numbered, replayed to a page that comes back.
 """
@@ -6,7 +6,6 @@ Events are server-sent lines, numbered, replayed to a page that comes back.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import threading
 from collections import deque
@@ -14,8 +13,8 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+from .. import runner
 from ..models import OFFLINE
-from ..runner import processes
 
 _KEPT = 1000
 _WAITING = 500
@@ -103,8 +102,8 @@ class Events:
             page.put_nowait(None)
 
 
-class Child(processes.Child):
-    """A process that has a group of its own, from now on.
+class Child(runner.Child):
+    """A process that has a group of its own: it is paused and ended with all that it has started.
 
     Parameters
     ----------
@@ -118,28 +117,3 @@ class Child(processes.Child):
 
     def __init__(self, entry: str, log: Path, *, offline: bool = True) -> None:
         super().__init__(entry, log, {OFFLINE: "1"} if offline else {}, group=True)
-        self._messages: asyncio.Queue[Any] = asyncio.Queue()
-        loop = asyncio.get_running_loop()
-
-        def heard(message: Any) -> None:
-            with contextlib.suppress(RuntimeError):  # the loop has ended
-                loop.call_soon_threadsafe(self._messages.put_nowait, message)
-
-        self.listen(heard)
-
-    async def tell(self, message: Any) -> None:
-        """Send it a message; what it can't read any more is lost, and `hear` says so."""
-        with contextlib.suppress(OSError):
-            await asyncio.to_thread(self.send, message)
-
-    async def hear(self) -> Any:
-        """Its next message; None when it has ended."""
-        message = await self._messages.get()
-        if message is None:
-            await self.end()
-        return message
-
-    async def end(self) -> None:
-        """Kill it and all that it has started, and wait for its end."""
-        self.kill()
-        await asyncio.to_thread(self.close)

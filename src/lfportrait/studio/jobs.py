@@ -1,7 +1,8 @@
 """The queue of jobs: heavy ones one after the other, light ones beside them, each a process.
 
-All of it runs in the server's loop. A process tells what it does (`lfportrait.studio.work`); when
-it ends without a word it was killed, and the job says so and can go on where its last stage ended.
+A job is one task of a schedule (`lfportrait.runner`), which runs it; here is only what is known of
+it, and what the page asks for. All of it is in the server's loop. A job's process tells what it
+does (`lfportrait.studio.work`); one that was killed can go on where its last stage ended.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ import contextlib
 import secrets
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
-from ..runner import Costs, Need
-from .answers import Refusal
+from ..runner import Costs, Failure, Need, Outcome, Schedule, Task, Workers
+from .answers import Refusal, read_error
 from .events import Child, Events
 
 ENDED = ("done", "failed", "cancelled")
@@ -213,6 +214,8 @@ _KEPT = 100
 _LIGHT = 2
 """Light jobs that run at once."""
 _NOTES = 20
+_KILLED = Failure("killed", "the job's process was ended from outside, as it happens where memory "
+                  "is short: close other programs, then let it go on; what is finished is kept")
 
 OrderMaker = Callable[[JobState], Any]
 """Makes what a job's process is sent; raises a `Refusal` where something is missing."""
@@ -242,9 +245,15 @@ class Jobs:
         folder.mkdir(parents=True, exist_ok=True)
         self.jobs: dict[str, JobState] = {job.id: job for job in load_jobs(folder)}
         self._costs = Costs(file=folder / "costs.json")
-        self._children: dict[str, Child] = {}
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._closing = False
+        self._runner = Workers[Task](
+            1 + _LIGHT, self._process, lambda task: order(self.jobs[task.name]), _KILLED,
+            stay=False, said=self._hear, read=read_error, wake=self._wake)
+        self._children = self._runner.children
+        self._schedule = Schedule(
+            self._runner, self._heard, self._lost,
+            lane=lambda task: "heavy" if self.jobs[task.name].heavy else "light",
+            at_once={"heavy": 1, "light": _LIGHT})
+        self._loop: asyncio.AbstractEventLoop | None = None  # while it runs
         self._places: dict[str, int] = {}  # that the pages know
 
     # -- asked by the page ------------------------------------------------------------------------
@@ -281,7 +290,7 @@ class Jobs:
         self.jobs[job.id] = job
         self._keep(job)
         self._forget()
-        self._pump()
+        self._submit(job)
         return job
 
     def waits(self, job: JobState) -> bool:
@@ -294,10 +303,11 @@ class Jobs:
         if job.over:
             return
         job.state, job.ended = "cancelled", round(time.time(), 3)
-        child = self._children.pop(job.id, None)
+        child = self._runner.stop(job.id)
         if child is not None:
-            await child.end()
-        self._settle(job)
+            await asyncio.to_thread(child.close)
+        self._schedule.end(Outcome(job.id, "it was cancelled"))
+        self._schedule.give()
 
     def pause(self, job: JobState) -> None:
         """Stop a job where it is; its memory stays, and the next one does not begin."""
@@ -321,12 +331,12 @@ class Jobs:
             job.state = "running"
             child.pause(False)
             self._keep(job)
-        elif job.state in ("failed", "cancelled", "stopped"):
+        elif job.state in ("failed", "cancelled") and job.id not in self._schedule:
             self._order(job)
             job.state, job.error, job.ended, job.notes = "waiting", None, None, []
             job.stages = [StageState(one.name, need=one.need) for one in job.stages]
             self._keep(job)
-            self._pump()
+            self._submit(job)
         else:
             raise Refusal("busy", "this job runs or waits already")
 
@@ -341,6 +351,7 @@ class Jobs:
         times = sorted(one.created for one in waiting)
         for one, created in zip(waiting, times, strict=True):
             one.created = created
+            self._schedule.move(one.id, created)
         self.jobs = {one.id: one for one in (*others, *waiting)}
         for one in waiting:
             self._keep(one)
@@ -366,73 +377,66 @@ class Jobs:
 
     def start(self) -> None:
         """Go on with what an earlier run of the server left."""
-        for job in self.jobs.values():
-            if job.state == "stopped":
-                job.state = "waiting"
-        self._pump()
+        self._loop = asyncio.get_running_loop()
+        left = [job for job in self.jobs.values() if not job.over]
+        for job in sorted(left, key=self.waits):  # after those that they wait for
+            job.state = "waiting"
+            self._submit(job, give=False)
+        self._schedule.give()
 
     async def close(self) -> None:
         """End all processes; what ran goes on with the next run of the server."""
-        self._closing = True
-        for name, child in list(self._children.items()):
+        self._loop = None
+        for name in self._children:
             self.jobs[name].state = "stopped"
             self._keep(self.jobs[name])
-            await child.end()
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.to_thread(self._runner.close)
 
-    def _pump(self) -> None:
-        """Begin what can begin."""
-        if self._closing:
-            return
-        active = [job for job in self.jobs.values() if job.state in ("running", "paused")]
-        heavy = any(job.heavy for job in active)
-        light = sum(not job.heavy for job in active)
-        for job in list(self.jobs.values()):
-            if job.state != "waiting" or self.waits(job) or (
-                    heavy if job.heavy else light >= _LIGHT):
-                continue
-            heavy, light = heavy or job.heavy, light + (not job.heavy)
-            job.state = "running"
-            task = asyncio.get_running_loop().create_task(self._run(job))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+    def _submit(self, job: JobState, *, give: bool = True) -> None:
+        """Have a job run when its turn comes."""
+        needs = () if job.after is None else (job.after,)
+        self._schedule.add(Task(job.id, job.kind, "", (), "", needs), job.created)
+        if give:
+            self._schedule.give()
 
-    async def _run(self, job: JobState) -> None:
-        """One job from its process's begin to its end."""
-        job.started = job.started or round(time.time(), 3)
-        try:
-            order = self._order(job)
-            child = Child(self.ENTRY, self._folder / f"{job.id}.log",
-                          offline=job.kind != "networks")
-        except (Refusal, UserError, OSError) as error:
-            self._fail(job, getattr(error, "code", "user_error"), str(error))
-            self._settle(job)
+    def _process(self, task: Task) -> Child:
+        return Child(self.ENTRY, self._folder / f"{task.name}.log",
+                     offline=task.stage != "networks")
+
+    def _wake(self) -> None:
+        """Take in what processes say, in the server's loop."""
+        loop = self._loop
+        if loop is not None:
+            with contextlib.suppress(RuntimeError):  # it has ended
+                loop.call_soon_threadsafe(self._take_in)
+
+    def _take_in(self) -> None:
+        if self._loop is not None:
+            self._schedule.step()
+
+    def _lost(self, task: Task, _: str) -> None:
+        """What a job waited for was not done: it begins, and says what it lacks."""
+        self._schedule.add(replace(task, needs=()), self.jobs[task.name].created)
+
+    def _heard(self, task: Task, outcome: Outcome | None) -> None:
+        """A job begins, or has ended."""
+        job = self.jobs.get(task.name)
+        if job is None:  # it was cancelled and taken from the list
             return
-        self._children[job.id] = child
+        if outcome is None:
+            job.state, job.started = "running", job.started or round(time.time(), 3)
+        elif job.state != "cancelled" and outcome.error:
+            self._fail(job, outcome.code, outcome.error)
+        elif job.state != "cancelled":
+            job.state, job.result, job.ended = "done", outcome.figures, round(time.time(), 3)
+        for one in job.stages:
+            if job.over and one.state == "running":
+                one.state, one.seconds = "waiting", round(time.time() - one.begun, 1)
         self._keep(job)
-        await child.tell(order)
-        while (message := await child.hear()) is not None:
-            if self._children.get(job.id) is child:
-                self._hear(job, message[0], message[1:])
-            if job.over:
-                break
-        child.kill()
-        if self._children.get(job.id) is child:  # else it was cancelled, and may run again already
-            del self._children[job.id]
-            if job.state in ("running", "paused"):
-                self._fail(job, "killed", "the job's process was ended from outside, as it happens "
-                           "where memory is short: close other programs, then let it go on; what "
-                           "is finished is kept")
-            if not self._closing:
-                self._settle(job)
-        await child.end()
 
-    def _hear(self, job: JobState, kind: str, facts: tuple[Any, ...]) -> None:
+    def _hear(self, task: Task, message: tuple[Any, ...]) -> None:
         """A message of a job's process."""
-        if job.over or job.state == "stopped":
-            return
+        job, kind, facts = self.jobs[task.name], message[0], message[1:]
         if kind == "progress":
             self._progress(job, *facts)
             return
@@ -447,14 +451,9 @@ class Jobs:
         elif kind == "note":
             if facts[0] not in job.notes:
                 job.notes = [*job.notes, facts[0]][-_NOTES:]
-        elif kind == "end":
-            job.state, job.result, job.ended = "done", facts[0], round(time.time(), 3)
-        elif kind == "failed":
-            self._fail(job, facts[0], facts[1])
         else:
             self._stage(job, kind, job.stage(facts[0]), facts)
-        if not job.over:
-            self._keep(job)
+        self._keep(job)
 
     def _stage(self, job: JobState, kind: str, stage: StageState, facts: tuple[Any, ...]) -> None:
         if kind == "begin":
@@ -488,14 +487,6 @@ class Jobs:
         for one in job.stages:
             if one.state == "running":
                 one.state, one.seconds = "failed", round(time.time() - one.begun, 1)
-
-    def _settle(self, job: JobState) -> None:
-        """A job has ended."""
-        for one in job.stages:
-            if one.state == "running":
-                one.state, one.seconds = "waiting", round(time.time() - one.begun, 1)
-        self._keep(job)
-        self._pump()
 
     def _keep(self, job: JobState) -> None:
         """Write a job's state, and tell it; a full disk only loses the file."""

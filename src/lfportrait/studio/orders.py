@@ -42,26 +42,18 @@ class Order:
 
     Attributes
     ----------
-    kind
-        ``head``, ``fine``, ``check``, ``export`` or ``networks``.
-    pictures
-        Folder for the stages' pictures.
-    folder, job, source
-        The project's, the job's (`lfportrait make --out`), and what the capture is made of.
-    demo
-        Whether the built-in head is to be photographed first.
-    options
-        ``quick``, and ``parameters`` by their dotted names.
-    display
-        A preset's name or a display file.
-    style, style_id, name
-        The painting (a picture or a built-in name), its id, and the project's name.
-    version
-        Folder of the version.
-    mix
-        Arguments of `lfportrait.stylize.StyledField.mix`.
-    more
-        What else the kind needs.
+    kind : ``head``, ``fine``, ``check``, ``export`` or ``networks``.
+    pictures : Folder for the stages' pictures.
+    folder, job, source : The project's, the job's (`lfportrait make --out`), and what the capture
+        is made of.
+    demo : Whether the built-in head is to be photographed first.
+    options : ``quick``, and ``parameters`` by their dotted names.
+    display : A preset's name or a display file.
+    style, style_id, name : The painting (a picture or a built-in name), its id, and the project's
+        name.
+    version : Folder of the version.
+    mix : Arguments of `lfportrait.stylize.StyledField.mix`.
+    more : What else the kind needs.
     """
 
     kind: str

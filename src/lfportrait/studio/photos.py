@@ -322,14 +322,10 @@ class Uploads:
 
         Parameters
         ----------
-        project, number
-            Of the upload, as `announce` said.
-        offset
-            Where the bytes begin.
-        length
-            How many will come.
-        body
-            The bytes.
+        project, number : Of the upload, as `announce` said.
+        offset : Where the bytes begin.
+        length : How many will come.
+        body : The bytes.
         """
         upload = self._taken(project, number)
         try:

@@ -17,6 +17,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
+from ..runner import Failure, Outcome, Schedule, Task, Workers
 from .answers import Refusal
 from .events import Child, Events
 
@@ -35,14 +36,18 @@ class Turn(IntEnum):
     """Pictures that fill a gallery."""
 
 
+_LOST = Failure("preview_lost", "the preview's process was ended from outside, as it happens where "
+                "memory is short; it starts again with the next preview")
+
+
 @dataclass(eq=False)
 class _Question:
-    number: int
     name: str
     facts: dict[str, Any]
     slot: str
     turn: Turn
     answer: asyncio.Future[Any] = field(repr=False)
+    waits: bool = True
 
 
 class Previews:
@@ -58,10 +63,14 @@ class Previews:
 
     def __init__(self, log: Path, events: Events) -> None:
         self._log, self._events = log, events
-        self._waiting: list[_Question] = []
+        self._questions: dict[str, _Question] = {}
         self._numbers = itertools.count(1)
         self._child: Child | None = None
-        self._task: asyncio.Task[None] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None  # from the first question on
+        self._runner = Workers[Task](
+            1, self._process, lambda task: self._asked(task.name), _LOST, wake=self._wake,
+            read=lambda error: Failure("preview_lost", f"the preview failed: {error}; try again"))
+        self._schedule = Schedule(self._runner, self._heard)
 
     @property
     def process(self) -> int:
@@ -71,7 +80,7 @@ class Previews:
     @property
     def busy(self) -> bool:
         """Whether questions are being answered."""
-        return self._task is not None and not self._task.done()
+        return len(self._schedule) > 0
 
     async def ask(self, name: str, facts: dict[str, Any], slot: str = "",
                   turn: Turn | None = None,
@@ -98,80 +107,67 @@ class Previews:
         if turn is None:
             turn = Turn.NOW if slot else Turn.NEXT
         if slot:
-            for old in [one for one in self._waiting if one.slot == slot]:
-                self._drop(old, "a newer preview was asked for")
-        if sum(one.turn == turn for one in self._waiting) >= _MOST:
+            for number, old in list(self._questions.items()):
+                if old.slot == slot:
+                    self._drop(number, "a newer preview was asked for")
+        if sum(one.waits and one.turn == turn for one in self._questions.values()) >= _MOST:
             raise Refusal("busy", "too many previews wait; try again in a moment")
-        question = _Question(next(self._numbers), name, facts, slot, turn,
-                             asyncio.get_running_loop().create_future())
-        self._waiting.append(question)
-        if self._task is None or self._task.done():
-            self._task = asyncio.get_running_loop().create_task(self._work())
-        watch = None if gone is None else asyncio.ensure_future(self._watched(question, gone))
+        self._loop = asyncio.get_running_loop()
+        number, answer = str(next(self._numbers)), self._loop.create_future()
+        self._questions[number] = _Question(name, facts, slot, turn, answer)
+        self._schedule.add(Task(number, name, "", (), "", ()), turn)
+        self._schedule.give()
+        watch = None if gone is None else asyncio.ensure_future(self._watched(number, gone))
         try:
-            return await question.answer
+            return await answer
         finally:
+            self._drop(number, "")  # its request was cancelled
             if watch is not None:
                 watch.cancel()
                 with contextlib.suppress(asyncio.CancelledError):
                     await watch
 
-    async def _watched(self, question: _Question, gone: Callable[[], Awaitable[None]]) -> None:
+    async def _watched(self, number: str, gone: Callable[[], Awaitable[None]]) -> None:
         """Drop a question when nobody waits for its answer."""
         await gone()
-        self._drop(question, "the page that asked has gone")
+        self._drop(number, "the page that asked has gone")
 
-    def _drop(self, question: _Question, why: str) -> None:
+    def _drop(self, number: str, why: str) -> None:
         """Do not ask a question that still waits."""
-        if question in self._waiting:
-            self._waiting.remove(question)
-            _refuse(question, Refusal("busy", why))
+        if number in self._questions and self._questions[number].waits:
+            self._schedule.end(Outcome.failed(number, Failure("busy", why)))
 
-    async def _work(self) -> None:
-        """Ask what waits, one after the other."""
-        while self._waiting:
-            question = min(self._waiting, key=lambda one: (one.turn, one.number))
-            self._waiting.remove(question)
-            if question.answer.done():  # its request was cancelled
-                continue
-            try:
-                await self._asked(question)
-            except Refusal as refusal:
-                _refuse(question, refusal)
-            except Exception as error:
-                _refuse(question, Refusal("preview_lost", f"the preview failed: {error}; try "
-                                          "again"))
+    def _process(self, _: Task) -> Child:
+        self._child = Child("lfportrait.studio.work.resident:serve", self._log)
+        return self._child
 
-    async def _asked(self, question: _Question) -> None:
-        if self._child is None or not self._child.alive:
-            if self._child is not None:
-                await self._child.end()
-            self._child = Child("lfportrait.studio.work.resident:serve", self._log)
-        await self._child.tell((question.number, question.name, question.facts))
-        message = await self._child.hear()
-        if message is None:
-            text = ("the preview's process was ended from outside, as it happens where memory is "
-                    "short; it starts again with the next preview")
-            self._events.tell("notice", {"code": "preview_lost", "message": text})
-            raise Refusal("preview_lost", text)
-        _, code, found = message
-        if code != "ok":
-            raise Refusal(code, found)
-        if not question.answer.done():
-            question.answer.set_result(found)
+    def _asked(self, number: str) -> tuple[str, dict[str, Any]]:
+        return self._questions[number].name, self._questions[number].facts
+
+    def _wake(self) -> None:
+        """Take in what the process says, in the server's loop."""
+        if self._loop is not None:
+            with contextlib.suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._schedule.step)
+
+    def _heard(self, task: Task, outcome: Outcome | None) -> None:
+        """A question is asked, or was answered."""
+        if outcome is None:
+            self._questions[task.name].waits = False
+            return
+        answer = self._questions.pop(task.name).answer
+        if outcome.error == _LOST.message:
+            self._events.tell("notice", {"code": _LOST.code, "message": _LOST.message})
+        if answer.done():
+            return
+        if outcome.code:
+            answer.set_exception(Refusal(outcome.code, outcome.error))
+        else:
+            answer.set_result(outcome.figures)
 
     async def close(self) -> None:
         """End the process."""
-        for question in self._waiting:
-            _refuse(question, Refusal("preview_lost", "the studio ends"))
-        self._waiting.clear()
-        if self._child is not None:
-            await self._child.end()
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-
-
-def _refuse(question: _Question, refusal: Refusal) -> None:
-    if not question.answer.done():
-        question.answer.set_exception(refusal)
+        for number in list(self._questions):
+            self._schedule.end(Outcome.failed(number, Failure(
+                "preview_lost", "the studio ends")))
+        await asyncio.to_thread(self._runner.close)

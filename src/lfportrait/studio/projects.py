@@ -57,8 +57,7 @@ class Project:
 
     Parameters
     ----------
-    folder
-        The folder.
+    folder : The folder.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -178,8 +177,7 @@ class Projects:
 
     Parameters
     ----------
-    folder
-        The folder; made if it does not exist.
+    folder : The folder; made if it does not exist.
 
     Raises
     ------

@@ -53,12 +53,9 @@ class Style:
 
     Attributes
     ----------
-    id, kind
-        ``builtin``, ``mine`` or ``project``.
-    name
-        For people: the file's name without its ending, or the built-in one.
-    path
-        The picture; None for a built-in style.
+    id, kind : ``builtin``, ``mine`` or ``project``.
+    name : For people: the file's name without its ending, or the built-in one.
+    path : The picture; None for a built-in style.
     """
 
     id: str
@@ -261,12 +258,9 @@ def write_picture(source: Path | UInt8, size: int, target: Path) -> None:
 
     Parameters
     ----------
-    source
-        The file, or uint8 [H, W, 3 or 4].
-    size
-        0: as large as a browser shows it well.
-    target
-        Its file, of the kind that its name says.
+    source : The file, or uint8 [H, W, 3 or 4].
+    size : 0: as large as a browser shows it well.
+    target : Its file, of the kind that its name says.
     """
     image = read_image(source) if isinstance(source, Path) else source
     picture = Image.fromarray(np.ascontiguousarray(image[..., :3]))
@@ -280,12 +274,9 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
 
     Parameters
     ----------
-    style
-        The painting.
-    data
-        A PNG whose values are places in `BY_HAND`.
-    size
-        Width and height that it must have.
+    style : The painting.
+    data : A PNG whose values are places in `BY_HAND`.
+    size : Width and height that it must have.
     """
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:

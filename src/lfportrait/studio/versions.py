@@ -29,10 +29,8 @@ class Version:
 
     Attributes
     ----------
-    id, folder
-        Of the version.
-    data
-        What ``version.json`` holds: ``name``, ``created``, ``style`` (its id), ``mix``, ``fine``
+    id, folder : Of the version.
+    data : What ``version.json`` holds: ``name``, ``created``, ``style`` (its id), ``mix``, ``fine``
         (stamp of what was made fine).
     """
 
@@ -226,17 +224,13 @@ def mix_arguments(mix: dict[str, Any], style: str, name_of: Callable[[str], str]
 
     Parameters
     ----------
-    mix
-        As `checked_mix` gives it.
-    style
-        Id of the style of everything else.
-    name_of
-        Of a style's id: what the commands call ``--style``.
+    mix : As `checked_mix` gives it.
+    style : Id of the style of everything else.
+    name_of : Of a style's id: what the commands call ``--style``.
 
     Returns
     -------
-    arguments, styles
-        The styles by the names that the arguments use.
+    arguments, styles : The styles by the names that the arguments use.
     """
     others = {one: name_of(one) for one in styles_of(mix) if one != style}
     found = dict(mix)

@@ -18,9 +18,7 @@ import tyro
 
 from ..arrays import Float32
 from ..errors import UserError
-from ..example import SkinConfig, TransferConfig
-from ..example.skin import PIXELS
-from ..example.worn import Wear
+from ..example import SKIN_PIXELS, SkinConfig, TransferConfig, Wear
 from ..plugins import Choice, chosen, offered
 
 if TYPE_CHECKING:
@@ -131,7 +129,7 @@ class StylizeConfig:
     comparison, with their own parameters (docs/methods.md)."""
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
-    pixels: float = PIXELS
+    pixels: float = SKIN_PIXELS
     """On the skin: resolution in pixels per world unit (a head is about 1.5 high), 32 to 1024."""
     guide: Literal["surface", "view"] = "view"
     """Guide of painted views: from the landmarks in each view (paper), or anchored to the

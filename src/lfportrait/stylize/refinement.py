@@ -30,8 +30,7 @@ from ..arrays import Float32
 from ..capture import Capture
 from ..device import TorchDevice, device_name, torch_device
 from ..errors import UserError
-from ..example import Exemplar, Painting, Skin, SurfaceGuide, Transfer
-from ..example.skin import rehearse_painting
+from ..example import Exemplar, Painting, Skin, SurfaceGuide, Transfer, rehearse_painting
 from ..field import VoxelField
 from ..files import write_image
 from ..progress import Progress

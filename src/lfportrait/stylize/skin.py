@@ -33,8 +33,7 @@ from ..arrays import Bool, Float32, Float64, Int32, UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture
 from ..errors import UserError
-from ..example import Painting, Skin
-from ..example.skin import as_stored, load_skin, save_skin, skin_key
+from ..example import Painting, Skin, as_stored, load_skin, save_skin, skin_key
 from ..field import C0, SampleWeights, SurfaceTexture, VoxelField
 from .config import check_pixels
 from .fit import ColorModel, StyleView

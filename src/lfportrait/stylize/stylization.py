@@ -26,9 +26,17 @@ from ..arrays import Float32
 from ..capture import Capture
 from ..device import check_device, torch_device
 from ..errors import UserError
-from ..example import Exemplar, Painting, Skin, SkinPainter, asked_lids, closed_words, known_ground
-from ..example.skin import canvas_of
-from ..example.worn import not_worn
+from ..example import (
+    Exemplar,
+    Painting,
+    Skin,
+    SkinPainter,
+    asked_lids,
+    canvas_of,
+    closed_words,
+    known_ground,
+    not_worn,
+)
 from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..files import write_image
 from ..labels import PICTURE_LABELS

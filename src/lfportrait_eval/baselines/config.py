@@ -181,13 +181,10 @@ class Painted:
 
     Attributes
     ----------
-    image
-        float32 [H, W, 3] in [0, 1].
-    seconds
-        ``precalculation_seconds`` (once per style), ``guides_seconds`` and ``synthesis_seconds``
-        (per picture).
-    pictures
-        Intermediates by name, uint8 or float in [0, 1].
+    image : float32 [H, W, 3] in [0, 1].
+    seconds : ``precalculation_seconds`` (once per style), ``guides_seconds`` and
+        ``synthesis_seconds`` (per picture).
+    pictures : Intermediates by name, uint8 or float in [0, 1].
     """
 
     image: Float32

@@ -114,18 +114,13 @@ def flood(red, green, appearance, style_red, style_green, style_appearance, seed
 
     Parameters
     ----------
-    red, green, appearance
-        int32 [H, W], guides of the target.
-    style_red, style_green, style_appearance
-        int32 [w], [h], [h, w], guides of the exemplar.
-    seeds
-        int32 [H, W], flat exemplar index that a pixel takes if it becomes a seed.
-    box
-        (left, top, right, bottom): where seeds are set; chunks may grow out of it.
-    place, look, threshold
-        Weights of the error, and its limit in a chunk. A seed itself is always accepted.
-    out
-        int32 [H, W], filled with flat exemplar indices; `NOWHERE` where no chunk has come.
+    red, green, appearance : int32 [H, W], guides of the target.
+    style_red, style_green, style_appearance : int32 [w], [h], [h, w], guides of the exemplar.
+    seeds : int32 [H, W], flat exemplar index that a pixel takes if it becomes a seed.
+    box : (left, top, right, bottom): where seeds are set; chunks may grow out of it.
+    place, look, threshold : Weights of the error, and its limit in a chunk. A seed itself is always
+        accepted.
+    out : int32 [H, W], filled with flat exemplar indices; `NOWHERE` where no chunk has come.
     """
     height, width = red.shape
     style_height, style_width = style_appearance.shape

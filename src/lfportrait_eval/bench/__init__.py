@@ -2,8 +2,15 @@
 
 from .encode import bench_masks, bench_print
 from .jobs import bench_jobs, job_tables
-from .measured import read_measured, record
-from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
+from .run import (
+           BENCHES,
+           bench,
+           bench_encode,
+           bench_reconstruct,
+           bench_stylize,
+           read_measured,
+           record,
+)
 from .transfer import METHODS, bench_transfer, transfer_table
 
 __all__ = [

@@ -253,10 +253,9 @@ def device_figures(field: VoxelField, display: Display, config: EncodeConfig,
 
     Returns
     -------
-    figures
-        ``device_seconds`` of coding, the field being there; ``shade_seconds`` of evaluating its
-        colors for the views; ``copy_seconds``: the floor, a copy of as many bytes as the field and
-        the picture have, within the device's memory.
+    figures : ``device_seconds`` of coding, the field being there; ``shade_seconds`` of evaluating
+        its colors for the views; ``copy_seconds``: the floor, a copy of as many bytes as the field
+        and the picture have, within the device's memory.
     """
     process = gpu_process(adapter)
     config = composed(field, display, config)

@@ -18,12 +18,9 @@ def random_lines(since, until, table, count, out):
 
     Parameters
     ----------
-    table
-        float32 [16 * K], K a power of two.
-    count
-        Lines a worker reads.
-    out
-        float32 [workers, 16], the sums of what was read.
+    table : float32 [16 * K], K a power of two.
+    count : Lines a worker reads.
+    out : float32 [workers, 16], the sums of what was read.
     """
     mask = np.uint64(len(table) // 16 - 1)
     for worker in range(since, until):
@@ -43,12 +40,9 @@ def multiply_adds(since, until, count, factor, out):
 
     Parameters
     ----------
-    count
-        Rounds.
-    factor
-        float32, what the values are multiplied with.
-    out
-        float32 [workers, 16], the sums.
+    count : Rounds.
+    factor : float32, what the values are multiplied with.
+    out : float32 [workers, 16], the sums.
     """
     for worker in range(since, until):
         scale, more = _floats(factor), _floats(np.float32(1e-3))

@@ -2,12 +2,28 @@
 
 A first call compiles the kernels or loads them from the cache; it is made before the clock starts.
 Times depend on the machine and on what else runs on it: compare the ratios of one run.
+
+A file of measured figures says what was measured, on which machine, from which commit, and when.
+``docs/measured.json`` of the repository is such a file; the page of benchmarks, and the tables of
+other documents, are written from it (``scripts/make_benchmarks.py``). It has two parts:
+
+- ``runs``: by name, the conditions of one measurement: ``command``, ``machine`` (`measure.machine`:
+  ``processor``, ``cores``, ...), ``vectors`` (the instructions that kernels were compiled for),
+  ``commit`` and ``date``.
+- ``figures``: by name, such as ``encode.4k.seconds``, ``[value, run]``. The name's last part is the
+  quantity, from which its unit follows: ``seconds``, ``psnr`` (dB), ``ssim``, ``peak_memory_bytes``
+  and other numbers.
+
+`record` adds a run's figures to a file, and drops runs that no figure comes from any more.
 """
 
 from __future__ import annotations
 
+import datetime
+import json
+import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,15 +31,18 @@ from typing import Any
 import numba
 import numpy as np
 
+from lfportrait import __version__
 from lfportrait.arrays import UInt8
 from lfportrait.capture import Camera, Capture
 from lfportrait.device import gpu_adapter
+from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
-from lfportrait.files import write_image
+from lfportrait.files import atomic_write, read_json, write_image
 from lfportrait.gpu import GpuProcess, gpu_process
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
+from lfportrait.simd.host import vector_unit
 from lfportrait.stylize import StylizeConfig
 
 from .encode import bench_encode, bench_print
@@ -267,19 +286,14 @@ def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, acr
 
     Parameters
     ----------
-    curves
-        Name and points (x, y) of each curve.
-    across, up
-        What the axes show, with units.
-    title
-        Line above the plot.
-    size
-        Width and height in pixels.
+    curves : Name and points (x, y) of each curve.
+    across, up : What the axes show, with units.
+    title : Line above the plot.
+    size : Width and height in pixels.
 
     Returns
     -------
-    picture
-        uint8 [H, W, 3].
+    picture : uint8 [H, W, 3].
     """
     # Here: a third of a second, for one option of one command.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -307,8 +321,7 @@ def machine_rates(megabytes: int = 512) -> dict[str, float]:
 
     Parameters
     ----------
-    megabytes
-        Size of the table that lines are read from, a power of two far above the caches.
+    megabytes : Size of the table that lines are read from, a power of two far above the caches.
     """
     workers = numba.get_num_threads()
     table = np.ones(megabytes * 2 ** 18, np.float32)
@@ -334,20 +347,15 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
 
     Parameters
     ----------
-    rates
-        Of `machine_rates`.
-    samples
-        Samples of a ray that take light.
-    rows
-        Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
+    rates : Of `machine_rates`.
+    samples : Samples of a ray that take light.
+    rows : Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
         must come from memory to be seen, and come and go when its record is taken up.
-    width
-        Values of a lattice point's row, 4 bytes each.
+    width : Values of a lattice point's row, 4 bytes each.
 
     Returns
     -------
-    figures
-        ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
+    figures : ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
         ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
     """
     lines = rows * 3.0 * width * 4.0 / 64.0
@@ -366,19 +374,106 @@ def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dic
 
     Parameters
     ----------
-    process
-        The device's process.
-    rays
-        Rays of a step.
-    rows, width
-        As for `training_floor`.
+    process : The device's process.
+    rays : Rays of a step.
+    rows, width : As for `training_floor`.
 
     Returns
     -------
-    figures
-        ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied within
-        the device's memory, each read or written once.
+    figures : ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied
+        within the device's memory, each read or written once.
     """
     moved = rows * 3.0 * width * 4.0
     seconds = process.call("lfportrait.gpu.device:copy_seconds", int(rays * moved / 2.0))
     return {"rows_per_ray": rows, "bytes_per_ray": moved, "rays_per_second": rays / seconds}
+
+
+_CONDITIONS = ("machine", "vectors", "device", "failed", "repeats", "files", "stages", "totals")
+"""Entries of a run's figures that are no figures of what was measured."""
+
+
+def flat_figures(figures: Mapping[str, Any], prefix: str = "") -> dict[str, int | float]:
+    """Numbers of nested figures by dotted names; lists and texts are left out."""
+    rows: dict[str, int | float] = {}
+    for name, value in figures.items():
+        if name in _CONDITIONS:
+            continue
+        if isinstance(value, Mapping):
+            rows.update(flat_figures(value, f"{prefix}{name}."))
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            rows[prefix + name] = value
+    return rows
+
+
+def commit_of_checkout() -> str:
+    """The commit of the checkout that this package runs from; a package's version elsewhere."""
+    try:
+        done = subprocess.run(["git", "-C", str(Path(__file__).parent), "rev-parse", "--short=7",
+                               "HEAD"], capture_output=True, text=True, check=True, timeout=20)
+    except (OSError, subprocess.SubprocessError):
+        return __version__
+    return done.stdout.strip()
+
+
+def read_measured(path: Path) -> dict[str, Any]:
+    """The file's content, or an empty one where there is none.
+
+    Raises
+    ------
+    UserError
+        If it is no such file.
+    """
+    if not path.exists():
+        return {"runs": {}, "figures": {}}
+    found = read_json(path)
+    if not isinstance(found, dict) or not {"runs", "figures"} <= found.keys():
+        raise UserError(f"{path} is no file of measured figures: it has no runs and figures")
+    return found
+
+
+def record(path: Path, what: str, figures: Mapping[str, Any], command: str, *,
+           date: datetime.date | None = None, commit: str | None = None) -> None:
+    """Add a run's figures to a file; those of the same names are replaced.
+
+    Parameters
+    ----------
+    path
+        The file; made where there is none.
+    what
+        What was measured, a choice of ``lfportrait bench``; before the figures' names, but for
+        ``all`` and ``job``, whose names begin with what they are.
+    figures
+        As the command's ``--json`` has them, with ``machine``.
+    command
+        The command.
+    date, commit
+        By default today's, and that of the checkout.
+
+    Raises
+    ------
+    UserError
+        If the file exists and is none of measured figures.
+    """
+    known = read_measured(path)
+    commit = commit or commit_of_checkout()
+    date = date or datetime.date.today()
+    run = f"{date:%Y-%m-%d} {what} {commit}"
+    unit = figures["vectors"]["unit"] if "vectors" in figures else vector_unit()[0]
+    known["runs"][run] = {"command": command, "machine": figures["machine"],
+                          "vectors": unit, "commit": commit, "date": f"{date:%Y-%m-%d}"}
+    prefix = "" if what in ("all", "job") else f"{what}."
+    known["figures"].update({name: [value, run]
+                             for name, value in flat_figures(figures, prefix).items()})
+    used = {source for _, source in known["figures"].values()}
+    known["runs"] = {name: one for name, one in known["runs"].items() if name in used}
+    with atomic_write(path) as stream:
+        stream.write(_text(known).encode())
+
+
+def _text(known: Mapping[str, Any]) -> str:
+    """JSON with a line for each figure, so that a change shows what changed."""
+    figures = ",\n".join(f'    {json.dumps(name)}: {json.dumps(value)}'
+                         for name, value in sorted(known["figures"].items()))
+    rest = {name: value for name, value in known.items() if name != "figures"}
+    head = json.dumps(rest, indent=2, ensure_ascii=False).removesuffix("\n}")
+    return f'{head},\n  "figures": {{\n{figures}\n  }}\n}}\n'

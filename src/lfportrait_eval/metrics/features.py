@@ -321,14 +321,10 @@ def spread_crops(pictures: list[UInt8], masks: list[Bool], size: int,
 
     Parameters
     ----------
-    pictures, masks
-        uint8 [H, W, 3] and bool [H, W] each.
-    size
-        Side in pixels; a smaller picture gives smaller crops.
-    count
-        How many; fewer where a mask is empty.
-    seed
-        Of their places.
+    pictures, masks : uint8 [H, W, 3] and bool [H, W] each.
+    size : Side in pixels; a smaller picture gives smaller crops.
+    count : How many; fewer where a mask is empty.
+    seed : Of their places.
     """
     generator = np.random.default_rng(seed)
     crops = []

@@ -38,12 +38,9 @@ def spread_places(allowed: Bool, samples: int, seed: int = 0) -> Int64:
 
     Parameters
     ----------
-    allowed
-        bool [H, W].
-    samples
-        Wanted; all places if there are fewer.
-    seed
-        Of the places inside the squares.
+    allowed : bool [H, W].
+    samples : Wanted; all places if there are fewer.
+    seed : Of the places inside the squares.
 
     Returns
     -------

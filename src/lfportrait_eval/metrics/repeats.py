@@ -107,20 +107,16 @@ def masked_autocorrelation(values: NDArray[Any], mask: Bool, *,
 
     Parameters
     ----------
-    values
-        float [H, W]; what is outside the mask does not count.
-    mask
-        bool [H, W].
-    least
-        Standard deviation that is added, squared, to the variances of both sides.
+    values : float [H, W]; what is outside the mask does not count.
+    mask : bool [H, W].
+    least : Standard deviation that is added, squared, to the variances of both sides.
 
     Returns
     -------
-    correlation
-        float32 [2 H - 1, 2 W - 1] in [-1, 1], lag zero in the middle: the correlation coefficient
-        of ``values[p]`` and ``values[p + lag]`` over the p with both in the mask; 0 without any.
-    common
-        int64, the same shape: how many there are.
+    correlation : float32 [2 H - 1, 2 W - 1] in [-1, 1], lag zero in the middle: the correlation
+        coefficient of ``values[p]`` and ``values[p + lag]`` over the p with both in the mask; 0
+        without any.
+    common : int64, the same shape: how many there are.
     """
     height, width = mask.shape
     shape = [fft.next_fast_len(2 * side - 1, real=True) for side in (height, width)]

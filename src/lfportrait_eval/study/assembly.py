@@ -213,12 +213,9 @@ class Clip:
 
     Attributes
     ----------
-    data, kind
-        The file's bytes, and ``"mp4"`` or ``"webm"``.
-    seconds
-        How long it lasts.
-    size
-        Width and height in pixels.
+    data, kind : The file's bytes, and ``"mp4"`` or ``"webm"``.
+    seconds : How long it lasts.
+    size : Width and height in pixels.
     """
 
     data: bytes
@@ -272,10 +269,8 @@ def picture_bytes(image: UInt8, longest: int = 640) -> bytes:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    longest
-        Length in pixels.
+    image : uint8 [H, W, 3].
+    longest : Length in pixels.
     """
     picture = Image.fromarray(image)
     picture.thumbnail((longest, longest), Image.Resampling.LANCZOS)

@@ -33,14 +33,10 @@ class Column:
 
     Attributes
     ----------
-    name
-        In the cells.
-    title
-        At the head of a table.
-    better
-        ``low``, ``high``, or ``one``: the nearer to 1 the better; empty: neither.
-    digits
-        Behind the point.
+    name : In the cells.
+    title : At the head of a table.
+    better : ``low``, ``high``, or ``one``: the nearer to 1 the better; empty: neither.
+    digits : Behind the point.
     """
 
     name: str
@@ -172,23 +168,16 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
 
     Parameters
     ----------
-    out
-        Folder.
-    facts
-        What the run was: sizes, seed, machine, sitters, styles, methods.
-    cells, floors
-        What was measured.
-    speed, study
-        Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
-    failures
-        Cells that could not be measured.
-    paintings
-        The styles' pictures by name, for the page; None writes none.
+    out : Folder.
+    facts : What the run was: sizes, seed, machine, sitters, styles, methods.
+    cells, floors : What was measured.
+    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
+    failures : Cells that could not be measured.
+    paintings : The styles' pictures by name, for the page; None writes none.
 
     Returns
     -------
-    figures
-        Those of ``tables.json``.
+    figures : Those of ``tables.json``.
     """
     missing = missing_networks()
     rows = spreads(cells, list(facts["methods"]))
@@ -433,12 +422,9 @@ def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], r
 
     Parameters
     ----------
-    out
-        Folder of the run, with its pictures.
-    facts, cells, rows, base, tables, notes
-        What was measured.
-    paintings
-        The styles' pictures by name.
+    out : Folder of the run, with its pictures.
+    facts, cells, rows, base, tables, notes : What was measured.
+    paintings : The styles' pictures by name.
     """
     sections = [Section("What is compared", "\n\n".join(
         f"{name}: {what}" for name, what in facts["methods"].items()))]

@@ -1,9 +1,9 @@
 """The run: every sitter in every style by every method, each step resumable.
 
-A cell is two stages: its views are painted, then measured. Cells that are done are skipped, so a
-run that is killed is resumed, and one that is asked for more sitters, styles or
-methods does only what is new. The measures are a stage of their own: when weights of a network
-arrive, nothing is painted again.
+It is a plan of tasks (`lfportrait.runner`), run in this process. A cell is two of them: its views
+are painted, then measured. Those that are done are skipped, so a run that is killed is resumed, and
+one that is asked for more sitters, styles or methods does only what is new. The measures are tasks
+of their own: when weights of a network arrive, nothing is painted again.
 
 Table 1 (the mask guide) and Fig. 6 (transfer by example) report speed, as the paper does.
 """
@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,18 @@ from lfportrait.field import ReconstructConfig, VoxelField
 from lfportrait.files import read_json, write_image
 from lfportrait.measure import machine
 from lfportrait.progress import Progress
-from lfportrait.runner import Costs, Need, failure_of
-from lfportrait.stages import StageFolder, check_writable, finished_record
+from lfportrait.runner import (
+    Costs,
+    Here,
+    Need,
+    Outcome,
+    Plan,
+    Task,
+    failure_of,
+    finished,
+    run_tasks,
+)
+from lfportrait.stages import StageFolder, check_writable
 from lfportrait.version import __version__
 
 from ..baselines.config import NetworkConfig
@@ -63,10 +74,8 @@ class Teller:
 
     Parameters
     ----------
-    progress
-        The line that is drawn; None for silence.
-    waiting
-        Cells that are to be done.
+    progress : The line that is drawn; None for silence.
+    waiting : Cells that are to be done.
     """
 
     def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
@@ -90,15 +99,13 @@ class Teller:
         return _Inside(title, self)
 
     def done(self, cell: CellName, seconds: float) -> None:
-        """A cell is done, in so many seconds; one that was done before does not count."""
-        if cell in self._waiting:
-            self._costs.learn(cell[2], Need(seconds))
-            self._finish(cell, f"{seconds:.0f} s")
+        """A cell is done, in so many seconds."""
+        self._costs.learn(cell[2], Need(seconds))
+        self._finish(cell, f"{seconds:.0f} s")
 
     def failed(self, cell: CellName, reason: str) -> None:
         """A cell can't be done."""
-        if cell in self._waiting:
-            self._finish(cell, f"not measured: {reason}")
+        self._finish(cell, f"not measured: {reason}")
 
     def _finish(self, cell: CellName, text: str) -> None:
         self._waiting.remove(cell)
@@ -129,20 +136,16 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
 
     Parameters
     ----------
-    sitter
-        Whose field is coded.
-    exemplar
-        The style of the transfers; their photo is the embedded head, 768 x 1024, as the paper's
-        pictures.
-    sizes, size
-        Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers once.
-    progress
-        Updated with what is being measured.
+    sitter : Whose field is coded.
+    exemplar : The style of the transfers; their photo is the embedded head, 768 x 1024, as the
+        paper's pictures.
+    sizes, size : Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers
+        once.
+    progress : Updated with what is being measured.
 
     Returns
     -------
-    figures
-        ``table_1``: a row by resolution. ``fig_6``: by method of transfer
+    figures : ``table_1``: a row by resolution. ``fig_6``: by method of transfer
         ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one picture),
         and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
     """
@@ -220,50 +223,134 @@ def _networks(group: Sequence[str]) -> list[str]:
     return [name for name in group if models.available(name)]
 
 
+@dataclass(frozen=True)
+class Step(Task):
+    """A task of the comparison, named as its record.
+
+    Attributes
+    ----------
+    source
+        The sitter.
+    style, method
+        Names, of a cell's tasks.
+    """
+
+    source: Source
+    style: str = ""
+    method: str = ""
+
+    @property
+    def cell(self) -> CellName:
+        """The cell that it belongs to."""
+        return self.source.name, self.style, self.method
+
+
 class _Run:
     """One run of `write_tables`."""
 
     def __init__(self, sources: Sequence[Source], exemplars: Sequence[Exemplar], out: Path,
                  config: TablesConfig, open_capture: Opener, seed: int,
                  progress: Progress | None, device: str) -> None:
-        self.sources, self.exemplars, self.out = sources, exemplars, out
+        self.sources, self.exemplars, self.out = sources, {one.name: one for one in exemplars}, out
         self.config, self.sizes, self.seed = config, config.all_sizes(), seed
         self.open_capture, self.progress, self.device = open_capture, progress, device
         self.folder = StageFolder(out)
         self.measuring = tuple(models.GROUPS["evaluate"])
-        self.keys: dict[str, str] = {}
+        self.keys = {source.name: source.key() for source in sources}
+        self.plan = Plan[Step]({step.name: step for step in self._steps()})
+        self.figures: dict[str, dict[str, Any]] = {}
         self.failures: list[dict[str, str]] = []
         self.fault: Exception | None = None
+        # The last ones alone: a sitter has views and surface in memory.
+        self.sitter = functools.lru_cache(1)(self._sitter)
+        self.target = functools.lru_cache(1)(self._target)
 
     def all(self) -> dict[str, Any]:
         """Do what is not done, and write the tables."""
-        methods = self.config.chosen()
-        self.keys = {source.name: source.key() for source in self.sources}
-        steps = [(source, exemplar) for source in self.sources for exemplar in self.exemplars]
-        if self.config.done_only and not any(
-                self._record(*step, method) for step in steps for method in methods):
+        cells = [step for step in self.plan.tasks.values() if step.stage == "measure"]
+        done = self.plan.done(self.out)
+        left = [cell for cell in cells if not {cell.name, cell.needs[0]} <= done]
+        done -= {cell.name for cell in left}  # one whose views are missing is painted again
+        self.figures = {name: finished(self.plan.tasks[name], self.out) or {} for name in done}
+        if self.config.done_only and len(left) == len(cells):
             raise UserError(f"nothing of this comparison is done in {self.out}; run it without "
                             "--done-only")
-        self.teller = Teller(self.progress, [
-            (source.name, exemplar.name, method) for source, exemplar in steps
-            for method in methods if not self.config.done_only
-            and self._record(source, exemplar, method) is None])
-        floors: dict[str, dict[str, Any]] = {}
-        cells: list[Cell] = []
-        for source in self.sources:
-            sitter = functools.cache(functools.partial(self._sitter, source))
-            floor = self._floor(source, sitter)
-            if floor is not None:
-                floors[source.name] = floor
-            for exemplar in self.exemplars:
-                cells += self._style(source, sitter, exemplar, methods)
-                # What is done so far can be read while the rest goes on.
-                self._documents(cells, floors, {}, pictures=False)
-        speed = self._speed() if self.config.speed else {}
-        figures = self._documents(cells, floors, speed, pictures=True)
+        self.teller = Teller(self.progress, [cell.cell for cell in left])
+        if self.config.done_only:
+            for cell in left:
+                self._missing(cell, "not run yet")
+        else:
+            run_tasks(self.plan.to_do(done), Here(self._do), self._heard)
+        figures = self._documents(pictures=True)
         if self.fault is not None:
             raise self.fault
         return figures
+
+    def _do(self, step: Step) -> Outcome:
+        """Do a task; a cell that fails leaves the others alone."""
+        try:
+            return Outcome(step.name, figures=self.folder.run(
+                step.record, step.key, step.outputs,
+                functools.partial(getattr(self, f"_{step.stage}"), step)))
+        except Exception as error:
+            if not step.method:
+                raise
+            failure = failure_of(error)
+            if failure.code == "internal":
+                # Hours of work don't end at one cell's fault; it is raised when all is written.
+                self.fault = self.fault or error
+            return Outcome.failed(step.name, failure)
+
+    def _heard(self, step: Step, outcome: Outcome | None) -> None:
+        """Note how a task ended."""
+        if outcome is None:
+            return
+        if outcome.error:
+            self._missing(step, outcome.error)
+            self.teller.failed(step.cell, outcome.error)
+            return
+        self.figures[step.name] = outcome.figures
+        if step.stage == "measure":
+            self.teller.done(step.cell, sum(self.figures[name]["stage_seconds"]
+                                            for name in (step.needs[0], step.name)))
+            # What is done so far can be read while the rest goes on.
+            self._documents(pictures=False)
+
+    def _missing(self, step: Step, reason: str) -> None:
+        self.failures.append(dict(zip(("sitter", "style", "method"), step.cell, strict=True),
+                                  reason=reason))
+
+    # -- the plan ---------------------------------------------------------------------------------
+
+    def _steps(self) -> Iterator[Step]:
+        """All tasks, each after those that it needs."""
+        for source in self.sources:
+            own, key = source.name, self.keys[source.name]
+            capture, field = f"capture.{own}", f"field.{own}"
+            yield Step(capture, "capture", "", (f"sitters/{own}/capture",), key, (), source)
+            yield Step(field, "field", "", (f"sitters/{own}/field.npz",),
+                       key_of(__name__, "field", key, self.seed), (capture,), source)
+            yield Step(f"floor.{own}", "floor", "", (f"pictures/{own}/photo.png",),
+                       key_of(__name__, "figures", "floor", self._base(source),
+                              _networks(self.measuring)), (capture, field), source)
+            for style in self.exemplars:
+                # The other reference of Table 2 comes first.
+                for method in sorted(self.config.chosen(), key=lambda name: name != "views"):
+                    cell, name = (source, style, method), f"{own}.{style}.{method}"
+                    place, painted = f"{own}/{style}/{method}", self._paint_key(*cell)
+                    yield Step(f"paint.{name}", "paint", "",
+                               (f"views/{place}.npz", f"pictures/{place}.png"), painted,
+                               (capture, field), *cell)
+                    yield Step(f"measure.{name}", "measure", "", (), key_of(
+                        __name__, "figures", painted, "views" in self.config.chosen(),
+                        self.sizes.crops, _networks([*self.measuring, "face-landmarker", "vgg16"]),
+                    ), (f"paint.{name}", capture, field), *cell)
+        if self.config.speed:
+            source = self.sources[0]
+            yield Step("speed", "speed", "", (), key_of(
+                __name__, "speed", self._base(source), next(iter(self.exemplars.values())).image,
+                self.config.size, machine()), (f"capture.{source.name}", f"field.{source.name}"),
+                source)
 
     def _base(self, source: Source) -> str:
         """Key of all that depends on the sitter and on the views."""
@@ -271,180 +358,110 @@ class _Run:
                       self.sizes.render_size, self.sizes.close_size, self.config.views,
                       self.config.cone, self.seed)
 
-    def _paint_key(self, source: Source, exemplar: Exemplar, method: str) -> str:
+    def _paint_key(self, source: Source, style: str, method: str) -> str:
         chosen = (own_parameters(method, field_config(method, self.config.stylize, self.sizes,
                                                       self.seed))
                   if METHODS[method].kind == "field"
                   else view_config(method, self.sizes, self.seed))
         others = [name for name in models.registry() if name not in self.measuring]
+        exemplar = self.exemplars[style]
         return key_of(__name__, "painting", self._base(source), exemplar.image,
                       exemplar.landmarks, method, chosen, _networks(others))
 
-    def _measure_key(self, source: Source, exemplar: Exemplar, method: str) -> str:
-        return key_of(__name__, "figures", self._paint_key(source, exemplar, method),
-                      "views" in self.config.chosen(), self.sizes.crops,
-                      _networks([*self.measuring, "face-landmarker", "vgg16"]))
-
-    def _record(self, source: Source, exemplar: Exemplar, method: str) -> dict[str, Any] | None:
-        """The figures of a finished cell, or None."""
-        return finished_record(self.out, f"measure.{source.name}.{exemplar.name}.{method}",
-                               self._measure_key(source, exemplar, method), [])
+    # -- the work ---------------------------------------------------------------------------------
 
     def _sitter(self, source: Source) -> Sitter:
-        """Open capture and field, once; both are kept."""
-        home = f"sitters/{source.name}"
-        self.teller.say(f"{source.name}: capture and field")
-        self.folder.run(f"capture.{source.name}", self.keys[source.name], [f"{home}/capture"],
-                        lambda: self._keep_capture(source, self.out / home / "capture"))
-        capture = Capture.load(self.out / home / "capture")
-        file = self.out / home / "field.npz"
-
-        def field() -> dict[str, Any]:
-            if source.field is not None:
-                linked(source.field, file)
-                return {}
-            return field_of(capture, file, ReconstructConfig(resolution=256, seed=self.seed),
-                            self.teller.inside(f"{source.name}: field"))
-
-        key = key_of(__name__, "field", self.keys[source.name], self.seed)
-        self.folder.run(f"field.{source.name}", key, [f"{home}/field.npz"], field)
-        return Sitter(source.name, VoxelField.load(file), capture, file, pixels=self.sizes.pixels,
+        """A sitter's capture and field, which are there."""
+        home = self.out / "sitters" / source.name
+        file = home / "field.npz"
+        return Sitter(source.name, VoxelField.load(file), Capture.load(home / "capture"), file,
+                      pixels=self.sizes.pixels,
                       arc=(self.config.cone, self.config.views, self.sizes.render_size),
                       close_size=self.sizes.close_size, device=self.device)
 
-    def _keep_capture(self, source: Source, target: Path) -> dict[str, Any]:
-        capture = self.open_capture(source.capture)
-        capture.save(target)
+    def _target(self, source: Source, style: str) -> Target:
+        return Target(self.sitter(source), self.exemplars[style], self.sizes.crops, self.seed)
+
+    def _capture(self, step: Step) -> dict[str, Any]:
+        self.teller.say(f"{step.source.name}: capture and field")
+        capture = self.open_capture(step.source.capture)
+        capture.save(self.out / step.outputs[0])
         return {"photos": len(capture)}
 
-    def _floor(self, source: Source, sitter: Callable[[], Sitter]) -> dict[str, Any] | None:
-        """What the real field and the photos reach by the measure of consistency.
+    def _field(self, step: Step) -> dict[str, Any]:
+        source, file = step.source, self.out / step.outputs[0]
+        if source.field is not None:
+            linked(source.field, file)
+            return {}
+        return field_of(Capture.load(file.with_name("capture")), file,
+                        ReconstructConfig(resolution=256, seed=self.seed),
+                        self.teller.inside(f"{source.name}: field"))
 
-        None where that is not done and nothing new is to be started.
-        """
-        def found() -> dict[str, Any]:
-            one = sitter()
-            self.teller.say(f"{source.name}: the field before style, the photos")
-            start = time.perf_counter()
-            skin = one.skin
-            seconds = round(time.perf_counter() - start, 3)
-            real = real_views(one)
-            write_image(self.out / "pictures" / source.name / "photo.png", _strip(real))
-            step = self.config.cone / (self.config.views - 1)
-            return {"field": _plain(agreement(real, one)),
-                    "photos": photo_agreement(one.field, one.capture, {
-                        "short": step, "long": 7 * step}, self.sizes.render_size,
-                        self.device),
-                    "content_network": "vgg16" if models.available("vgg16") else "embedded",
-                 "skin_seconds": seconds, "skin_pixels": len(skin.index)}
+    def _floor(self, step: Step) -> dict[str, Any]:
+        """What the real field and the photos reach by the measure of consistency."""
+        one = self.sitter(step.source)
+        self.teller.say(f"{step.source.name}: the field before style, the photos")
+        start = time.perf_counter()
+        skin = one.skin
+        seconds = round(time.perf_counter() - start, 3)
+        real = real_views(one)
+        write_image(self.out / step.outputs[0], _strip(real))
+        degrees = self.config.cone / (self.config.views - 1)
+        return {"field": _plain(agreement(real, one)),
+                "photos": photo_agreement(one.field, one.capture, {
+                    "short": degrees, "long": 7 * degrees}, self.sizes.render_size, self.device),
+                "content_network": "vgg16" if models.available("vgg16") else "embedded",
+                "skin_seconds": seconds, "skin_pixels": len(skin.index)}
 
-        key = key_of(__name__, "figures", "floor", self._base(source),
-                     _networks(self.measuring))
-        name, picture = f"floor.{source.name}", f"pictures/{source.name}/photo.png"
-        if self.config.done_only:
-            return finished_record(self.out, name, key, [picture])
-        return self.folder.run(name, key, [picture], found)
+    def _paint(self, step: Step) -> dict[str, Any]:
+        views, figures = paint_views(
+            step.method, self.sitter(step.source), self.exemplars[step.style], self.sizes,
+            self.config.stylize, self.seed, self.teller.inside(", ".join(step.cell)))
+        views.save(self.out / step.outputs[0])
+        write_image(self.out / step.outputs[1], _strip(views))
+        return figures
 
-    def _style(self, source: Source, sitter: Callable[[], Sitter], exemplar: Exemplar,
-               methods: Sequence[str]) -> list[Cell]:
-        """All methods for one sitter in one style."""
-        target = functools.cache(lambda: Target(sitter(), exemplar, self.sizes.crops,
-                                                self.seed))
-        cells = {}
-        # The other reference of Table 2 comes first.
-        example = False
-        for method in sorted(methods, key=lambda name: name != "views"):
-            if self.config.done_only and self._record(source, exemplar, method) is None:
-                self._missing(source, exemplar, method, "not run yet")
-                continue
-            facts = self._attempt(source, exemplar, method, functools.partial(
-                self._painted, source, sitter, exemplar, method))
-            example = example or (method == "views" and facts is not None)
-            figures = None if facts is None else self._attempt(
-                source, exemplar, method, functools.partial(
-                    self._measured, source, exemplar, method, target, example))
-            if facts is not None and figures is not None:
-                cells[method] = _cell(source, exemplar, method, figures, facts)
-                self.teller.done((source.name, exemplar.name, method),
-                                 facts["stage_seconds"] + figures["stage_seconds"])
-        return [cells[method] for method in methods if method in cells]
+    def _measure(self, step: Step) -> dict[str, Any]:
+        folder = self.out / "views" / step.source.name / step.style
+        example = f"paint.{step.source.name}.{step.style}.views" in self.figures
+        say = self.teller.inside(", ".join(step.cell))
+        return measure(Views.load(folder / f"{step.method}.npz"),
+                       self.target(step.source, step.style),
+                       Views.load(folder / "views.npz") if example else None,
+                       lambda text: say.update(0, text))
 
-    def _attempt(self, source: Source, exemplar: Exemplar, method: str,
-                 function: Callable[[], dict[str, Any]]) -> dict[str, Any] | None:
-        """Do a stage of a cell; if it fails, report why and continue with the others."""
-        cell = source.name, exemplar.name, method
-        try:
-            return function()
-        except Exception as error:
-            failure = failure_of(error)
-            if failure.code == "internal":
-                # Hours of work don't end at one cell's fault; it is raised when all is written.
-                self.fault = self.fault or error
-            reason = failure.message
-        self._missing(source, exemplar, method, reason)
-        self.teller.failed(cell, reason)
-        return None
-
-    def _missing(self, source: Source, exemplar: Exemplar, method: str, reason: str) -> None:
-        self.failures.append({"sitter": source.name, "style": exemplar.name, "method": method,
-                              "reason": reason})
-
-    def _painted(self, source: Source, sitter: Callable[[], Sitter], exemplar: Exemplar,
-                 method: str) -> dict[str, Any]:
-        name = f"{source.name}/{exemplar.name}/{method}"
-
-        def paint() -> dict[str, Any]:
-            views, figures = paint_views(
-                method, sitter(), exemplar, self.sizes, self.config.stylize, self.seed,
-                self.teller.inside(f"{source.name}, {exemplar.name}, {method}"))
-            views.save(self.out / "views" / f"{name}.npz")
-            write_image(self.out / "pictures" / f"{name}.png", _strip(views))
-            return figures
-
-        return self.folder.run(f"paint.{name.replace('/', '.')}",
-                               self._paint_key(source, exemplar, method),
-                               [f"views/{name}.npz", f"pictures/{name}.png"], paint)
-
-    def _measured(self, source: Source, exemplar: Exemplar, method: str,
-                  target: Callable[[], Target], example: bool) -> dict[str, Any]:
-        views = self.out / "views" / source.name / exemplar.name
-
-        def found() -> dict[str, Any]:
-            say = self.teller.inside(f"{source.name}, {exemplar.name}, {method}")
-            return measure(Views.load(views / f"{method}.npz"), target(),
-                           Views.load(views / "views.npz") if example else None,
-                           lambda text: say.update(0, text))
-
-        return self.folder.run(f"measure.{source.name}.{exemplar.name}.{method}",
-                               self._measure_key(source, exemplar, method), [], found)
-
-    def _speed(self) -> dict[str, Any]:
+    def _speed(self, step: Step) -> dict[str, Any]:
         """Table 1 and Fig. 6, of the first sitter in the first style."""
-        source, exemplar = self.sources[0], self.exemplars[0]
-        key = key_of(__name__, "speed", self._base(source), exemplar.image,
-                     self.config.size, machine())
+        return speed_tables(self.sitter(step.source), next(iter(self.exemplars.values())),
+                            self.sizes, self.config.size, self.teller.inside("speed"))
 
-        def found() -> dict[str, Any]:
-            return speed_tables(self._sitter(source), exemplar, self.sizes, self.config.size,
-                                self.teller.inside("speed"))
+    # -- the tables -------------------------------------------------------------------------------
 
-        return self.folder.run("speed", key, [], found)
+    def _cells(self) -> list[Cell]:
+        """The cells that are done, in the order in which they were asked for."""
+        names = [(source.name, style, method) for source in self.sources
+                 for style in self.exemplars for method in self.config.chosen()]
+        return [_cell(name, self.figures[f"measure.{'.'.join(name)}"],
+                      self.figures[f"paint.{'.'.join(name)}"]) for name in names
+                if f"measure.{'.'.join(name)}" in self.figures]
 
-    def _documents(self, cells: list[Cell], floors: dict[str, dict[str, Any]],
-                   speed: dict[str, Any], *, pictures: bool) -> dict[str, Any]:
+    def _documents(self, *, pictures: bool) -> dict[str, Any]:
+        floors = {source.name: self.figures[f"floor.{source.name}"] for source in self.sources
+                  if f"floor.{source.name}" in self.figures}
         facts = {"version": __version__, "machine": machine(), "seed": self.seed,
                  "sizes": self.sizes, "size": self.config.size, "views": self.config.views,
                  "cone": self.config.cone, "sitters": [source.name for source in self.sources],
-                 "styles": [exemplar.name for exemplar in self.exemplars],
+                 "styles": [*self.exemplars],
                  "methods": {name: METHODS[name].what for name in self.config.chosen()},
                  "content_network": "vgg16" if models.available("vgg16") else "embedded",
                  "skin_seconds": {name: row["skin_seconds"] for name, row in floors.items()}}
         study = None
         if self.config.study is not None and pictures:
             study = read_json(self.config.study / "results.json")
-        return write_documents(self.out, facts, cells, floors, speed, study, self.failures,
-                               {one.name: one.image for one in self.exemplars} if pictures
-                               else None)
+        return write_documents(
+            self.out, facts, self._cells(), floors, self.figures.get("speed", {}), study,
+            self.failures, {name: one.image for name, one in self.exemplars.items()}
+            if pictures else None)
 
 
 def _plain(figures: dict[str, float | None]) -> dict[str, float | None]:
@@ -457,10 +474,9 @@ def _strip(views: Views) -> Any:
     return np.concatenate([views.close[view] for view in SHOWN], axis=1)
 
 
-def _cell(source: Source, exemplar: Exemplar, method: str, figures: dict[str, Any],
-          facts: dict[str, Any]) -> Cell:
-    """A cell of the tables from the records of its stages."""
+def _cell(name: CellName, figures: dict[str, Any], facts: dict[str, Any]) -> Cell:
+    """A cell of the tables from the records of its tasks."""
     values = {name: value for name, value in figures.items() if name != "stage_seconds"}
     values |= {"seconds_once": facts["seconds"]["once"], "seconds_view": facts["seconds"]["view"],
                "memory": facts["peak_memory_bytes"] / 2 ** 30}
-    return Cell(source.name, exemplar.name, method, values, facts)
+    return Cell(*name, values, facts)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.skin import Skin, SkinPainter
+from lfportrait.example.skin.painting import SkinPainter
+from lfportrait.example.skin.sitter import Skin
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 

@@ -5,7 +5,6 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.example.kernels import atlas
-from lfportrait.field import camera_row
 from tests.reference import atlas as plain
 
 CELL, LOW = 0.21, np.array([-0.7, -0.75, -0.65])
@@ -18,7 +17,7 @@ def problem():
     random = np.random.default_rng(0)
     cameras = Camera.arc(np.array([0.0, 70.0, -50.0, 180.0]), distance=9.0, width=44, height=40,
                          focal=300.0, pitch=8.0)
-    rows = np.stack([camera_row(cameras, n) for n in range(4)])
+    rows = np.stack([cameras.row(n) for n in range(4)])
     boxes, depths = np.zeros((4, 6), np.int64), np.full((50, 190), np.inf, np.float32)
     own, points = np.full(depths.shape, -1, np.int8), np.full((50, 190, 3), np.nan, np.float32)
     for n in range(4):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.skin import SkinPainter
+from lfportrait.example.skin.painting import SkinPainter
 from tests.example.worn.test_hat import GREEN, capped
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 

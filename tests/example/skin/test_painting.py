@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 
 from lfportrait.example import Exemplar
 from lfportrait.example.guides.regions import soft_face
-from lfportrait.example.skin import Painting, SkinPainter, canvas_of
 from lfportrait.example.skin.face import CopiedFace
-from lfportrait.example.skin.painting import NAPE, THROAT, _meeting_behind
+from lfportrait.example.skin.painting import NAPE, THROAT, Painting, SkinPainter, _meeting_behind
+from lfportrait.example.skin.sitter import canvas_of
 from lfportrait.example.surface_guide import SurfaceGuide
 
 SKIN, HAIR, CLOTHES, GROUND = (225, 180, 150), (60, 40, 30), (160, 60, 50), (90, 130, 170)

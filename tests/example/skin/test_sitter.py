@@ -9,9 +9,8 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.filters import grey, skin_distance
-from lfportrait.example.skin import Skin
 from lfportrait.example.skin.hair import _classified_hair, settled_hair
-from lfportrait.example.skin.sitter import _clothes
+from lfportrait.example.skin.sitter import Skin, _clothes
 from lfportrait.field.surface import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS

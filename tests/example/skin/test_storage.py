@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.skin import as_stored, load_skin, save_skin, skin_key
+from lfportrait.example.skin.storage import as_stored, load_skin, save_skin, skin_key
 from lfportrait.files import map_arrays, write_mappable
 
 SHARES = ("tone", "detail", "appearance", "contours", "hair", "clothes", "ears", "seen")

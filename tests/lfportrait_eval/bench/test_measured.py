@@ -8,7 +8,7 @@ import pytest
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait_eval.bench import read_measured, record
-from lfportrait_eval.bench.measured import commit_of_checkout, flat_figures
+from lfportrait_eval.bench.run import commit_of_checkout, flat_figures
 
 MACHINE = {"processor": "abacus", "cores": 2}
 DAY = datetime.date(2026, 11, 27)

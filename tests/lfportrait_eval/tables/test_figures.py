@@ -143,7 +143,6 @@ def test_the_time_left_is_that_of_the_methods(capsys):
         teller.done(("a", "s", "slow"), 100.0)
         assert teller.seconds_left() == 300
         teller.done(("a", "s", "quick"), 10.0)
-        teller.done(("x", "s", "quick"), 99.0)  # done before: tells nothing
         assert teller.seconds_left() == 110
         teller.failed(("b", "s", "slow"), "no weights")
         assert teller.seconds_left() == 10

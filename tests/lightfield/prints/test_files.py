@@ -9,8 +9,8 @@ import pytest
 from PIL import Image, ImageCms
 
 from lfportrait.errors import UserError
-from lfportrait.lightfield.prints import files
-from lfportrait.lightfield.prints.files import check_file, row_file
+from lfportrait.lightfield.prints import pages
+from lfportrait.lightfield.prints.pages import check_file, row_file
 
 
 def noise(height, width, grey=False, seed=0):
@@ -85,7 +85,7 @@ def test_formats_that_cannot_hold_it_are_refused(tmp_path, name, width, height, 
 
 def test_a_full_disk_is_found_before_and_while_writing(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(files, "free_disk_bytes", lambda folder: 1000)
+        patch.setattr(pages, "free_disk_bytes", lambda folder: 1000)
         for suffix in (".tiff", ".png"):
             with pytest.raises(UserError, match="free some space"):
                 check_file(tmp_path / f"p{suffix}", 1000, 1000)
@@ -97,8 +97,8 @@ def test_a_full_disk_is_found_before_and_while_writing(tmp_path, monkeypatch):
 
 
 def test_a_tiff_that_grows_beyond_its_numbers_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "_TIFF_MOST", 200)
-    monkeypatch.setattr(files, "check_file", lambda *_, **__: None)
+    monkeypatch.setattr(pages, "_TIFF_MOST", 200)
+    monkeypatch.setattr(pages, "check_file", lambda *_, **__: None)
     with pytest.raises(UserError, match="4 GiB"):
         written(tmp_path / "p.tiff", noise(20, 20))
     assert list(tmp_path.iterdir()) == []

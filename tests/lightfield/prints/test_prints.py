@@ -36,7 +36,7 @@ from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.lightfield.test_ground import analytic, checkered, nothing
 
-SHEETS = [(40, 600, "40x50mm"), (60.12, 720, "35x40mm"), (75, 1440, "25x25mm")]
+SHEETS = [(40, 600, "30x40mm"), (60.12, 720, "25x30mm"), (75, 1440, "25x25mm")]
 PLAIN = {"bleed": 0.0, "margin": 0.0}
 
 

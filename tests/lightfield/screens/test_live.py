@@ -314,7 +314,7 @@ def x_server():
 
 @pytest.mark.parametrize("word", ["--live", "--simulate"])
 def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, word):
-    done = command(saved, word, "--seconds", "2", "--json", "out.json", DISPLAY=x_server)
+    done = command(saved, word, "--seconds", "0.5", "--json", "out.json", DISPLAY=x_server)
     assert done.returncode == 0, done.stderr
     figures = json.loads((saved / "out.json").read_text())
     # The first may take all the time where the machine is busy; one more follows it all the same.

@@ -184,7 +184,7 @@ SLIDE = """async (blend) => {
 
 def test_a_slider_mixes_pictures_of_its_ends(browser, page):
     """Nearly exactly: this painting's strokes are beyond black and white, and clipped there."""
-    with Opened(browser, page, width=400, height=260, reduced_motion="reduce") as each:
+    with Opened(browser, page, width=240, height=160, reduced_motion="reduce") as each:
         each.loaded()
         each.run("() => lfportrait.viewer.settled()")
         painting = each.canvas()

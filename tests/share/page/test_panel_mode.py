@@ -115,13 +115,13 @@ def start(each, tmp_path, panel):
 
 
 def test_a_window_of_the_panels_size_shows_it_and_another_is_refused(browser, page, head, tmp_path):
-    with Opened(browser, page, width=480, height=320, reduced_motion="reduce") as each:
-        start(each, tmp_path, SMALL.scaled(500, 300))
+    with Opened(browser, page, width=300, height=200, reduced_motion="reduce") as each:
+        start(each, tmp_path, SMALL.scaled(320, 190))
         each.page.wait_for_selector("#message:not([hidden])")
         assert "No panel mode" in each.told()
-        assert "500 x 300 pixels, this window 480 x 320" in each.told()
+        assert "320 x 190 pixels, this window 300 x 200" in each.told()
         assert each.page.query_selector("body.coded") is None
-        panel = SMALL.scaled(480, 320)
+        panel = SMALL.scaled(300, 200)
         start(each, tmp_path, panel)
         each.page.wait_for_selector("body.coded")
         each.page.wait_for_selector("html[data-coded]", state="attached")
@@ -134,8 +134,8 @@ def test_a_window_of_the_panels_size_shows_it_and_another_is_refused(browser, pa
 
 
 def test_a_window_that_is_scaled_is_refused(browser, page, tmp_path):
-    with Opened(browser, page, device_scale_factor=2) as each:
-        start(each, tmp_path, SMALL.scaled(240, 160))
+    with Opened(browser, page, width=160, height=110, device_scale_factor=2) as each:
+        start(each, tmp_path, SMALL.scaled(160, 110))
         each.page.wait_for_selector("#message:not([hidden])")
         assert "No panel mode" in each.told() and "200 %" in each.told()
         assert each.page.query_selector("body.coded") is None

@@ -9,7 +9,7 @@ from starlette.datastructures import MutableHeaders
 
 from lfportrait.cli import program
 from lfportrait.studio import app, desk, previews
-from lfportrait.studio.guard import Guard
+from lfportrait.studio.app import Guard
 
 
 class KeepingGuard(Guard):

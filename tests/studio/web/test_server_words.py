@@ -20,10 +20,10 @@ GERMAN = json.loads((STUDIO / "web/strings.server.de.json").read_text("utf-8"))
 FINDINGS = ("job/photo_check.py", "job/style_check.py", "health.py",
             "lightfield/placement.py", "lightfield/screens/bridge.py")
 """Every sentence in these is shown: advice, what a painting will give, the machine, the depth."""
-FILES = ("lightfield/prints/sheet.py", "lightfield/prints/depth.py", "lightfield/prints/files.py",
+FILES = ("lightfield/prints/sheet.py", "lightfield/prints/depth.py", "lightfield/prints/pages.py",
          "share/page/packing.py", "plugins.py")
 """What is wrong with a choice for a file."""
-SHOWN = {"Refusal": 1, "UserError": 0, "_fail": 2, "update": 1, "say": 0, "warn": 0, "note": 0}
+SHOWN = {"Refusal": 1, "UserError": 0, "Failure": 1, "update": 1, "say": 0, "warn": 0, "note": 0}
 """Functions of the studio and of stages whose argument of this place is shown."""
 ELSEWHERE = ("cli", "studio", "batch")
 """Folders whose progress no job of the studio shows; the studio's own is looked at apart."""

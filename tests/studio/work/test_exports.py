@@ -10,7 +10,7 @@ pytest.importorskip("starlette")
 from lfportrait.studio.exports import checked_options, entries, keep, kind_of, remove, target
 from lfportrait.studio.orders import Order
 from lfportrait.studio.projects import Project
-from lfportrait.studio.work.exports import export
+from lfportrait.studio.work.fine import export
 from lfportrait.studio.work.telling import Teller
 from tests.share.page.portraits import painted_head
 

@@ -67,18 +67,12 @@ class Scene:
 
     Attributes
     ----------
-    sizes
-        Width and height of each photo, as the sensor saw it.
-    focals
-        Focal length in pixels that the camera noted for each photo, or None.
-    features
-        Of each photo, as the sensor saw it.
-    matches
-        Checked by nothing yet, by pairs of photos.
-    work
-        Folder for COLMAP's files.
-    seed
-        Of the random sampling.
+    sizes : Width and height of each photo, as the sensor saw it.
+    focals : Focal length in pixels that the camera noted for each photo, or None.
+    features : Of each photo, as the sensor saw it.
+    matches : Checked by nothing yet, by pairs of photos.
+    work : Folder for COLMAP's files.
+    seed : Of the random sampling.
     """
 
     sizes: list[tuple[int, int]]
@@ -164,14 +158,10 @@ class Scene:
 
         Parameters
         ----------
-        pycolmap
-            The module.
-        groups
-            Number of each photo's lens.
-        model
-            COLMAP's name of the lens model.
-        focal
-            Focal length over the longer side; None: as noted, or the usual one.
+        pycolmap : The module.
+        groups : Number of each photo's lens.
+        model : COLMAP's name of the lens model.
+        focal : Focal length over the longer side; None: as noted, or the usual one.
         """
         key = tuple(groups)
         if key not in self._checked:
@@ -204,12 +194,9 @@ class Scene:
 
         Parameters
         ----------
-        pycolmap
-            The module.
-        groups
-            Number of each photo's lens.
-        model
-            COLMAP's reconstruction, whose lenses are of one model.
+        pycolmap : The module.
+        groups : Number of each photo's lens.
+        model : COLMAP's reconstruction, whose lenses are of one model.
         """
         options = self.steady_options(pycolmap)
         options.ba_global_max_refinements = 1

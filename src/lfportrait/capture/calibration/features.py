@@ -62,12 +62,9 @@ class Features:
 
     Attributes
     ----------
-    places
-        float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
-    descriptors
-        uint8 [K, 128], of length 512 within rounding.
-    large
-        int64 [F], indices of the largest features, F at most 700.
+    places : float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
+    descriptors : uint8 [K, 128], of length 512 within rounding.
+    large : int64 [F], indices of the largest features, F at most 700.
     """
 
     places: NDArray[np.float32]
@@ -81,14 +78,10 @@ def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] |
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    most
-        Number of features at most.
-    mask
-        uint8 [H, W]: no features where it is zero.
-    contrast
-        Contrast of the weakest feature.
+    image : uint8 [H, W, 3].
+    most : Number of features at most.
+    mask : uint8 [H, W]: no features where it is zero.
+    contrast : Contrast of the weakest feature.
     """
     grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
     sift: Any = getattr(cv2, "SIFT_create")(  # noqa: B009 (not in OpenCV's type stubs)
@@ -114,13 +107,11 @@ def match_features(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> Matches:
 
     Parameters
     ----------
-    one, other
-        uint8 [K, 128] and [L, 128], descriptors of two photos.
+    one, other : uint8 [K, 128] and [L, 128], descriptors of two photos.
 
     Returns
     -------
-    matches
-        uint32 [M, 2], indices into both.
+    matches : uint32 [M, 2], indices into both.
     """
     if len(one) < 2 or len(other) < 2:
         return np.zeros((0, 2), np.uint32)
@@ -201,15 +192,12 @@ def likeness(features: list[Features], on_progress: Callable[[int, int], None] |
 
     Parameters
     ----------
-    features
-        Of each photo.
-    on_progress
-        Called with the number of pairs looked at, and of all.
+    features : Of each photo.
+    on_progress : Called with the number of pairs looked at, and of all.
 
     Returns
     -------
-    alike
-        int64 [V, V], symmetric, 0 on the diagonal: matches among half of the largest features;
+    alike : int64 [V, V], symmetric, 0 on the diagonal: matches among half of the largest features;
         where these are fewer than `_ALIKE`, those among all of them, up to that.
     """
     count = len(features)
@@ -244,13 +232,11 @@ def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
 
     Parameters
     ----------
-    alike
-        int64 [V, V], `likeness`.
+    alike : int64 [V, V], `likeness`.
 
     Returns
     -------
-    kept
-        int64 [K], in order. One after the other, that photo is taken which is least like those
+    kept : int64 [K], in order. One after the other, that photo is taken which is least like those
         taken before.
     """
     count = len(alike)
@@ -276,13 +262,11 @@ def likely_pairs(alike: NDArray[np.int64]) -> list[tuple[int, int]]:
 
     Parameters
     ----------
-    alike
-        int64 [V, V], `likeness`.
+    alike : int64 [V, V], `likeness`.
 
     Returns
     -------
-    pairs
-        Indices (i, j), i < j, in order.
+    pairs : Indices (i, j), i < j, in order.
     """
     count = len(alike)
     chosen = (alike >= _ALIKE) & ~_plenty(alike)

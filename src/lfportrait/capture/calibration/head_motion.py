@@ -149,15 +149,12 @@ def epipolar_distance(essential: Float, one: Float, other: Float) -> Float:
 
     Parameters
     ----------
-    essential
-        float64 [3, 3], E of other^T E one = 0.
-    one, other
-        float64 [N, 2], places in the image planes at distance 1.
+    essential : float64 [3, 3], E of other^T E one = 0.
+    one, other : float64 [N, 2], places in the image planes at distance 1.
 
     Returns
     -------
-    distance
-        float64 [N], in the same unit.
+    distance : float64 [N], in the same unit.
     """
     one, other = (np.column_stack([part, np.ones(len(part))]) for part in (one, other))
     ahead, back = one @ essential.T, other @ essential

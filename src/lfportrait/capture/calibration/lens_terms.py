@@ -171,22 +171,18 @@ def adjust(pycolmap: Any, model: Any, wanted: str,
 
     Parameters
     ----------
-    pycolmap
-        The module.
-    model
-        COLMAP's reconstruction.
-    wanted
-        A lens model of COLMAP to fit, or ``"auto"``.
-    triangulated
-        Finds the points once more by the cameras of a reconstruction (`Scene.triangulated`). Which
-        matches are points was decided while the cameras were rough; the cameras are adjusted once
-        more to those that fit the adjusted ones, which makes them better by a fifth.
+    pycolmap : The module.
+    model : COLMAP's reconstruction.
+    wanted : A lens model of COLMAP to fit, or ``"auto"``.
+    triangulated : Finds the points once more by the cameras of a reconstruction
+        (`Scene.triangulated`). Which matches are points was decided while the cameras were rough;
+        the cameras are adjusted once more to those that fit the adjusted ones, which makes them
+        better by a fifth.
 
     Returns
     -------
-    model
-        A new reconstruction. With ``"auto"`` its lenses are of one of `TERMS`, the centre of the
-        picture freed where that is earned (a picture that was cropped).
+    model : A new reconstruction. With ``"auto"`` its lenses are of one of `TERMS`, the centre of
+        the picture freed where that is earned (a picture that was cropped).
     """
     deviation = _deviation(_errors(model))
     fitted = (_with_earned_terms(pycolmap, model, deviation) if wanted == "auto" else

@@ -43,10 +43,8 @@ def placed(model: Any, seen_again: NDArray[np.int64] | None = None) -> list[int]
 
     Parameters
     ----------
-    model
-        COLMAP's reconstruction.
-    seen_again
-        int64 [V], features of each photo that have a checked match (`Scene.seen_again`).
+    model : COLMAP's reconstruction.
+    seen_again : int64 [V], features of each photo that have a checked match (`Scene.seen_again`).
     """
     return sorted(number - 1 for number, image in model.images.items() if image.has_pose
                   and image.num_points3D >= _FEWEST_POINTS
@@ -60,14 +58,10 @@ class Placing:
 
     Attributes
     ----------
-    how
-        What was tried, in words.
-    model
-        COLMAP's reconstruction, or None.
-    photos
-        Numbers (from 0) of the photos that it places.
-    groups
-        Number of each photo's lens in it.
+    how : What was tried, in words.
+    model : COLMAP's reconstruction, or None.
+    photos : Numbers (from 0) of the photos that it places.
+    groups : Number of each photo's lens in it.
     """
 
     how: str
@@ -171,25 +165,17 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
 
     Parameters
     ----------
-    pycolmap
-        The module.
-    scene
-        The photos.
-    groups
-        Number of each photo's lens.
-    model
-        COLMAP's name of the lens model to place them with, of one term of distortion at most.
-    report
-        Called whenever a photo is placed.
-    say
-        Called with each try and its result, if the first one leaves photos out.
-    lens_known
-        Whether the lenses are as the scene says, and stay so.
+    pycolmap : The module.
+    scene : The photos.
+    groups : Number of each photo's lens.
+    model : COLMAP's name of the lens model to place them with, of one term of distortion at most.
+    report : Called whenever a photo is placed.
+    say : Called with each try and its result, if the first one leaves photos out.
+    lens_known : Whether the lenses are as the scene says, and stay so.
 
     Returns
     -------
-    placing
-        The best try.
+    placing : The best try.
     """
     seen_again = scene.seen_again(pycolmap, groups, model)
     able = int((seen_again > 0).sum())

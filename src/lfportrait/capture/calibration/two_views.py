@@ -44,14 +44,11 @@ class TwoViews:
 
     Attributes
     ----------
-    kind
-        COLMAP's name of it: ``CALIBRATED`` (with `essential`), ``UNCALIBRATED`` (with
+    kind : COLMAP's name of it: ``CALIBRATED`` (with `essential`), ``UNCALIBRATED`` (with
         `fundamental`) or ``PLANAR_OR_PANORAMIC`` (with `homography`).
-    inliers
-        bool [M], the matches that it explains.
-    fundamental, essential, homography
-        float64 [3, 3] each, by pixels, by image planes at distance 1, and by pixels; zero where it
-        is not known.
+    inliers : bool [M], the matches that it explains.
+    fundamental, essential, homography : float64 [3, 3] each, by pixels, by image planes at distance
+        1, and by pixels; zero where it is not known.
     """
 
     kind: Literal["CALIBRATED", "UNCALIBRATED", "PLANAR_OR_PANORAMIC"]
@@ -87,17 +84,13 @@ def two_views(one: Float32, other: Float32, fewest: int,
 
     Parameters
     ----------
-    one, other
-        float32 [M, 2], pixels.
-    fewest
-        Matches that must be explained.
-    lenses
-        Of both photos, if these are known.
+    one, other : float32 [M, 2], pixels.
+    fewest : Matches that must be explained.
+    lenses : Of both photos, if these are known.
 
     Returns
     -------
-    geometry
-        None if none explains enough.
+    geometry : None if none explains enough.
     """
     near = np.flatnonzero(_plausible(one, other))
     if len(near) < fewest:

@@ -113,10 +113,8 @@ def find_views(path: Path, holdout: int = 0) -> DataSet:
 
     Parameters
     ----------
-    path
-        As in `Capture.load`.
-    holdout
-        Every ``holdout``-th picture becomes a test view where the format's custom says which.
+    path : As in `Capture.load`.
+    holdout : Every ``holdout``-th picture becomes a test view where the format's custom says which.
 
     Raises
     ------

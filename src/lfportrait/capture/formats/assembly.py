@@ -29,8 +29,7 @@ from ...arrays import Bool, Float64, UInt8
 from ...errors import UserError
 from ...media.depth import DepthMap, read_depth
 from ...media.folders import Finder
-from ...media.masks import mask_places, read_mask
-from ...media.pictures import open_picture, read_images
+from ...media.pictures import mask_places, open_picture, read_images, read_mask
 from ..camera import Camera, looks_normalised, portrait_frame_from_cameras
 from ..lenses import Lens, some_depth, straightened, undistort
 from ..photos import noted
@@ -60,15 +59,11 @@ def calibrated_turns(upright: tuple[int, int], turns: int, size: tuple[int, int]
 
     Parameters
     ----------
-    upright
-        Width and height of the upright picture.
-    turns
-        As the file notes them: see `noted_turns`.
-    size
-        Width and height that were calibrated, or None where the program does not say; a picture may
-        be a reduced copy.
-    name
-        Of the picture, for the message.
+    upright : Width and height of the upright picture.
+    turns : As the file notes them: see `noted_turns`.
+    size : Width and height that were calibrated, or None where the program does not say; a picture
+        may be a reduced copy.
+    name : Of the picture, for the message.
 
     Raises
     ------
@@ -110,12 +105,9 @@ def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
 
     Parameters
     ----------
-    picture
-        uint8 [H, W, C], upright.
-    place
-        The mask's file; white is kept.
-    turns
-        What the photo's file notes: see `noted_turns`.
+    picture : uint8 [H, W, C], upright.
+    place : The mask's file; white is kept.
+    turns : What the photo's file notes: see `noted_turns`.
 
     Raises
     ------

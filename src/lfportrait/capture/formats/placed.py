@@ -30,14 +30,10 @@ class Placed:
 
     Attributes
     ----------
-    name
-        File name, path or label.
-    pose
-        float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
-    lens
-        Makes the lens of the picture as it was calibrated from its width and height in pixels.
-    size
-        Width and height that were calibrated, where the file says.
+    name : File name, path or label.
+    pose : float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
+    lens : Makes the lens of the picture as it was calibrated from its width and height in pixels.
+    size : Width and height that were calibrated, where the file says.
     """
 
     name: str
@@ -88,10 +84,8 @@ def warn_unmatched(pictures: Set[str], cameras: Set[str], folder: Path, place: P
 
     Parameters
     ----------
-    pictures, cameras
-        The names by which they belong together; hidden files don't count.
-    folder, place
-        Where the pictures and the cameras are.
+    pictures, cameras : The names by which they belong together; hidden files don't count.
+    folder, place : Where the pictures and the cameras are.
     """
     pictures, cameras = ({name for name in names if not name.startswith(".")}
                          for names in (pictures, cameras))

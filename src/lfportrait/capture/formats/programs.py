@@ -79,14 +79,10 @@ class _Photo:
 
     Attributes
     ----------
-    record
-        Its element.
-    component
-        Id of the component that it is aligned in.
-    pose
-        float64 [4, 4], camera to component; None where it is not aligned.
-    loose
-        Whether it hangs on an aligned master in a way that the file does not say.
+    record : Its element.
+    component : Id of the component that it is aligned in.
+    pose : float64 [4, 4], camera to component; None where it is not aligned.
+    loose : Whether it hangs on an aligned master in a way that the file does not say.
     """
 
     record: ElementTree.Element

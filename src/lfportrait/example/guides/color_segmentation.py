@@ -104,13 +104,12 @@ def separate(image: Float32, prior: Float32, *, sure: float = 0.02, smoothness: 
     Parameters
     ----------
     image : float32 [H, W, 3] in [0, 1].
-    prior
-        float32 [H, W], probability of the class; below ``sure`` and above 1 - ``sure`` it is final.
+    prior : float32 [H, W], probability of the class; below ``sure`` and above 1 - ``sure`` it is
+        final.
     smoothness : Strength of the term that keeps neighbours together.
     rounds : Times that colors and labels are estimated in turn.
     size : Longer side of the picture that is cut.
-    blur
-        Sigma in pixels of that picture of the blur before colors are compared: drawings show
+    blur : Sigma in pixels of that picture of the blur before colors are compared: drawings show
         hair as a density of strokes.
     reach : Largest log likelihood ratio that a color may have.
 

@@ -30,9 +30,8 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
     points : [N, 2] points to map.
     sources, targets : [M, 2] control points and their images.
     weights : [M] importance of each control point away from it, default 1.
-    softness
-        [M] distance within which a control point attracts instead of pinning, default 0: then
-        ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
+    softness : [M] distance within which a control point attracts instead of pinning, default 0:
+        then ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
 
     Returns
     -------

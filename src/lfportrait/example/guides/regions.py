@@ -102,9 +102,8 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     ----------
     person, hair : float32 [H, W]; no hair if None.
     landmarks, frame : [68, 2] and the face's frame.
-    like
-        Labels (``hair``, ``body``) to give to those that stand in for them, where the exemplar has
-        none (`missing_labels`): hair to the skin, the body to the background.
+    like : Labels (``hair``, ``body``) to give to those that stand in for them, where the exemplar
+        has none (`missing_labels`): hair to the skin, the body to the background.
 
     Returns
     -------

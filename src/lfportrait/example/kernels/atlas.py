@@ -1,7 +1,7 @@
 """Hot loops of the atlas of a skin: normals, which chart owns a point, and places in the atlas.
 
 A chart is a far camera's picture of a head. Cameras come as rows of sixteen numbers
-(`field.camera_row`): pose row by row, focal lengths, principal point. Charts lie side by side in
+(`Camera.row`): pose row by row, focal lengths, principal point. Charts lie side by side in
 one atlas, so a chart's pixel (x, y) is the atlas' (x + dx, y + dy); depths are the atlas', infinite
 where a chart shows no surface.
 """
@@ -166,8 +166,8 @@ def find_owners(since, until, points, grid, low, cell, own, cameras, bias, boxes
     points : float32 [H, W, 3] of the atlas.
     grid, low, cell : Normals of the large shape, see `_between`.
     own : int8 [H, W], the chart that a pixel lies in.
-    cameras, bias, boxes, depths
-        Of the charts, see `_find`; ``bias`` is added to the cosine of a chart.
+    cameras, bias, boxes, depths : Of the charts, see `_find`; ``bias`` is added to the cosine of a
+        chart.
     tolerance : Depths that differ by less are the same surface.
     owner : Filled with flat indices.
     """

@@ -394,9 +394,8 @@ def snap(since, until, nodes, wanted, style, cell, reach, most, keep, rounds):
     cell : Side of a cell of ``style`` in pixels.
     reach : The move fades over this distance from the edge (Gaussian sigma).
     most : And where the distances disagree by more than about this: other edges are meant.
-    keep
-        What is inside ends up inside by half the wanted distance or by this one, whichever is less,
-        and what is outside likewise outside; 0 lets it lie where it does.
+    keep : What is inside ends up inside by half the wanted distance or by this one, whichever is
+        less, and what is outside likewise outside; 0 lets it lie where it does.
     rounds : Steps towards the wanted distance.
     """
     share = np.float32(1) / np.float32(cell)

@@ -74,8 +74,8 @@ def soft_labels(since, until, person, hair, planes, factor, hair_is_skin, body_i
     Parameters
     ----------
     person, hair : float32 [H, W].
-    planes
-        float32 [5, h, w], means over blocks of ``factor`` pixels: brows, eyes, nose, lips, body.
+    planes : float32 [5, h, w], means over blocks of ``factor`` pixels: brows, eyes, nose, lips,
+        body.
     hair_is_skin, body_is_ground : Give hair to the skin, the body to the background.
     out : int32 [H, W, 2].
     """
@@ -221,11 +221,10 @@ def own_body(since, until, position, style, top, labels, person):
 
     Parameters
     ----------
-    position
-        float32 [H, W, 2], places in the exemplar; nothing changes where they are NaN or outside.
-    style, labels
-        int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body and
-        background.
+    position : float32 [H, W, 2], places in the exemplar; nothing changes where they are NaN or
+        outside.
+    style, labels : int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body
+        and background.
     person : float32 [H, W], follows the background.
     """
     width = person.shape[1]

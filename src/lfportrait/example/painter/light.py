@@ -28,6 +28,12 @@ CELL = 0.03
 BLUR, REACH = 1.5, 12.0
 """Sigma of its blur, and how far it reaches, in cells."""
 
+MEET, SEAM, FADES = 0.15, 1.0, 12.0
+"""A cell lies at the border of two parts if each has this share of what is around it; sigma of the
+blur that leaves out single strokes, and how far a step of colors is evened out, in cells."""
+DARKER_STEP, LIGHTER_STEP = 0.2, 0.3
+"""No more of a step is evened out: what is much darker in the face may be a beard or a brow."""
+
 
 @dataclass(frozen=True)
 class Cells:
@@ -110,6 +116,32 @@ class Cells:
         fade = np.clip(1 - away / reach, 0, 1)
         return self._at(gaussian_filter(means[tuple(nearest)], blur) * fade * fade * (3 - 2 * fade))
 
+    def step(self, values: Float32, inside: Bool, beside: Bool, blur: float, reach: float,
+             ) -> Float32:
+        """How much higher values [N] are inside than beside, along the border; float32 [N].
+
+        It fades away from there. 0 where the two do not meet.
+
+        Parameters
+        ----------
+        values, inside, beside : float32 [N], and bool [N] the places of either side.
+        blur, reach : Sigma of their blur, and how far it reaches; in cells.
+        """
+        sums, near = [], np.ones(self.shape, bool)
+        for part in (inside, beside):
+            known, means = self._means(values, part)
+            weight = gaussian_filter(known.astype(np.float64), blur)
+            sums.append(gaussian_filter(means, blur) / np.maximum(weight, 1e-6))
+            near &= weight > MEET
+        if not near.any():
+            return np.zeros(len(values), np.float32)
+        weight = gaussian_filter(near.astype(np.float64), blur)
+        higher = gaussian_filter((sums[0] - sums[1]) * near, blur) / np.maximum(weight, 1e-6)
+        away, nearest = distance_transform_edt(~near, return_indices=True)
+        fade = np.clip(1 - away / reach, 0, 1)
+        return self._at(gaussian_filter(higher[tuple(nearest)], blur)
+                        * fade * fade * (3 - 2 * fade))
+
     def _means(self, values: Float32, inside: Bool,
                ) -> tuple[Bool, Float64]:
         """Cells that hold places inside, and the means of their values; 0 in others."""
@@ -147,3 +179,28 @@ def light_beside(flat: Float32, height: float, painted: Bool, more: Float32, kno
     """
     light = Cells.over(flat, CELL * height).extrapolated(more, known, BLUR, REACH)
     return np.where(painted, np.float32(0), np.clip(light, -most, most))
+
+
+def evened_beside(flat: Float32, height: float, painted: Bool, beside: Float32, color: Float32,
+                  ) -> Float32:
+    """Colors of patches that begin as a painted face ends, float32 [N, 3].
+
+    Patches have the tones that were asked for as far as the painter has such paint; of other
+    hues, or in a few broad tones, they meet the face in a hard edge. Their broad colors become
+    the face's along the border; their strokes stay.
+
+    Parameters
+    ----------
+    flat : float32 [N, 2], places of the unwrapped head
+    height : of the face, in their unit
+    painted : bool [N], places of the face
+    beside : float32 [N] in [0, 1], how far others are to go on as it ends
+    color : float32 [N, 3] in [0, 1], the paint of all
+    """
+    cells = Cells.over(flat, CELL * height)
+    out, outside = color.copy(), (beside > 0.5) & ~painted
+    weight = np.where(painted, np.float32(0), beside)
+    for channel in range(3):
+        step = cells.step(color[:, channel], painted, outside, SEAM, FADES)
+        out[:, channel] += weight * np.clip(step, -DARKER_STEP, LIGHTER_STEP)
+    return np.clip(out, 0, 1)

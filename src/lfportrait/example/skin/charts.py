@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter
 from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera
 from ...errors import UserError
-from ...field import VoxelField, camera_row
+from ...field import VoxelField
 from ..kernels.atlas import (
     find_owners,
     fringe,
@@ -135,7 +135,7 @@ class Atlas:
     @property
     def rows(self) -> Float64:
         """The cameras as the kernels take them, float64 [C, 16]."""
-        return np.stack([camera_row(self.cameras, n) for n in range(len(self.cameras))])
+        return np.stack([self.cameras.row(n) for n in range(len(self.cameras))])
 
     @property
     def bias(self) -> Float64:
@@ -236,7 +236,7 @@ def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart 
     solid = np.isfinite(shot.depth) & (shot.alpha > 0.5)
     depth = np.where(solid, shot.depth, np.float32(np.inf))
     points = np.empty((*depth.shape, 3), np.float32)
-    lift_points(depth, camera_row(camera, 0), points)
+    lift_points(depth, camera.row(0), points)
     color = np.clip(shot.color / np.maximum(shot.alpha, np.float32(0.5))[..., None], 0, 1)
     return _Chart(camera, depth, points, np.asarray(color, np.float32))
 

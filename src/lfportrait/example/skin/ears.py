@@ -40,9 +40,8 @@ def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:
     Parameters
     ----------
     plane : The head's unwrapping, with its landmarks.
-    points, flat
-        float32 [N, 3] and [N, 2], places of the surface in the portrait frame and unwrapped, in
-        world units.
+    points, flat : float32 [N, 3] and [N, 2], places of the surface in the portrait frame and
+        unwrapped, in world units.
     """
     near = _ellipsoids(plane, points)
     if not (near > 0).any() or not (near == 0).any():

@@ -41,8 +41,8 @@ class CopiedFace:
 
     Attributes
     ----------
-    planes
-        float32 [h, w, 3]: the inside of the exemplar's face, what is near it, and hair over it.
+    planes : float32 [h, w, 3]: the inside of the exemplar's face, what is near it, and hair over
+        it.
     labels : uint8 [h, w, K], the exemplar's labels with nothing but background outside of the face.
     """
 

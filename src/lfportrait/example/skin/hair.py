@@ -305,8 +305,8 @@ def hair_by_relief(plane: HeadPlane, flat: Float32, contours: Float32, seen: Flo
     Parameters
     ----------
     plane, flat : The head's unwrapping, and places [N, 2] in it.
-    contours, seen, ears
-        float32 [N] in [0, 1]: strength of edges and patterns, how well photos saw a place, ears.
+    contours, seen, ears : float32 [N] in [0, 1]: strength of edges and patterns, how well photos
+        saw a place, ears.
     """
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     shown = seen > 0.5

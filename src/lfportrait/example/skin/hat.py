@@ -27,7 +27,7 @@ from ..painter.materials import nearest_of_material
 from ..painter.patch_painter import PatchPainter, PatchRequest
 from ..painter.picture_materials import FEATURES, HAIR
 from ..patches import PatchSearch
-from ..worn import Hat
+from ..worn.hat import Hat
 from .hair import hair_by_place
 from .sitter import Canvas, Skin
 

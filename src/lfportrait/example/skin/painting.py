@@ -31,7 +31,7 @@ from ..kernels.labels import largest_share, move_to_material
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..lids import Lids
-from ..painter.light import light_beside
+from ..painter.light import evened_beside, light_beside
 from ..painter.materials import (
     FEW,
     LEAST,
@@ -59,7 +59,7 @@ from ..painter.plain_skin import plain_skin, take_out_strands
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
-from ..worn import Wear
+from ..worn.hat import Wear
 from .ears import missing_relief
 from .face import CopiedFace
 from .hair import below_hair, hair_by_place, without_bays
@@ -78,6 +78,8 @@ tones."""
 DARKEST = 0.12
 """Skin beside the face is no darker than all but this share of the exemplar's: in the mean that is
 shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
+UNDER_JAW, JAW_EDGE = 1.0, 0.2
+"""Below the first (brows 0, chin 1) lies the underside of a jaw, and a softly fading edge above."""
 EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 
@@ -383,6 +385,7 @@ class SkinPainter:
                                 labels, face[:, 1], core, painted)
         clock.lap("face, targets")
         color = self._painter.paint(canvas, size, request)
+        even_edge(places, canvas, core, flesh(request.shares), color)
         shade_ears(places, canvas, color)
         if self._hat is not None:
             self._hat.paint(places, canvas, position, anchor, size, color)
@@ -441,6 +444,26 @@ class SkinPainter:
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
+
+
+def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Float32) -> None:
+    """Let the broad colors of bare skin beside the copied face begin as the face ends.
+
+    Not under the jaw: there a head has an edge of its own, and shade.
+
+    Parameters
+    ----------
+    skin, canvas : Of the sitter, as the canvas has it, and of the painting.
+    core, bare : bool [N], the copied face, and float32 [N] in [0, 1], how far places are flesh.
+    color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    """
+    paint = np.stack([canvas.gathered(color[..., channel], len(core)) for channel in range(3)], 1)
+    low = np.clip((UNDER_JAW - skin.flat[:, 1] / skin.plane.height) / JAW_EDGE, 0, 1)
+    beside = np.clip(2 * bare - 1, 0, 1) * low * (1 - skin.ears) * skin.outwards
+    evened = evened_beside(skin.flat, skin.plane.height, core & skin.outwards,
+                           np.asarray(np.where(core, 0, beside), np.float32), paint)
+    changed = canvas.own & np.append(beside > 0, False)[canvas.slots]
+    color[changed] = evened[canvas.slots[changed]]
 
 
 def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:

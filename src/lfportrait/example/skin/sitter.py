@@ -113,7 +113,7 @@ those that no chart has then, up to so many before it: a soft shell is seen befo
 
 T = TypeVar("T")
 
-PIXELS = 384.0
+SKIN_PIXELS = 384.0
 """Pixels of the charts per world unit: a head is about 600 high, as in most exemplars."""
 
 SEEN, CLEAR = (0.1, 0.4), (0.35, 0.75)
@@ -177,7 +177,7 @@ class Skin:
 
     @staticmethod
     def of(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera | None = None,
-           pixels: float = PIXELS, networks: bool = True) -> Skin:
+           pixels: float = SKIN_PIXELS, networks: bool = True) -> Skin:
         """The skin of a field.
 
         Parameters

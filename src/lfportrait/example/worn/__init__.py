@@ -7,10 +7,3 @@ rims (`rims`), and `inpainting` paints what they cover as the painter might have
 with his strokes. Where it is asked for, `hat` finds the hat as a thing, and lays it over the
 picture of a photo's sitter; on a head it is painted on the surface (`skin.hat`).
 """
-
-from .glasses import spectacles
-from .hat import Hat, Layer, Wear, headwear, not_worn
-from .inpainting import bared, without_spectacles
-
-__all__ = ["Hat", "Layer", "Wear", "bared", "headwear", "not_worn", "spectacles",
-           "without_spectacles"]

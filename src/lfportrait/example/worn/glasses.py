@@ -65,8 +65,8 @@ class Spectacles:
 
     Attributes
     ----------
-    curves
-        float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen (open).
+    curves : float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen
+        (open).
     width, unsure : Of the lines, and how far off they may be.
     score : Product of the three measures, in [0, 1].
     """

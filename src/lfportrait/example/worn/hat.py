@@ -90,8 +90,8 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: UInt8) -> For
 
     Parameters
     ----------
-    exemplar, regions, labels
-        The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
+    exemplar, regions, labels : The painting, its regions, and its labels uint8 [h, w,
+        len(PICTURE_LABELS)].
     """
     small = SmallPicture(exemplar, regions, labels)
     right, down = small.part(small.right), small.part(small.down)
@@ -245,8 +245,8 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
 
     Returns
     -------
-    mask
-        float32 [h, w] in [0, 1], one connected thing without its shade; None where there is none.
+    mask : float32 [h, w] in [0, 1], one connected thing without its shade; None where there is
+        none.
     """
     def find() -> dict[str, NDArray[Any]]:
         found = _found(exemplar, regions or exemplar.regions())

@@ -51,8 +51,8 @@ BESIDE_RIMS, RIMS = 0.02, (0.2, 0.1, 0.05, 0.03)
 SMALL = 4
 """Broad colors are computed every Nth pixel."""
 RIM, SHADE, THROUGH = 0.15, 0.02, np.float32(0.1)
-"""What is so surely a rim is filled; rims have a shade of this breadth, over the face's height; and
-the weight of what is seen through a lens."""
+"""What is so surely a rim is filled; rims have a shade and glints of this breadth, over the face's
+height, which are filled beside the nose; and the weight of what is seen through a lens."""
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
@@ -101,17 +101,32 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         lines = drawn(worn, shape, min(worn.width, worn.unsure)) > RIM
         behind = lenses(worn, shape, points) > 0
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
-        hole = lines | (behind & ~nose)
+        # Beside an eye or a brow that the rims cross, its own paint is worth more.
+        features = dilated(_drawn_features(points, shape), BROW * height)
+        kept = nose | (features & ~behind)
+        hole = lines | ((behind | dilated(lines, SHADE * height)) & ~kept)
         # Rims have a shade; and what is seen through a lens counts less than what lies around it.
-        beside = np.where(dilated(lines, SHADE * height), np.float32(0), np.float32(1))
+        # An eye above them is no light of a cheek: it would be a dark smear.
+        eyes = [polygon(shape, points[first:first + 6]) > 0 for first in (36, 42)]
+        apart = dilated(lines, SHADE * height) | dilated(eyes[0] | eyes[1], BROW * height)
+        beside = np.where(apart, np.float32(0), np.float32(1))
         broad = _spread(exemplar.image, beside * np.where(behind & ~nose, THROUGH, np.float32(1)),
                         height, RIMS)
         bare = dilated(hole, 2 * AROUND * height) & (beside > 0) & ~behind
         return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
 
-    key = key_of(__name__, "spectacles", exemplar.image, exemplar.landmarks)
+    key = key_of(__name__, "spectacles, shade, eyes", exemplar.image, exemplar.landmarks)
     found = kept_arrays("bared", key, find, most=30)
     return replace(exemplar, image=found["image"]) if found else exemplar
+
+
+def _drawn_features(points: NDArray[np.floating], shape: tuple[int, ...]) -> Bool:
+    """Eyes with their brows, from landmarks [68, 2]; bool [h, w]."""
+    size = shape[0], shape[1]
+    return np.logical_or.reduce([
+        polygon(size, np.concatenate([points[brow], points[eye]])[order]) > 0
+        for brow, eye, order in ((slice(17, 22), slice(36, 42), [0, 1, 2, 3, 4, 8, 9, 10, 5]),
+                                 (slice(22, 27), slice(42, 48), [0, 1, 2, 3, 4, 8, 9, 10, 5]))])
 
 
 def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDArray[Any]] | None:

@@ -470,9 +470,8 @@ def ways(gain: Float64) -> NDArray[np.int_]:
 
     Returns
     -------
-    columns
-        int [K, n], of each row; at most one aside of the row before, which costs `STIFF`. Of equal
-        ways the straight one.
+    columns : int [K, n], of each row; at most one aside of the row before, which costs `STIFF`. Of
+        equal ways the straight one.
     """
     tables, rows, width = gain.shape
     came = np.zeros(gain.shape, np.int8)

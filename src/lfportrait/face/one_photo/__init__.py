@@ -5,8 +5,3 @@
 the head laid over its photo (`warp`), hair and body inflated from the matte (`relief`, `solid`),
 points of a lattice around the surface (`lattice`), and their colors (`paint`).
 """
-
-from .heads import head_from_photos
-from .portrait import portrait_capture, portrait_field
-
-__all__ = ["head_from_photos", "portrait_capture", "portrait_field"]

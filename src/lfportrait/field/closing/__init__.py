@@ -10,7 +10,6 @@ apart, and both begin as the photos leave them (`colors`). The lattice gets a sh
 points there (`shell`). What photos saw stays as it is.
 """
 
-from .fitted_head import FitHead, FittedHead
-from .sides import Closed, close_back, close_sides
+import lazy_loader
 
-__all__ = ["Closed", "FitHead", "FittedHead", "close_back", "close_sides"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

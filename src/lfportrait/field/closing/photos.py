@@ -17,9 +17,12 @@ from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
 from ..grid import VoxelField, surface_points
+from ..kernels.depth_maps import places_shown
 
 PHOTOS = 40
 """Photos, at most, that are asked what they see."""
+
+_NO_MAP, _NO_WAYS = np.zeros((0, 0), np.float32), np.zeros((0, 3))
 
 
 class Photos:
@@ -80,19 +83,11 @@ class Photos:
     def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
              square: float = 0.0) -> list[Bool]:
         """For each view, which of the points it sees, bool [N] (`seen`, `faced`)."""
+        slack = np.float32(2.5 * self.voxel)
+
         def sees(view: int) -> Bool:
-            shown, place, depth = self._shown(view, points)
-            found = np.zeros(len(points), bool)
-            found[shown] = ((depth > self._first[view][place] - 2.5 * self.voxel)
-                            & (depth < self._matter[view][place] + 2.5 * self.voxel))
-            if square > 0:
-                found[shown] &= self._cosines[view][place] > square
-            if outwards is not None:
-                near = np.flatnonzero(found)
-                away = self.cameras.position[view] - points[near]
-                away /= np.linalg.norm(away, axis=1, keepdims=True)
-                found[near] = (away * outwards[near]).sum(axis=1) > least
-            return found
+            return self._between(view, points, self._first[view], self._matter[view], slack, slack,
+                                 square, outwards, least)
 
         return side_by_side(sees, range(len(self._depths)))
 
@@ -112,15 +107,25 @@ class Photos:
         last = self._last if nearly else self._depths
 
         def sees(view: int) -> Bool:
-            shown, place, depth = self._shown(view, points)
-            found = np.zeros(len(points), bool)
-            found[shown] = depth < last[view][place] - 0.75 * self.voxel
-            return found
+            return self._between(view, points, last[view], last[view], np.float32(-1),
+                                 np.float32(-0.75 * self.voxel))
 
         found = np.zeros(len(points), np.int32)
         for past in side_by_side(sees, range(len(self._depths))):
             found += past
         return found >= min(2, self.enough)
+
+    def _between(self, view: int, points: Float64, nearest: Float32, farthest: Float32,
+                 before: np.float32, beyond: np.float32, square: float = 0.0,
+                 outwards: Float64 | None = None, least: float = 0.0) -> Bool:
+        """Which points a view shows at such depths (`places_shown`), bool [N]."""
+        shown = np.empty(len(points), bool)
+        places_shown(np.ascontiguousarray(points, np.float64), self.cameras.row(view),
+                     nearest, farthest, before, beyond,
+                     self._cosines[view] if square > 0 else _NO_MAP, float(square),
+                     _NO_WAYS if outwards is None else np.ascontiguousarray(outwards, np.float64),
+                     float(least), shown)
+        return shown
 
     def surface(self, view: int, low: Float64, high: Float64) -> tuple[Float64, Float64]:
         """Places that a view sees in a rectangle of its pixels, and the ways to it.

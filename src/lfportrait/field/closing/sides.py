@@ -34,6 +34,7 @@ from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
 from .colors import NAPE, continued_colors, hair_cells, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
+from .grazed import Grazed, faced_by
 from .photos import Photos, behind_what_is_seen
 from .shell import FRINGE, Shell, with_shell
 
@@ -59,10 +60,13 @@ class Closed:
         Share of the surface that was open.
     points
         Lattice points that are new.
+    grazed
+        Where photos of a narrow arc only look along the surface; None: it is closed behind alone.
     """
 
     share: float
     points: int
+    grazed: Grazed | None = None
 
 
 def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capture,
@@ -238,7 +242,10 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
                   ears=guess.ears,
                   yields=guess.yields, fringe=FRINGE if head is None else NARROW_FRINGE)
     closed, count = with_shell(field, shell, photos, cut)
-    return closed, Closed(float((area * gap).sum() / area.sum()), count)
+    beside = np.zeros(gap.shape, bool) if guess.ears is None else _ear_cells(chart, guess.ears)
+    grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras), guess.ears, beside, hair,
+                    cut)
+    return closed, Closed(float((area * gap).sum() / area.sum()), count, grazed)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ field's; `clean_plates` shows what is behind the person; `exposure` compares the
 `head_surface` begins with the usual proportions of a bust; `start` makes the first lattice.
 """
 
-from .clean_plates import plate_mattes
-from .head_surface import bust_chart, bust_distance
-from .mattes import cut_out, trim
+import lazy_loader
 
-__all__ = ["bust_chart", "bust_distance", "cut_out", "plate_mattes", "trim"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

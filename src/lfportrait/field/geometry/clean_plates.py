@@ -24,7 +24,6 @@ from ...arrays import Bool, Float32, Float64, Int64, UInt8
 from ...capture import Camera, Capture, color_likelihood, refine_matte
 from ...progress import Progress
 from ...simd.threads import side_by_side
-from ..grid import camera_row
 from ..kernels.depth_maps import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth
 
@@ -173,7 +172,7 @@ class CleanPlates:
         for view, one, matte in zip(self.views, maps, small):
             weight = _weights(matte, self._part(one))
             camera, image = self._plate_size(int(view))
-            rows.append(camera_row(camera, 0))
+            rows.append(camera.row(0))
             large = cv2.resize(weight, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
             pictures.append(np.dstack([image, np.asarray(255.0 * large + 0.5, np.uint8)]))
             surface = DepthMap(one.camera, one.image, np.asarray(1.0 / self._surface(one.camera)))
@@ -218,7 +217,7 @@ class CleanPlates:
         color, noise = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
         known = np.zeros(shape, np.float32)
         gains = self._gains(one, _reduced(self.mattes[view], one.depth.shape))
-        compose_plate(np.asarray(room), _near(matte), camera_row(camera, 0), self._rows[others],
+        compose_plate(np.asarray(room), _near(matte), camera.row(0), self._rows[others],
                       self._pictures[others], gains[others], np.float32(_ENOUGH),
                       np.float32(_SPREAD), np.zeros((shape[0], len(others), 4), np.float32), color,
                       noise, known)

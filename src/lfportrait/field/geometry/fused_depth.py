@@ -19,7 +19,6 @@ from scipy import ndimage
 
 from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera, mattes_share, views_share
-from ..grid import camera_row
 from ..kernels.depth_maps import fuse_distance, outline_distance
 from .sweep import DepthMap
 
@@ -62,7 +61,7 @@ class Solid:
         """
         height, width = int(camera.height[0]), int(camera.width[0])
         least = outline_distance(self.distance, self._clear, self.first, self.spacing,
-                                 camera_row(camera, 0), height, width)
+                                 camera.row(0), height, width)
         return np.asarray(least * np.float32(_THICK * self.spacing), np.float32)
 
 
@@ -153,7 +152,7 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
     count, seen = (np.zeros((_SIZE,) * 3, np.int16) for _ in range(2))
     for item, matte in zip(maps, mattes):
         depth = np.where(np.isfinite(item.depth), item.depth, 0.0).astype(np.float32)
-        fuse_distance(axis, camera_row(item.camera, 0), depth, matte, _THICK * spacing, total,
+        fuse_distance(axis, item.camera.row(0), depth, matte, _THICK * spacing, total,
                       count, person, seen)
     known = count >= 2
     mean = (total / np.maximum(count, 1)).astype(np.float32)

@@ -36,7 +36,6 @@ from scipy.interpolate import RBFInterpolator
 from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
-from ..grid import camera_row
 from ..kernels.depth_maps import surface_agreement
 from .chart import Chart, fitted_plate, normals_of, roughly_fitted_plate, smoothed
 
@@ -159,7 +158,7 @@ class SurfaceSweep:
         self._pictures = np.zeros((len(greys), *self._sizes.max(axis=0)), np.float32)
         for picture, grey in zip(self._pictures, greys):
             picture[:grey.shape[0], :grey.shape[1]] = grey
-        self._rows = np.stack([camera_row(self.cameras, k) for k in range(len(greys))])
+        self._rows = np.stack([self.cameras.row(k) for k in range(len(greys))])
 
     def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
               window: int) -> tuple[Float64, Float64]:

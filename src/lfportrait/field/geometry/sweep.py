@@ -18,7 +18,6 @@ from scipy import ndimage
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
-from ..grid import camera_row
 from ..kernels.depth_maps import fuse_depth, match_planes
 from ..kernels.march import C0
 from ..training.lattice import box_shape
@@ -240,7 +239,7 @@ def fuse(maps: list[DepthMap], resolution: int, center: Float64, radius: Float64
     color = np.zeros((*shape, 3), np.float32)
     margin = 1.5 * 2.0 / resolution
     for item in maps:
-        fuse_depth(x, y, z, camera_row(item.camera, 0), _completed(item.depth),
+        fuse_depth(x, y, z, item.camera.row(0), _completed(item.depth),
                    np.isfinite(item.depth), item.image, margin, 0.1, empty, solid, unsure, color)
     surface = (solid >= 2) & (solid >= 0.3 * empty)
     likely = (solid + unsure >= 2) & (solid + unsure >= empty)

@@ -25,7 +25,7 @@ class ViewJob:
     Attributes
     ----------
     cameras
-        float64 [V, 16] (`camera_row`).
+        float64 [V, 16] (`Camera.row`).
     size
         Width and height in pixels.
     lattice

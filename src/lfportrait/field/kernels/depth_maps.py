@@ -291,6 +291,49 @@ def carve(since, until, x, y, z, camera, covered, asked, seen, against):
                         against[k, j, i] += 1
 
 
+@lean_kernel
+def places_shown(  # type: ignore[no-untyped-def]
+        points, camera, nearest, farthest, before, beyond, cosines, square, outwards, least, shown):
+    """Which points a view shows at depths between two maps.
+
+    Parameters
+    ----------
+    points
+        float64 [N, 3].
+    camera
+        float64 [16].
+    nearest, farthest
+        float32 [h, w], distances along the optical axis.
+    before, beyond
+        float32, how far before ``nearest`` and beyond ``farthest`` points may lie; below zero the
+        first asks for nothing.
+    cosines, square
+        float32 [h, w], of which a point's must be above ``square``, unless that is zero.
+    outwards, least
+        float64 [N, 3], unit: the way to the camera has a cosine above ``least`` to it; [0, 3] asks
+        for nothing.
+    shown
+        bool [N], filled.
+    """
+    height, width = farthest.shape
+    for k in range(len(points)):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        row, column, along = pixel_of(x, y, z, camera, height, width)
+        shown[k] = False
+        if row < 0 or not along < farthest[row, column] + beyond:
+            continue
+        if before >= 0 and not along > nearest[row, column] - before:
+            continue
+        if square > 0 and not cosines[row, column] > square:
+            continue
+        if len(outwards) > 0:
+            dx, dy, dz = camera[3] - x, camera[7] - y, camera[11] - z
+            across = dx * outwards[k, 0] + dy * outwards[k, 1] + dz * outwards[k, 2]
+            if not across > least * np.sqrt(dx * dx + dy * dy + dz * dz):
+                continue
+        shown[k] = True
+
+
 _OUTSIDE = np.float32(-10.0)
 """In the place of a pixel that a picture does not show; pixels are in [0, 1]."""
 _BESIDE = 3

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ...simd.barrier import meet, together
 from ...simd.decorators import identified, kernel, lean
-from ...simd.threads import with_kernel
+from ...simd.threads import meet, together, with_kernel
 from .descent import smooth_rows, take_up_all, vary_rows
 from .packet import OWNED
 from .train import make_cast, make_scratch

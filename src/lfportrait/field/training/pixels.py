@@ -11,7 +11,6 @@ from scipy import ndimage
 from ...arrays import Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
-from ..grid import camera_row
 
 IMPORTANCE = 0.7
 """Share of rays sampled where the error is large (docs/reconstruction.md)."""
@@ -43,7 +42,7 @@ class TrainingPixels:
 
     def place(self, cameras: Camera) -> None:
         """Cast the rays from these cameras from now on."""
-        self.cameras = np.stack([camera_row(cameras, view) for view in range(len(cameras))])
+        self.cameras = np.stack([cameras.row(view) for view in range(len(cameras))])
 
     def lay_mattes(self, mattes: list[UInt8]) -> None:
         """Learn from these mattes of the training views from now on; the tiles stay the same."""

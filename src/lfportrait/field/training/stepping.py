@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from ...arrays import Float32, Float64, Int32, Int64
-from ...simd.barrier import together
+from ...simd.threads import together
 from ..background import BackgroundTrainer
 from ..config import Settings
 from ..kernels.bricks import bright_table

@@ -4,10 +4,6 @@
 it is, `driver` gives the tasks out and writes the index, `runners` do them; `journal` reports it.
 """
 
-from .driver import BatchConfig, batch, prepare_batch
-from .jobs_file import load_jobs, overlaid
-from .journal import BatchTable, JsonLines, Watcher, batch_status, dry_table
-from .plan import dry_figures
+import lazy_loader
 
-__all__ = ["BatchConfig", "BatchTable", "JsonLines", "Watcher", "batch", "batch_status",
-           "dry_figures", "dry_table", "load_jobs", "overlaid", "prepare_batch"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -250,13 +250,11 @@ def write_index(batch: Batch) -> str:
 
     Parameters
     ----------
-    batch
-        The batch as it is now.
+    batch : The batch as it is now.
 
     Returns
     -------
-    text
-        HTML.
+    text : HTML.
     """
     template = Template((resources.files(__package__) / "index.html").read_text("utf-8"))
     failures = batch.failures()

@@ -70,12 +70,9 @@ def checked(value: Any, kind: Any, where: str) -> Any:
 
     Parameters
     ----------
-    value
-        As `tomllib` read it.
-    kind
-        ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or None.
-    where
-        File and entry, for the message.
+    value : As `tomllib` read it.
+    kind : ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or None.
+    where : File and entry, for the message.
 
     Raises
     ------
@@ -228,12 +225,9 @@ class Jobs:
 
     Attributes
     ----------
-    path
-        The file, for messages.
-    sitters, styles, panels
-        In the order of the file, by name.
-    config
-        The parameters without overrides.
+    path : The file, for messages.
+    sitters, styles, panels : In the order of the file, by name.
+    config : The parameters without overrides.
     """
 
     path: Path

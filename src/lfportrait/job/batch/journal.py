@@ -41,10 +41,8 @@ class Journal:
 
     Parameters
     ----------
-    results
-        Folder of all results.
-    watchers
-        Called with each event.
+    results : Folder of all results.
+    watchers : Called with each event.
     """
 
     def __init__(self, results: Path, watchers: list[Watcher]) -> None:

@@ -53,12 +53,9 @@ def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
 
     Parameters
     ----------
-    jobs
-        What is wanted.
-    paintings
-        Hashes of the paintings (`painting_key`) by the names of the styles.
-    fingerprint
-        Hash of a sitter's photos; raises `UserError` where they can't be read.
+    jobs : What is wanted.
+    paintings : Hashes of the paintings (`painting_key`) by the names of the styles.
+    fingerprint : Hash of a sitter's photos; raises `UserError` where they can't be read.
     """
     def look(sitter: Sitter) -> str | UserError:
         try:
@@ -192,10 +189,8 @@ class Fingerprints:
 
     Parameters
     ----------
-    file
-        Where they are kept.
-    compute
-        The hash of a folder or file by its contents.
+    file : Where they are kept.
+    compute : The hash of a folder or file by its contents.
     """
 
     def __init__(self, file: Path, compute: Callable[[Path], str]) -> None:
@@ -236,20 +231,13 @@ class Batch:
 
     Attributes
     ----------
-    jobs, plan
-        What is wanted, and the graph of it.
-    results
-        Folder of all results.
-    done
-        Names of the tasks that are done.
-    failed
-        Why tasks failed, by name.
-    lost
-        Tasks that can't be done as one before them failed: the name of that one.
-    costs
-        What tasks of each stage take.
-    prints
-        Hashes of the photos, to be kept.
+    jobs, plan : What is wanted, and the graph of it.
+    results : Folder of all results.
+    done : Names of the tasks that are done.
+    failed : Why tasks failed, by name.
+    lost : Tasks that can't be done as one before them failed: the name of that one.
+    costs : What tasks of each stage take.
+    prints : Hashes of the photos, to be kept.
     """
 
     jobs: Jobs

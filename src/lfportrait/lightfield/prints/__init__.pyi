@@ -1,6 +1,5 @@
 from .depth import PrintDepth, SheetView, fitted, through_lenses
-from .files import check_file
-from .pages import write_lenses, write_pitch_test, write_print
+from .pages import check_file, write_lenses, write_pitch_test, write_print
 from .sheet import PrintConfig, PrintSheet, paper_size
 
 __all__ = ["PrintConfig", "PrintDepth", "PrintSheet", "SheetView", "check_file", "fitted",

@@ -1,18 +1,5 @@
 """Pictures, or fields live, shown on real panels: full screen, or through Looking Glass Bridge."""
 
-from .bridge import URL, Bridge, DepthPicture, Device, Entry
-from .live import OffscreenWindow
-from .live_window import (
-    LiveWindow,
-    check_packages,
-    fields_to_show,
-    live_adapter,
-    screen_sizes,
-    show_field,
-    show_live,
-)
-from .show import PygameDriver, show
+import lazy_loader
 
-__all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry", "LiveWindow", "OffscreenWindow",
-           "PygameDriver", "check_packages", "fields_to_show", "live_adapter", "screen_sizes",
-           "show", "show_field", "show_live"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

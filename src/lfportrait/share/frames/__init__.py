@@ -4,7 +4,3 @@
 pair, color and depth, an anaglyph, a flat video. `fill_drive` fills the drive of a frame that
 stands alone.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

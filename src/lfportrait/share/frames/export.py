@@ -81,18 +81,13 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
 
     Parameters
     ----------
-    field
-        Whose head.
-    window
-        The frame, with the eyes' distance.
-    encode
-        Size and shifts away from their defaults change the framing in proportion; the rest is kept.
-    margins
-        What is left free.
-    turns
-        Degrees by which the head is turned besides ``encode.turn``.
-    eyes
-        X of the eyes in half heights of the frame.
+    field : Whose head.
+    window : The frame, with the eyes' distance.
+    encode : Size and shifts away from their defaults change the framing in proportion; the rest is
+        kept.
+    margins : What is left free.
+    turns : Degrees by which the head is turned besides ``encode.turn``.
+    eyes : X of the eyes in half heights of the frame.
     """
     points, voxel = _outline(field)
     views = []
@@ -167,10 +162,8 @@ class TwoEyes:
 
     Attributes
     ----------
-    window
-        The picture's frame: its pixels and the distance of the eyes.
-    baseline
-        Distance between the eyes in half heights of the window.
+    window : The picture's frame: its pixels and the distance of the eyes.
+    baseline : Distance between the eyes in half heights of the window.
     """
 
     window: Display
@@ -317,27 +310,18 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
 
     Parameters
     ----------
-    path
-        The file.
-    picture
-        Makes a frame, uint8 [H, W, 3], by its placement.
-    size
-        Width and height of the frames.
-    encode
-        Placement of the head in the middle of the motion.
-    config
-        Number of frames, sway and codec.
-    flat
-        Whether it is a flat panel's video.
-    comment
-        Written into the file's metadata.
-    step
-        Called before each frame with its number and their count.
+    path : The file.
+    picture : Makes a frame, uint8 [H, W, 3], by its placement.
+    size : Width and height of the frames.
+    encode : Placement of the head in the middle of the motion.
+    config : Number of frames, sway and codec.
+    flat : Whether it is a flat panel's video.
+    comment : Written into the file's metadata.
+    step : Called before each frame with its number and their count.
 
     Returns
     -------
-    figures
-        ``frames`` and ``codec``.
+    figures : ``frames`` and ``codec``.
     """
     codec = codec_for(path, size, config.codec, flat)
     turns = _turns(config)
@@ -358,12 +342,9 @@ class Flat:
 
     Attributes
     ----------
-    window
-        The panel.
-    encode
-        Placement of the head, filling the safe areas.
-    turned
-        Whether the picture lies on its side for the panel's own player.
+    window : The panel.
+    encode : Placement of the head, filling the safe areas.
+    turned : Whether the picture lies on its side for the panel's own player.
     """
 
     window: Display

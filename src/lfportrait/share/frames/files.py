@@ -254,21 +254,15 @@ def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayou
 
     Parameters
     ----------
-    path
-        The package.
-    media
-        Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
-    contents
-        The quilt, as a file's contents or a file.
-    layout
-        The quilt's layout.
-    movie
-        Whether it is a video.
+    path : The package.
+    media : Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
+    contents : The quilt, as a file's contents or a file.
+    layout : The quilt's layout.
+    movie : Whether it is a video.
 
     Returns
     -------
-    figures
-        ``bytes`` of the package.
+    figures : ``bytes`` of the package.
     """
     settings = json.dumps(quilt_settings(layout, movie=movie), indent=1) + "\n"
     with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as package:

@@ -63,10 +63,8 @@ class QuiltPlan:
 
     Attributes
     ----------
-    display
-        The panel, with the quilt's size in ``quilt_size``.
-    layout
-        Columns, rows and aspect.
+    display : The panel, with the quilt's size in ``quilt_size``.
+    layout : Columns, rows and aspect.
     """
 
     display: Display
@@ -78,12 +76,10 @@ class QuiltPlan:
 
         Parameters
         ----------
-        name
-            The file's name.
-        config
-            Its display and pixels.
-        display
-            The panel, where it is known; otherwise the parameters name it, or the layout does.
+        name : The file's name.
+        config : Its display and pixels.
+        display : The panel, where it is known; otherwise the parameters name it, or the layout
+            does.
 
         Raises
         ------

@@ -5,7 +5,3 @@ asked for allows, `assembly` joins all with the page's script in `web/` and a pi
 once. `serve_page` shows it in a browser. See docs/portrait-page.md for what the page does.
 `recolored` gives a page that is open other colors.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

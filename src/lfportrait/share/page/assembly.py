@@ -60,9 +60,8 @@ def start_view(voxels: VoxelField) -> dict[str, Any]:
 
     Returns
     -------
-    start
-        ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half width and
-        half height of what must fit into the window.
+    start : ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half width
+        and half height of what must fit into the window.
     """
     reach, low, high = head_extent(voxels)
     return {"target": [0.0, (low + high) / 2, 0.0], "distance": DISTANCE,
@@ -102,13 +101,11 @@ class PageGround:
 
     Attributes
     ----------
-    header
-        For the page's script: ``picture``, a WebP as an address; ``left``, ``top``, ``width`` and
-        ``height`` in world units; ``depth``, how far it lies behind the head's middle; and for
+    header : For the page's script: ``picture``, a WebP as an address; ``left``, ``top``, ``width``
+        and ``height`` in world units; ``depth``, how far it lies behind the head's middle; and for
         panels ``back``, where the head's back is in the world, ``behind``, how far behind that the
         ground lies in half panel heights, and ``blur`` (`EncodeConfig`).
-    drop
-        What it was made from.
+    drop : What it was made from.
     """
 
     header: dict[str, Any]

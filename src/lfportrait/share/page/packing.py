@@ -48,7 +48,7 @@ from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...errors import UserError
 from ...field import C0, SurfaceTexture, VoxelField
 from ...stylize import StyledField
-from .kernels import code_rows
+from ..kernels import code_rows
 
 
 @dataclass(frozen=True)
@@ -57,15 +57,11 @@ class ColorSet:
 
     Attributes
     ----------
-    name
-        For people.
-    kind
-        ``"photo"``, ``"style"``, ``"mix"`` (of photo and styles) or ``"field"`` (of a field that
+    name : For people.
+    kind : ``"photo"``, ``"style"``, ``"mix"`` (of photo and styles) or ``"field"`` (of a field that
         has no other).
-    sh
-        float32 [N, 3, B], coefficients as a `VoxelField` has them.
-    texels
-        int8 [H, W, 3], texture of the surface that belongs to them, or None.
+    sh : float32 [N, 3, B], coefficients as a `VoxelField` has them.
+    texels : int8 [H, W, 3], texture of the surface that belongs to them, or None.
     """
 
     name: str
@@ -84,10 +80,8 @@ def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
 
     Parameters
     ----------
-    voxels
-        A `StyledField` has several sets, every other field one.
-    degree
-        Degree of the spherical harmonics that are kept, 0 to 2.
+    voxels : A `StyledField` has several sets, every other field one.
+    degree : Degree of the spherical harmonics that are kept, 0 to 2.
 
     Raises
     ------
@@ -136,16 +130,11 @@ class Lattice:
 
     Attributes
     ----------
-    filled
-        bool [Z, Y, X], where rows are; rows are numbered in this order, x fastest.
-    density
-        float32 [N], per world unit.
-    sets
-        Color sets over these rows.
-    center, radius
-        float64 [3] (x, y, z), as a `VoxelField` has them.
-    charts
-        uint8 [N], chart of the texture that shows each row's place, 255 for none; or None.
+    filled : bool [Z, Y, X], where rows are; rows are numbered in this order, x fastest.
+    density : float32 [N], per world unit.
+    sets : Color sets over these rows.
+    center, radius : float64 [3] (x, y, z), as a `VoxelField` has them.
+    charts : uint8 [N], chart of the texture that shows each row's place, 255 for none; or None.
     """
 
     filled: Bool
@@ -194,12 +183,9 @@ class Packed:
 
     Attributes
     ----------
-    header
-        What the page's script needs to read the streams; plain values for JSON.
-    streams
-        Deflated bytes by name.
-    shown
-        The lattice as it is read back: what the page shows.
+    header : What the page's script needs to read the streams; plain values for JSON.
+    streams : Deflated bytes by name.
+    shown : The lattice as it is read back: what the page shows.
     """
 
     header: dict[str, Any]
@@ -246,11 +232,9 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
 
     Parameters
     ----------
-    lattice
-        The field.
-    tolerance
-        Largest error of colors and of the root of densities in 255ths of their range; 0 rounds
-        them to bytes and no more.
+    lattice : The field.
+    tolerance : Largest error of colors and of the root of densities in 255ths of their range; 0
+        rounds them to bytes and no more.
     """
     filled = lattice.filled
     top = float(min(lattice.density.max(), _OPAQUE / lattice.voxel))
@@ -331,12 +315,9 @@ class PageTexture:
 
     Attributes
     ----------
-    texels
-        int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
-    projections
-        float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
-    pixels
-        Texels per world unit.
+    texels : int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
+    projections : float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
+    pixels : Texels per world unit.
     """
 
     texels: list[NDArray[np.int8] | None] = field(repr=False)
@@ -356,14 +337,10 @@ class PageTexture:
 
         Parameters
         ----------
-        texture
-            Of the field: places, and texels of what it shows.
-        sets
-            Color sets with their texels.
-        points
-            float64 [N, 3], world positions of the field's rows.
-        cell
-            Length of a lattice cell's diagonal in world units.
+        texture : Of the field: places, and texels of what it shows.
+        sets : Color sets with their texels.
+        points : float64 [N, 3], world positions of the field's rows.
+        cell : Length of a lattice cell's diagonal in world units.
         """
         margin = _MARGIN + round(cell * texture.pixels)
         boxes = _chart_boxes(texture, points, margin)

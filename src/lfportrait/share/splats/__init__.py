@@ -3,10 +3,3 @@
 `fitting` lays one on each visible surface point, and moves them until they look like the field;
 `cloud` renders them, and turns them as a file is to hold them; `formats` writes them.
 """
-
-from .cloud import Splats, framed, is_down, render_splats
-from .fitting import field_splats
-from .formats import WRITERS as SPLAT_WRITERS
-
-__all__ = ["SPLAT_WRITERS", "Splats", "field_splats", "framed",
-           "is_down", "render_splats"]

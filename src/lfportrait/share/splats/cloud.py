@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ...arrays import Float32, Float64, Int32, Int64
 from ...capture import Camera
 from ...errors import UserError
-from ...field import C0, camera_row
+from ...field import C0
+from ..kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
 from ..kinds import METRES, Up
-from .kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def splat_view(splats: Splats, cameras: Camera, view: int = 0) -> SplatView:
         Batch of cameras and which of them.
     """
     width, height = int(cameras.width[view]), int(cameras.height[view])
-    camera = camera_row(cameras, view)
+    camera = cameras.row(view)
     flat = np.empty((len(splats), COLUMNS), np.float32)
     depth = np.empty(len(splats), np.float32)
     project(splats.positions, splats.scales, splats.axes, splats.opacity, camera, (width, height),

@@ -275,5 +275,5 @@ def _turns(splats: Splats) -> np.ndarray:
     return word.astype("<u4")
 
 
-WRITERS = {".ply": write_ply, ".glb": write_glb, ".spz": write_spz, ".sog": write_sog}
+SPLAT_WRITERS = {".ply": write_ply, ".glb": write_glb, ".spz": write_spz, ".sog": write_sog}
 """By the file's suffix: functions (stream, splats)."""

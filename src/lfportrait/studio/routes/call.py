@@ -34,10 +34,8 @@ class Call:
 
     Attributes
     ----------
-    request, desk
-        The request, and the studio.
-    data
-        Its JSON; empty for uploads and for what only reads.
+    request, desk : The request, and the studio.
+    data : Its JSON; empty for uploads and for what only reads.
     """
 
     def __init__(self, request: Request, desk: Desk, data: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""A version in full: the head painted at full resolution, mixed, coded, and shown in a page.
+"""A version in full: painted, mixed, coded and shown in a page; and exports of its field.
 
 The painted head is kept for each painting (``painted/STYLE/``), so that another mix of it takes
 seconds. Without a mix all files are those that ``lfportrait make`` writes.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from ...cache import hash_of
@@ -28,12 +29,17 @@ from ...job import (
     stage_key,
     style_key,
 )
+from ...lightfield import EncodeConfig
 from ...media.pictures import read_image
+from ...share import ExportContext
 from ...stages import StageFolder, finished_record
-from ...stylize import StyledField
+from ...stylize import StyledField, load_styled
+from ..answers import id_of
+from ..exports import forget_unfinished, kind_of
 from ..orders import Order
 from .jobs import do_task, expected
 from .pictures import coded_picture, head_picture
+from .resident import Look, Sitting
 from .telling import Teller
 
 
@@ -120,3 +126,35 @@ def mixed_file(order: Order, key: str, painted: str) -> str:
 
     StageFolder(order.version).run(record, own, ("styled.npz",), write)
     return own
+
+
+def export(order: Order, teller: Teller) -> dict[str, Any]:
+    """Write the file; its figures."""
+    more = order.more
+    path, kind = Path(more["target"]), kind_of(more["kind"])
+    forget_unfinished(path)  # of an earlier run
+    teller.tell("stages", [("export", 10.0)])
+    with teller.stage("export") as progress:
+        progress.update(0, path.name)
+        look = Look(more["look"])
+        fine = look.styled is not None and not look.mix
+        # As the commands read it: from the file, with the numbers that it keeps.
+        field = load_styled(look.styled) if fine else Sitting().on_panel(look)
+        # Without a panel a head is placed by its own screen.
+        placed = {"encode": EncodeConfig(**more["placement"])} if kind.needs_display else {}
+        figures = kind.make(field, path, kind.chosen(more["options"]), ExportContext(
+            **placed, display=order.display, progress=progress))
+    out = figures.pop("out")
+    return {"export": id_of(out.name), "file": out.name, "kind": kind.name, "fine": fine,
+            "version": more.get("version"), "figures": _plain(figures)}
+
+
+def _plain(value: Any) -> Any:
+    """Figures as JSON takes them."""
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.item() if hasattr(value, "item") else value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -32,9 +31,9 @@ from ...job import (
     source_key,
 )
 from ...measure import usable_cores
-from ...runner import Pipe, finished
+from ...runner import finished, workers
 from ...stages import StageFolder
-from ..answers import failed
+from ..answers import read_error
 from ..orders import Order
 from ..photos import VIDEO_FRAME
 from .pictures import cameras_picture, head_picture, photo_picture, turned
@@ -45,17 +44,12 @@ _FITTED = {"capture": 2.5, "reconstruct": 7.5}
 
 
 def serve() -> None:
-    """Do the one order that comes through the pipe."""
-    pipe = Pipe()
-    order: Order = pipe.requests.get()
-    teller = Teller(pipe.tell, order.pictures)
-    try:
-        teller.tell("end", _KINDS[order.kind](order, teller))
-    except Exception as error:
-        refusal = failed(error)
-        if refusal.code == "internal":
-            traceback.print_exc()
-        teller.tell("failed", refusal.code, refusal.message)
+    """Do what is ordered."""
+    workers.serve(_do, read_error)
+
+
+def _do(order: Order, tell: Callable[..., None]) -> dict[str, Any]:
+    return _KINDS[order.kind](order, Teller(tell, order.pictures))
 
 
 def do_task(order: Order, teller: Teller, task: Task, figures: dict[str, Any],
@@ -82,7 +76,7 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     from ...capture import Capture
     from ...field import VoxelField
     from ...stylize import kept_skin
-    from .early import EarlyPicture
+    from .pictures import EarlyPicture
 
     look = EarlyPicture(order, teller)
     config = order.config()

@@ -1,9 +1,11 @@
-"""Pictures of a job's stages: placed cameras, the field while it trains, the painted head."""
+"""Pictures that jobs show while they work, and the first look at a painting on the head."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,11 @@ from PIL import Image, ImageDraw
 from ...arrays import UInt8
 from ...capture import Camera, Capture, font
 from ...field import VoxelField
+from ...job import FirstLook
 from ...lightfield import eight_bit, render_views
+from ..orders import Order
+from ..projects import Project
+from .telling import Teller
 
 _PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
 _MARGIN = 1.12
@@ -140,3 +146,46 @@ def pieces(images: Sequence[Any]) -> UInt8:
 def turned(number: int) -> float:
     """Yaw in degrees of a head that turns slowly from one picture to the next."""
     return 35.0 * math.sin(0.7 * number)
+
+
+_EVERY = 1.0
+"""Seconds after which it is looked again whether a painting was chosen."""
+
+
+class EarlyPicture(FirstLook):
+    """The first look as the picture of the stage to come, until that has one of its own.
+
+    And as a page that turns.
+
+    A painting is often chosen while the head is being made: the look waits for that.
+
+    Parameters
+    ----------
+    order
+        Of the head.
+    teller
+        Sends the picture.
+    """
+
+    STAGE = "surface"
+
+    def __init__(self, order: Order, teller: Teller) -> None:
+        # A picture shows no ground.
+        super().__init__("", replace(order.config().stylize, ground=False), time.perf_counter())
+        self._project, self._teller = Project(order.folder), teller
+        self._asked = -_EVERY
+
+    def wanted(self) -> bool:
+        """Whether a painting is chosen."""
+        now = time.perf_counter()
+        if now - self._asked < _EVERY:
+            return False
+        self._asked = now
+        self.exemplar = str(self._project.settings().get("painting") or "")
+        return bool(self.exemplar)
+
+    def show(self, portrait: VoxelField) -> str:
+        """Draw it; there is no line to be said."""
+        self._teller.picture(self.STAGE, head_picture(portrait))
+        self._teller.page(self.STAGE, portrait)
+        return ""

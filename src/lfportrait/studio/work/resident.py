@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import time
-import traceback
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
@@ -46,10 +45,10 @@ from ...lightfield import (
 )
 from ...lightfield.screens import Bridge
 from ...media.pictures import read_image
-from ...runner import Pipe
+from ...runner import workers
 from ...share import OpenPage, PageConfig, recolored, write_page
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
-from ..answers import failed
+from ..answers import read_error
 from ..styles import write_picture
 from .pictures import views_of
 
@@ -454,8 +453,7 @@ class _Resident:
 
 
 def serve() -> None:
-    """Answer until the pipe ends."""
-    pipe = Pipe()
+    """Answer questions, each a name and facts."""
     resident = _Resident()
     own: dict[str, Callable[[Facts], dict[str, Any]]] = {
         name: getattr(resident, name) for name in (
@@ -463,12 +461,4 @@ def serve() -> None:
             "cast", "style_picture")}
     for name, function in PAINTING_ANSWERS.items():
         own[name] = partial(function, resident.sitting)
-    while True:
-        number, name, facts = pipe.requests.get()
-        try:
-            pipe.tell(number, "ok", own[name](facts))
-        except Exception as error:
-            refusal = failed(error)
-            if refusal.code == "internal":
-                traceback.print_exc()
-            pipe.tell(number, refusal.code, refusal.message)
+    workers.serve(lambda question, _: own[question[0]](question[1]), read_error)

@@ -78,15 +78,12 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
 
     Parameters
     ----------
-    task
-        Field, capture, painting.
-    config
-        Parameters.
+    task : Field, capture, painting.
+    config : Parameters.
 
     Returns
     -------
-    colors, figures
-        float32 [N, 3]; errors of the fits, losses before and after, seconds.
+    colors, figures : float32 [N, 3]; errors of the fits, losses before and after, seconds.
 
     Raises
     ------
@@ -212,10 +209,8 @@ class ColorMap:
 
     Attributes
     ----------
-    matrix
-        float64 [3, 3].
-    offset
-        float64 [3].
+    matrix : float64 [3, 3].
+    offset : float64 [3].
     """
 
     matrix: Float64

@@ -37,12 +37,9 @@ class PhotoView(StyleView):
 
     Attributes
     ----------
-    camera
-        Its camera, a batch of one.
-    points
-        float64 [h, w, 3], world point under each pixel, NaN without one.
-    depth
-        float32 [h, w], distance along the optical axis; infinite without a surface.
+    camera : Its camera, a batch of one.
+    points : float64 [h, w, 3], world point under each pixel, NaN without one.
+    depth : float32 [h, w], distance along the optical axis; infinite without a surface.
     """
 
     camera: Any = None
@@ -66,12 +63,9 @@ def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:
 
     Parameters
     ----------
-    task
-        Field, capture, background.
-    size
-        Longer side of the views in pixels.
-    count
-        How many.
+    task : Field, capture, background.
+    size : Longer side of the views in pixels.
+    count : How many.
 
     Raises
     ------
@@ -100,14 +94,10 @@ def view_of(task: FieldTask, camera: Camera, size: int, photo: int | None) -> Ph
 
     Parameters
     ----------
-    task
-        Field, capture, background.
-    camera
-        The camera, a batch of one.
-    size
-        Longer side of the view in pixels.
-    photo
-        Which photo it took; None: the field's render is the content.
+    task : Field, capture, background.
+    camera : The camera, a batch of one.
+    size : Longer side of the view in pixels.
+    photo : Which photo it took; None: the field's render is the content.
     """
     box = _head_box(task.field, camera)
     if box is None:
@@ -181,12 +171,9 @@ class Correspondence:
 
     Attributes
     ----------
-    grid
-        float32 [1, h, w, 2], place (x, y) in the other view, -1 to 1 from border to border.
-    visible
-        bool [h, w], whether the other view sees the same place of the surface.
-    cosine
-        float32 [h, w], between the directions from which both see it.
+    grid : float32 [1, h, w, 2], place (x, y) in the other view, -1 to 1 from border to border.
+    visible : bool [h, w], whether the other view sees the same place of the surface.
+    cosine : float32 [h, w], between the directions from which both see it.
     """
 
     grid: torch.Tensor
@@ -280,17 +267,13 @@ def nearest_places(features: torch.Tensor, bank: torch.Tensor, *, chunk: int = 2
 
     Parameters
     ----------
-    features
-        [N, C].
-    bank
-        [M, C].
-    chunk
-        Rows of ``features`` compared at once.
+    features : [N, C].
+    bank : [M, C].
+    chunk : Rows of ``features`` compared at once.
 
     Returns
     -------
-    nearest, distance
-        int64 [N], row of the bank; float [N], 1 - cosine.
+    nearest, distance : int64 [N], row of the bank; float [N], 1 - cosine.
     """
     unit = functional.normalize(features, dim=1, eps=1e-6)
     bank_unit = functional.normalize(bank, dim=1, eps=1e-6)
@@ -304,18 +287,12 @@ class ColorDescent:
 
     Parameters
     ----------
-    model
-        The colors; changed in place.
-    field
-        Its lattice.
-    rate
-        Step of RMSProp in units of the coefficients of degree 0.
-    smoothness
-        Weight of the total variation of the colors.
-    share
-        Share of the rows that a step smooths.
-    random
-        Chooses them.
+    model : The colors; changed in place.
+    field : Its lattice.
+    rate : Step of RMSProp in units of the coefficients of degree 0.
+    smoothness : Weight of the total variation of the colors.
+    share : Share of the rows that a step smooths.
+    random : Chooses them.
     """
 
     def __init__(self, model: ColorModel, field: VoxelField, rate: float, smoothness: float,
@@ -360,18 +337,12 @@ def total_variation_slope(colors: Float32, following: Int32,
 
     Parameters
     ----------
-    colors
-        float32 [N, 3].
-    following
-        int32 [N, 3] (`following_rows`).
-    scale
-        Lattice points along x, y and z over 256.
-    rows
-        Rows to smooth.
-    weight
-        Weight of the value.
-    gradient
-        float32 [3, N]; added to.
+    colors : float32 [N, 3].
+    following : int32 [N, 3] (`following_rows`).
+    scale : Lattice points along x, y and z over 256.
+    rows : Rows to smooth.
+    weight : Weight of the value.
+    gradient : float32 [3, N]; added to.
     """
     ahead = following[rows]
     change = (colors[ahead] - colors[rows][:, None]) / C0  # [M, axis, channel]

@@ -104,16 +104,13 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
 
     Parameters
     ----------
-    task
-        Field, capture with landmarks, painting.
-    config
-        Parameters.
+    task : Field, capture with landmarks, painting.
+    config : Parameters.
 
     Returns
     -------
-    colors, figures
-        float32 [N, 3]; error of the fit, losses before and after, share of the other views that is
-        registered, seconds.
+    colors, figures : float32 [N, 3]; error of the fit, losses before and after, share of the other
+        views that is registered, seconds.
 
     Raises
     ------

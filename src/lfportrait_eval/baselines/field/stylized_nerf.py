@@ -67,11 +67,9 @@ class AdainNetwork:
 
     Parameters
     ----------
-    weights
-        ``encoder4.conv0`` ... ``encoder4.conv41`` and ``decoder4.conv41`` ... ``decoder4.conv11``,
-        ``.weight`` and ``.bias`` each. They are copied.
-    place
-        Torch's name of the device that computes, and that pictures must lie on.
+    weights : ``encoder4.conv0`` ... ``encoder4.conv41`` and ``decoder4.conv41`` ...
+        ``decoder4.conv11``, ``.weight`` and ``.bias`` each. They are copied.
+    place : Torch's name of the device that computes, and that pictures must lie on.
     """
 
     def __init__(self, weights: Weights, place: str = "cpu") -> None:
@@ -120,8 +118,7 @@ def load_adain(place: str = "cpu") -> AdainNetwork:
 
     Parameters
     ----------
-    place
-        Torch's name of the device that computes.
+    place : Torch's name of the device that computes.
 
     Raises
     ------
@@ -159,18 +156,14 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
 
     Parameters
     ----------
-    task
-        Field, capture, painting.
-    config
-        Parameters.
-    network
-        Encoder and decoder; None loads the published weights, to the task's device.
+    task : Field, capture, painting.
+    config : Parameters.
+    network : Encoder and decoder; None loads the published weights, to the task's device.
 
     Returns
     -------
-    colors, figures
-        float32 [N, 3]; error of the fit after each round, disagreement of neighbours before and
-        after, seconds.
+    colors, figures : float32 [N, 3]; error of the fit after each round, disagreement of neighbours
+        before and after, seconds.
 
     Raises
     ------
@@ -215,14 +208,10 @@ class PaintingTeacher:
 
     Parameters
     ----------
-    network
-        Encoder and decoder.
-    views
-        The views.
-    task
-        Painting, background, seed.
-    config
-        Size of the views.
+    network : Encoder and decoder.
+    views : The views.
+    task : Painting, background, seed.
+    config : Size of the views.
     """
 
     def __init__(self, network: AdainNetwork, views: list[PhotoView], task: FieldTask,
@@ -352,16 +341,11 @@ class LatentColors:
 
     Parameters
     ----------
-    model
-        The colors of the mean code; changed in place.
-    views
-        The views.
-    numbers
-        Length of a code; 0 is the model alone.
-    ridge
-        Weight of a code's squared length beside the mean squared error of its view.
-    random
-        Chooses the first codes.
+    model : The colors of the mean code; changed in place.
+    views : The views.
+    numbers : Length of a code; 0 is the model alone.
+    ridge : Weight of a code's squared length beside the mean squared error of its view.
+    random : Chooses the first codes.
     """
 
     def __init__(self, model: ColorModel, views: list[PhotoView], numbers: int, ridge: float,

@@ -243,12 +243,9 @@ def varied(sitting: Sitting, side: int, random: np.random.Generator) -> Sitting:
 
     Parameters
     ----------
-    sitting
-        The photo and its landmarks.
-    side
-        Longer side of the result in pixels; the shape stays.
-    random
-        Where the choices come from.
+    sitting : The photo and its landmarks.
+    side : Longer side of the result in pixels; the shape stays.
+    random : Where the choices come from.
     """
     photo, landmarks = sitting
     height, width = photo.shape[:2]

@@ -49,8 +49,7 @@ class Painter(nn.Module):
 
     Parameters
     ----------
-    width
-        Channels of the first layer; the deepest has four times as many.
+    width : Channels of the first layer; the deepest has four times as many.
     """
 
     def __init__(self, width: int) -> None:
@@ -108,26 +107,19 @@ def train(pairs: list[tuple[UInt8, Float32]], width: int, *,
 
     Parameters
     ----------
-    pairs
-        Photos uint8 [H, W, 3] and paintings float32 [H, W, 3] in [0, 1].
-    width
-        Of the network.
-    steps, seconds
-        The training ends after so many steps (0: no limit) or, without that limit, seconds.
-    rate
-        Of Adam; it falls to a tenth towards the end.
-    adversarial
-        Weight of the discriminator against 4 for the mean absolute difference.
-    seed
-        Of the weights and of the order; with ``steps`` the same seed gives the same network.
-    place
-        Torch's name of the device that trains; the weights begin the same on all.
+    pairs : Photos uint8 [H, W, 3] and paintings float32 [H, W, 3] in [0, 1].
+    width : Of the network.
+    steps, seconds : The training ends after so many steps (0: no limit) or, without that limit,
+        seconds.
+    rate : Of Adam; it falls to a tenth towards the end.
+    adversarial : Weight of the discriminator against 4 for the mean absolute difference.
+    seed : Of the weights and of the order; with ``steps`` the same seed gives the same network.
+    place : Torch's name of the device that trains; the weights begin the same on all.
 
     Returns
     -------
-    painter, steps, loss
-        The network (on that device), the steps taken, and the mean absolute difference over the
-        last steps.
+    painter, steps, loss : The network (on that device), the steps taken, and the mean absolute
+        difference over the last steps.
     """
     shown = [(_tensor(photo, place), _tensor(painting, place)) for photo, painting in pairs]
     order = np.random.default_rng(seed)

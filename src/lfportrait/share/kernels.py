@@ -1,10 +1,4 @@
-"""Gaussian splats in a picture, and what a change of the picture says about the splats.
-
-The formulas are those of Kerbl et al. 2023 (after Zwicker et al. 2001): a splat's covariance is
-projected by the affine approximation of the perspective at its middle, widened by 0.3 pixels
-squared, and the splats are composited from front to back by Eq. 1 with alpha = opacity times the
-Gaussian at the pixel's middle. What adds less than 1/255 is left out.
-"""
+"""Kernels of what is shared: splats fitted and drawn, colors of a page's pieces."""
 
 from __future__ import annotations
 
@@ -12,8 +6,8 @@ import math
 
 import numpy as np
 
-from ...simd.decorators import kernel, lean_kernel
-from ...simd.threads import shared
+from ..simd.decorators import kernel, lean_kernel
+from ..simd.threads import shared
 
 TILE = 16
 """Side of a tile in pixels."""
@@ -32,20 +26,14 @@ def project(first, last, positions, scales, axes, opacity, camera, size, flat, d
 
     Parameters
     ----------
-    positions, scales
-        float32 [N, 3], in the world; standard deviations along the axes.
-    axes
-        float32 [N, 3, 3], the axes' directions as columns.
-    opacity
-        float32 [N].
-    camera
-        float64 [16], see `lfportrait.field.camera_row`.
-    size
-        Width and height in pixels.
-    flat
-        float32 [N, COLUMNS] out.
-    depth
-        float32 [N] out, along the optical axis; infinite for splats that are not in the picture.
+    positions, scales : float32 [N, 3], in the world; standard deviations along the axes.
+    axes : float32 [N, 3, 3], the axes' directions as columns.
+    opacity : float32 [N].
+    camera : float64 [16], see `lfportrait.Camera.row`.
+    size : Width and height in pixels.
+    flat : float32 [N, COLUMNS] out.
+    depth : float32 [N] out, along the optical axis; infinite for splats that are not in the
+        picture.
     """
     width, height = size
     # Beyond the picture's border the approximation of the perspective is held.
@@ -110,19 +98,14 @@ def fill_tiles(flat, order, size):
 
     Parameters
     ----------
-    flat
-        float32 [N, COLUMNS].
-    order
-        int64 [M], splats in the picture from front to back.
-    size
-        Width and height in pixels.
+    flat : float32 [N, COLUMNS].
+    order : int64 [M], splats in the picture from front to back.
+    size : Width and height in pixels.
 
     Returns
     -------
-    starts
-        int64 [T + 1], where each tile's list begins.
-    members
-        int32 [P], splats.
+    starts : int64 [T + 1], where each tile's list begins.
+    members : int32 [P], splats.
     """
     across, down = -(-size[0] // TILE), -(-size[1] // TILE)
     starts = np.zeros(across * down + 1, np.int64)
@@ -162,10 +145,8 @@ def composite(first, last, tiles, flat, colors, starts, members, image):
 
     Parameters
     ----------
-    colors
-        float32 [N, 3], of the splats as this picture shows them.
-    image
-        float32 [H, W, 4] out, color times alpha, and transmittance.
+    colors : float32 [N, 3], of the splats as this picture shows them.
+    image : float32 [H, W, 4] out, color times alpha, and transmittance.
     """
     height, width, _ = image.shape
     across = -(-width // TILE)
@@ -211,12 +192,9 @@ def differentiate(first, last, tiles, flat, colors, starts, members, image, slop
 
     Parameters
     ----------
-    image
-        float32 [H, W, 4], as `composite` left it.
-    slope
-        float32 [H, W, 4], derivative of the loss by ``image``.
-    pairs
-        float32 [P, 10] out, for each member of a tile's list: derivatives by the color, the
+    image : float32 [H, W, 4], as `composite` left it.
+    slope : float32 [H, W, 4], derivative of the loss by ``image``.
+    pairs : float32 [P, 10] out, for each member of a tile's list: derivatives by the color, the
         opacity, the inverse covariance and the middle; its weight in the picture.
     """
     height, width, _ = image.shape
@@ -287,8 +265,7 @@ def pull(pairs, members, order, positions, scales, axes, camera, flat, out):
 
     Parameters
     ----------
-    out
-        float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3), the
+    out : float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3), the
         position (3, by the middle's place in the picture alone); the weight in the picture, 0 for
         splats that are hidden or not in ``order``.
     """
@@ -328,3 +305,58 @@ def pull(pairs, members, order, positions, scales, axes, camera, flat, out):
         for k in range(3):
             out[n, 7 + k] = (camera[4 * k] * right + camera[4 * k + 1] * down
                              + camera[4 * k + 2] * forward)
+
+
+@kernel
+def code_rows(filled, values, tolerance, residual, decoded):
+    """Code the rows of a lattice.
+
+    Parameters
+    ----------
+    filled : bool [Z, Y, X], where rows are; they are numbered in this order, x fastest.
+    values : uint8 [N, C]. The channels after the first are corrected by what the first one's guess
+        lacked: colors rise and fall together.
+    tolerance : uint8 [N], the largest error of each row.
+    residual : uint8 [C, N] out: what the guesses lack, modulo 256.
+    decoded : uint8 [N, C] out: the values as they are read back.
+    """
+    planes, rows, columns = filled.shape
+    channels = values.shape[1]
+    before = np.full((rows, columns), -1, np.int32)
+    here = np.full((rows, columns), -1, np.int32)
+    number = 0
+    for k in range(planes):
+        for j in range(rows):
+            for i in range(columns):
+                if not filled[k, j, i]:
+                    here[j, i] = -1
+                    continue
+                left = here[j, i - 1] if i > 0 else -1
+                above = here[j - 1, i] if j > 0 else -1
+                deep = before[j, i]
+                step = 2 * np.int32(tolerance[number]) + 1
+                correction = 0
+                for channel in range(channels):
+                    total, count = 0, 0
+                    if left >= 0:
+                        total += np.int32(decoded[left, channel])
+                        count += 1
+                    if above >= 0:
+                        total += np.int32(decoded[above, channel])
+                        count += 1
+                    if deep >= 0:
+                        total += np.int32(decoded[deep, channel])
+                        count += 1
+                    guess = (2 * total + count) // (2 * count) if count > 0 else 128
+                    guess = min(max(guess + correction, 0), 255)
+                    lack = np.int32(values[number, channel]) - guess
+                    times = (abs(lack) + step // 2) // step
+                    shown = guess + (times * step if lack >= 0 else -times * step)
+                    shown = min(max(shown, 0), 255)
+                    decoded[number, channel] = shown
+                    residual[channel, number] = np.uint8((shown - guess) & 255)
+                    if channel == 0:
+                        correction = shown - guess
+                here[j, i] = number
+                number += 1
+        before, here = here, before

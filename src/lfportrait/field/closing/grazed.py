@@ -1,0 +1,152 @@
+"""Colors where photos of a narrow arc only look along a surface.
+
+There a pixel covers many lattice points one behind the other, and what they share of its color is
+arbitrary: nobody who looks from where the photos were taken sees it, but from aside a jaw is
+stippled and a temple streaked. So the surface is read once more when its last training is done.
+Its colors lose their specks in a median, which keeps the edge of a jaw, and its chroma is smoothed
+wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
+counts. Hair keeps its strands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from ...arrays import Bool, Float32, Float64, Int64
+from ...capture import Camera
+from ..geometry.chart import Chart, continued, normals_of, read_surface, smoothed
+from ..geometry.head_surface import cosines_of
+from ..grid import Cut, VoxelField
+from ..kernels.march import C0
+from .fitted_head import Ears
+
+SQUARELY = 0.3
+"""Cosine to the photos that see a place best from which on their colors stay as they are."""
+BEST = 0.8
+"""Quantile of the cosines to the photos that counts."""
+MEDIAN = (5, 7)
+"""Rows and columns of the median. Photos are taken side by side: more columns than rows are
+foreshortened."""
+CHROMA, GRAIN = 3.0, 0.8
+"""Sigma, in cells, of chroma, and of all that the median leaves."""
+SHOULDERS = (-0.95, -0.75)
+"""Heights, portrait units, over which a body's colors begin to stay: clothes have patterns."""
+OUTER, INNER = 8.0, 9.0
+"""Voxels outside and inside of the surface up to which lattice points belong to it."""
+ON = 4.0
+"""Voxels beside the surface up to which what a ray meets shows its color."""
+BESIDE = 3.0
+"""Voxels around ears in which colors stay: depth maps, not the chart, know where they face."""
+_EVEN = 1.5
+"""Sigma, in cells, over which a surface is evened before its cosines are taken, and these."""
+
+
+@dataclass(frozen=True)
+class Grazed:
+    """The surface of a closed head, and how squarely photos look at it.
+
+    Attributes
+    ----------
+    chart, distance : The surface, float64 [V, U], world units.
+    faced : float64 [V, U], 0 where photos see nothing or look along it, 1 where they see it well.
+    ears : Solids beside it, or None.
+    beside : bool [V, U], cells whose rays may meet ears.
+    hair : bool [V, U], cells that keep apart from the others, and their colors; None: one color.
+    cut : What lies below is none of the head.
+    """
+
+    chart: Chart
+    distance: Float64
+    faced: Float64
+    ears: Ears | None
+    beside: Bool
+    hair: Bool | None
+    cut: Cut | None
+
+
+def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
+    """How far colors of a surface's cells are the photos', float64 [V, U] (`Grazed.faced`).
+
+    Parameters
+    ----------
+    chart, distance : The surface, float64 [V, U], world units.
+    cameras : Of the photos.
+    """
+    even = smoothed(distance, np.ones(distance.shape, bool), _EVEN)
+    cosine = np.quantile(cosines_of(chart, even, cameras), BEST, axis=0)
+    cosine = ndimage.gaussian_filter(np.clip(cosine, -0.2, 1.0), _EVEN, mode=("nearest", "wrap"))
+    share = np.clip(cosine / SQUARELY, 0, 1)
+    body = np.interp(chart.axis[:, 1], SHOULDERS, (1.0, 0.0))[:, None]
+    return np.asarray(np.maximum(share * share * (3 - 2 * share), body), np.float64)
+
+
+def without_specks(colors: Float64, told: Bool, hair: Bool | None) -> Float64:
+    """Colors [V, U, 3] of a chart without what differs from cell to cell.
+
+    Parameters
+    ----------
+    colors, told : float64 [V, U, 3] and bool [V, U]: colors, and where there are any.
+    hair : bool [V, U]: across the border of these cells nothing goes on; None: there is none.
+    """
+    whole = continued(colors, told, apart=hair)
+    whole = np.stack([ndimage.median_filter(whole[..., k], MEDIAN, mode="wrap")
+                      for k in range(3)], axis=-1)
+    light = whole.mean(axis=-1, keepdims=True)
+    every = np.ones(told.shape, bool)
+    out = np.empty_like(whole)
+    for part in (every,) if hair is None else (hair, ~hair):
+        even = smoothed(light, part, GRAIN) + smoothed(whole - light, part, CHROMA)
+        out[part] = even[part]
+    return out
+
+
+def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
+    """A trained field whose colors are even where photos only look along its surface.
+
+    Parameters
+    ----------
+    field : Without a texture.
+    grazed : Its surface.
+
+    Returns
+    -------
+    field : The same lattice points and densities.
+    """
+    chart, voxel = grazed.chart, float(field.spacing.mean())
+    normal = normals_of(chart, smoothed(grazed.distance, np.ones(grazed.faced.shape, bool), 1.0))
+    cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
+    distance, colors = read_surface(field, chart, grazed.cut)
+    told = np.isfinite(distance) & ~grazed.beside
+    told[told] = (np.abs(distance - grazed.distance) * cosine)[told] < ON * voxel
+    if not told.any():
+        return field
+    even = without_specks(colors, told, grazed.hair)
+    points = field.lattice_points()
+    places, away = chart.places(points)
+    deep = (_at(grazed.distance, places) - away) * _at(cosine, places) / voxel
+    stays = grazed.faced if grazed.hair is None else np.maximum(grazed.faced, grazed.hair)
+    share = 1.0 - _at(stays, places)
+    share[(deep < -OUTER) | (deep > INNER)] = 0.0
+    if grazed.ears is not None:
+        share[grazed.ears.distance(points)[0] < BESIDE * voxel] = 0.0
+    chosen = np.flatnonzero(share > 0)
+    return replace(field, sh=_blended(field.sh, chosen, share[chosen], even, places[:, chosen]))
+
+
+def _blended(sh: Float32, rows: Int64, share: Float64, even: Float64, places: Float64) -> Float32:
+    """Coefficients, of which those of some rows go over by a share [N] into colors at places."""
+    out = sh.copy()
+    some = sh[rows] * (1.0 - share)[:, None, None].astype(np.float32)
+    for k in range(3):
+        some[:, k, 0] += share * (_at(even[..., k], places) - 0.5) / C0
+    out[rows] = some
+    return out
+
+
+def _at(values: Float64, places: Float64) -> Float64:
+    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
+    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
+    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))

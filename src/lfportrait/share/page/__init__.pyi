@@ -1,3 +1,0 @@
-from .assembly import OpenPage, page_script, recolored, serve_page, write_page
-
-__all__ = ["OpenPage", "page_script", "recolored", "serve_page", "write_page"]

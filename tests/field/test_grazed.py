@@ -1,0 +1,110 @@
+"""Where photos only look along a surface its colors are even; elsewhere they stay."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.field.closing.grazed import Grazed, faced_by, with_even_colors, without_specks
+from lfportrait.field.geometry.chart import chart_of, read_surface
+from lfportrait.field.kernels.march import C0
+from tests.fields import head_field
+from tests.portraits import HEAD_LANDMARKS
+
+SIZE = 48
+ARC = Camera.arc(np.linspace(-14, 14, 9), distance=5.0, width=120, height=120, focal=250.0)
+
+
+@pytest.fixture(scope="module")
+def head():
+    """A head with specks, its chart and distances."""
+    field = head_field(SIZE)
+    sh = np.random.default_rng(0).normal(0, 0.5, (len(field.sh), 3, 9)).astype(np.float32)
+    sh[:, :, :1] += field.sh
+    voxel = 2 / SIZE
+    chart = chart_of(field.lattice_points()[field.density > 0], voxel, HEAD_LANDMARKS)
+    distance = read_surface(field, chart, None)[0]
+    return replace(field, sh=sh), chart, np.where(np.isfinite(distance), distance, 0.3)
+
+
+def test_an_arc_faces_the_front_and_no_side(head):
+    _, chart, distance = head
+    faced = faced_by(chart, distance, ARC)
+    angle = np.degrees(np.abs(chart.angle))
+    face = (chart.axis[:, 1] > -0.3) & (np.arange(len(chart.axis)) < chart.level)
+    assert faced[face][:, angle < 40].min() > 0.95
+    assert faced[face][:, angle > 125].max() < 0.05
+    # From further around, the sides are seen as well.
+    wide = Camera.arc(np.linspace(-80, 80, 17), distance=5.0, width=120, height=120, focal=250.0)
+    assert faced_by(chart, distance, wide)[face][:, angle < 90].min() > 0.9
+    # Of a body all stays.
+    assert np.all(faced[chart.axis[:, 1] < -0.95] == 1)
+
+
+def test_specks_go_edges_stay():
+    random = np.random.default_rng(1)
+    clean = np.full((40, 60, 3), (0.7, 0.5, 0.4))
+    clean[:20] *= 0.5
+    colors = clean + np.where(random.random((40, 60, 1)) < 0.1, random.normal(0, 0.3, (40, 60, 3)),
+                              0.0)
+    told = random.random((40, 60)) > 0.05
+    even = without_specks(np.where(told[..., None], colors, np.nan), told, None)
+    inner = np.s_[4:17, :]
+    assert np.abs(even - clean)[inner].max() < 0.05 < np.abs(colors - clean)[inner].max()
+    light = even.mean(axis=-1).mean(axis=1)
+    assert light[22] - light[17] > 0.9 * (0.5333 - 0.2667)
+
+
+def test_hair_and_skin_do_not_mix():
+    hair = np.zeros((40, 60), bool)
+    hair[:, 30:45] = True
+    colors = np.where(hair[..., None], (0.1, 0.05, 0.0), (0.8, 0.6, 0.5))
+    told = np.ones((40, 60), bool)
+    told[10:20, 25:50] = False
+    even = without_specks(np.where(told[..., None], colors, np.nan), told, hair)
+    inner = hair & np.roll(hair, 4, 1) & np.roll(hair, -4, 1)
+    assert np.abs(even - colors)[inner].max() < 0.03
+    plain = without_specks(np.where(told[..., None], colors, np.nan), told, None)
+    border = hair & ~np.roll(hair, 1, 1)
+    assert np.abs(even - colors)[border].mean() < np.abs(plain - colors)[border].mean()
+
+
+def test_colors_are_even_where_nothing_faces_them_and_stay_elsewhere(head):
+    field, chart, distance = head
+    left = chart.angle < 0
+    faced = np.broadcast_to(np.where(left, 0.0, 1.0), distance.shape).copy()
+    nothing = np.zeros(distance.shape, bool)
+    even = with_even_colors(field, Grazed(chart, distance, faced, None, nothing, None, None))
+    assert np.array_equal(even.density, field.density) and np.array_equal(even.links, field.links)
+    points = field.lattice_points()
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (points[:, 2] > 0.2)
+    near &= np.abs(points[:, 1]) < 0.1
+    stays, goes = near & (points[:, 0] > 0.1), near & (points[:, 0] < -0.1)
+    assert np.array_equal(even.sh[stays], field.sh[stays])
+    assert C0 * even.sh[goes][..., 0].std(axis=0).max() < 0.5 * C0 * (
+        field.sh[goes][..., 0].std(axis=0).min())
+    # Even is from all sides alike, and no other color.
+    assert not even.sh[goes][..., 1:].any()
+    middle = [0.5 + C0 * one.sh[goes][..., 0].mean(axis=0) for one in (even, field)]
+    assert np.abs(middle[0] - middle[1]).max() < 0.06
+
+
+def test_hair_keeps_its_strands(head):
+    field, chart, distance = head
+    nothing = np.zeros(distance.shape, bool)
+    hair = np.broadcast_to(chart.angle > 0, distance.shape).copy()
+    even = with_even_colors(field, Grazed(chart, distance, np.zeros(distance.shape), None, nothing,
+                                          hair, None))
+    points = field.lattice_points()
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (points[:, 2] > 0.2)
+    left, right = near & (points[:, 0] < -0.1), near & (points[:, 0] > 0.1)
+    assert np.array_equal(even.sh[right], field.sh[right])
+    assert not np.isclose(even.sh[left][..., 0], field.sh[left][..., 0]).any(axis=1).all()
+
+
+def test_what_shows_nothing_is_left_alone(head):
+    field, chart, distance = head
+    nowhere = Grazed(chart, distance, np.zeros(distance.shape), None,
+                     np.ones(distance.shape, bool), None, None)
+    assert with_even_colors(field, nowhere) is field
