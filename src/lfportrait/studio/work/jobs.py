@@ -167,4 +167,4 @@ def _later(module: str, name: str, order: Order, teller: Teller) -> dict[str, An
 
 _KINDS: dict[str, Callable[[Order, Teller], dict[str, Any]]] = {
     "head": _head, "check": _check, "networks": _networks,
-    "fine": partial(_later, ".fine", "fine"), "export": partial(_later, ".exports", "export")}
+    "fine": partial(_later, ".fine", "fine"), "export": partial(_later, ".fine", "export")}
