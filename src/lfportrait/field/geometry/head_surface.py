@@ -38,6 +38,7 @@ from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import surface_agreement
 from .chart import Chart, fitted_plate, normals_of, roughly_fitted_plate, smoothed
+from .sweep import stacked
 
 BROWS = 0.10
 """Height of the brows: above it lies the skull's ellipsoid."""
@@ -154,10 +155,7 @@ class SurfaceSweep:
         greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,
                             (int(self.cameras.width[k]), int(self.cameras.height[k])),
                             interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
-        self._sizes = np.array([grey.shape for grey in greys])
-        self._pictures = np.zeros((len(greys), *self._sizes.max(axis=0)), np.float32)
-        for picture, grey in zip(self._pictures, greys):
-            picture[:grey.shape[0], :grey.shape[1]] = grey
+        self._pictures, self._sizes = stacked(greys)
         self._rows = np.stack([self.cameras.row(k) for k in range(len(greys))])
 
     def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,

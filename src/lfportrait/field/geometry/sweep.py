@@ -9,10 +9,13 @@ Fused, they say where space is empty and where surfaces are, and in what color.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int64
@@ -99,6 +102,21 @@ def small_view(capture: Capture, view: int) -> DepthMap:
     return DepthMap(camera, pixels, np.full(pixels.shape[:2], np.nan, np.float32))
 
 
+def stacked(pictures: Sequence[NDArray[Any]]) -> tuple[Float32, Int64]:
+    """Pictures [h, w] of any sizes as kernels take them.
+
+    Returns
+    -------
+    stack : float32 [K, H, W], each in its upper left corner, zero elsewhere.
+    sizes : int64 [K, 2], their rows and columns.
+    """
+    sizes = np.array([picture.shape for picture in pictures], np.int64)
+    stack = np.zeros((len(pictures), *sizes.max(axis=0)), np.float32)
+    for whole, picture in zip(stack, pictures):
+        whole[:picture.shape[0], :picture.shape[1]] = picture
+    return stack, sizes
+
+
 def _neighbours(view: int, position: Float64, forward: Float64) -> list[int]:
     """The nearest views that see the scene from a sufficiently different place."""
     away = np.linalg.norm(position - position[view], axis=1)
@@ -124,10 +142,7 @@ def _match(greys: list[Float32], cameras: list[Camera], view: int,
     scratch = tuple(np.empty(shape, np.float32) for shape in (
         (height, width), (height, width), (half, height, width), (3, width + 8), (3, width),
         (2, width), width))
-    sizes = np.array([greys[other].shape for other in neighbours])
-    pictures = np.zeros((len(neighbours), *sizes.max(axis=0)), np.float32)
-    for place, other in enumerate(neighbours):
-        pictures[place, :sizes[place, 0], :sizes[place, 1]] = greys[other]
+    pictures, sizes = stacked([greys[other] for other in neighbours])
     far, slopes = zip(*[_homographies(cameras[view], cameras[other]) for other in neighbours])
     warps = np.stack(far) + inverse[:, None, None, None] * np.stack(slopes)
     top, below, above = np.empty((3, height, width), np.float32)
