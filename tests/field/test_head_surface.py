@@ -198,7 +198,8 @@ def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole)
     # In the portrait frame, eyes are at its origin's height and the face looks to +z.
     assert np.abs(marks[36:48, 1]).max() < 0.08 and marks[30, 2] > marks[36, 2]
     face = (np.abs(points[:, 0]) < 0.3) & (np.abs(points[:, 1] + 0.2) < 0.3)
-    assert face.sum() > 100 and (points[face, 2] > 0).all() and (normals[face, 2] > 0).mean() > 0.9
+    assert face.sum() > 100 and points[face, 2].min() > -0.05
+    assert (normals[face, 2] > 0).mean() > 0.9
     assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-6
     assert trust.min() > 0 and trust.max() == 1
     front = cameras([0.0])

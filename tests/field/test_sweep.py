@@ -9,7 +9,9 @@ from lfportrait.capture import Camera, Capture
 from lfportrait.field.geometry.exposure import exposure_gains
 from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
 from lfportrait.field.kernels.depth_maps import (
+    facing_cosines,
     fuse_depth,
+    hull_along_rays,
     match_planes,
     places_shown,
     surface_agreement,
@@ -231,3 +233,72 @@ def test_places_that_a_view_shows_are_those_of_the_reference(before, square, out
                  square, outwards if outside else np.zeros((0, 3)), 0.2, shown)
     assert np.array_equal(shown, wanted)
     assert 0.005 < shown.mean() < 0.5
+
+
+def test_how_squarely_a_camera_looks_is_what_the_reference_says():
+    random = np.random.default_rng(1)
+    camera = Camera.arc([30.0], distance=2.0, width=24, height=18, focal=20.0)
+    points = random.uniform(-0.6, 0.6, (900, 3))
+    points[:3] = camera.position[0] + [[0.0, 0, 0], [0.1, 0, 0], [9.0, 0, 9.0]]  # at, behind it
+    normals = random.normal(size=points.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    (pixels,), (depth,) = camera.project(points)
+    before = depth > 0.05 * depth.mean()
+    assert (~before).sum() == 3
+    away = camera.position[0] - points
+    with np.errstate(invalid="ignore"):
+        wanted = (away * normals).sum(axis=1) / np.linalg.norm(away, axis=1)
+    spread = pixels - camera.center[0]
+    spread -= spread[before].min(axis=0)
+    for cell, blocks in ((0.02, 200), (0.02, 8)):  # in the second there are too few blocks
+        block = max(3.0 * cell * 20.0 / depth.mean(), spread[before].max() / (blocks - 1))
+        nearest, cosines = np.full((blocks, blocks), np.nan), np.empty(900)
+        with np.errstate(invalid="ignore"):
+            facing_cosines(points, normals, camera.row(0), cell, np.empty((3, 900)), nearest,
+                           cosines)
+        hidden = ~before
+        for k in np.flatnonzero(before):
+            same = before & (spread // block == spread[k] // block).all(axis=1)
+            hidden[k] = depth[k] > depth[same].min() + 5.0 * cell
+        assert 0.05 < hidden.mean() < 0.99
+        assert np.allclose(cosines, np.where(hidden, -1.0, wanted), atol=1e-9)
+
+
+def test_a_hull_ends_where_mattes_rule_a_ray_out():
+    random = np.random.default_rng(2)
+    cameras = Camera.arc(np.linspace(-60, 60, 7), distance=2.5, width=32, height=24, focal=30.0)
+    y, x = np.mgrid[:24, :32]
+    mattes = np.zeros((7, 24, 32), np.float32)
+    for matte in mattes:
+        matte[np.hypot(x + 0.5 - 16, y + 0.5 - 12) < random.uniform(5, 9)] = 255.0
+    sizes = np.tile([24, 32], (7, 1))
+    sizes[2] = 20, 30
+    origins = np.column_stack([np.zeros(3), [-0.3, 0.0, 5.0], np.zeros(3)])
+    turn = np.linspace(-np.pi, np.pi, 11)
+    rays = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=-1)[None].repeat(3, axis=0)
+    reach = random.uniform(0.8, 1.6, (3, 11))
+    shares, found = np.linspace(0.3, 1.0, 15), np.full((3, 11), -1.0)
+    hull_along_rays(origins, rays, reach, shares, np.stack([cameras.row(k) for k in range(7)]),
+                    mattes, sizes, 3, found)
+
+    def ruled_out(point):
+        pixels, depth = (part[:, 0] for part in cameras.project(point[None]))
+        at = np.floor(pixels).astype(int)
+        seen = (depth > 0) & (at >= 0).all(axis=1) & (at < sizes[:, ::-1]).all(axis=1)
+        against = sum(seen[k] and mattes[k, at[k, 1], at[k, 0]] < 127 for k in range(7))
+        return against > 0.06 * seen.sum() and seen.sum() >= 0.4 * 7
+
+    for v in range(3):
+        for u in range(11):
+            out = [ruled_out(origins[v] + share * reach[v, u] * rays[v, u]) for share in shares]
+            if not any(out):
+                assert np.isnan(found[v, u])
+                continue
+            first = out.index(True)
+            low, high = shares[max(first - 1, 0)], shares[first]
+            for _ in range(3):
+                middle = 0.5 * (low + high)
+                beyond = ruled_out(origins[v] + middle * reach[v, u] * rays[v, u])
+                low, high = (low, middle) if beyond else (middle, high)
+            assert found[v, u] == pytest.approx(low * reach[v, u])
+    assert 3 < np.isnan(found).sum() < 30

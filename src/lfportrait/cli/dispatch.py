@@ -28,9 +28,6 @@ from ..version import __version__
 
 ALLOCATIONS = 20_000
 """Objects between two garbage collections; with Python's 700, each import scans all of Numba."""
-IDLE = "14"
-"""OpenBLAS threads sleep after 2 to this power ticks without work; otherwise they spin for 67
-million ticks after each product, on cores that others could use."""
 _TRIM, _PAD, _MAPPED, _ARENAS = -1, -2, -3, -8
 MEMORY = {_MAPPED: 64 << 20, _TRIM: 512 << 20, _PAD: 64 << 20, _ARENAS: 1}
 """glibc's `mallopt`: arrays up to 64 MiB lie on one heap, which may keep 512 MiB that nobody uses.
@@ -221,7 +218,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _set_up() -> None:
     """Set up this process for one command; the user's environment variables take precedence."""
-    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
+    # NumPy's products are small here: waking a second thread takes longer than it saves. What is
+    # large is shared out by kernels, or computed by torch.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     limit_threads(os.environ)
     gc.set_threshold(ALLOCATIONS)
     if any(name.startswith("MALLOC_") for name in os.environ):

@@ -237,8 +237,9 @@ def _closed(head: HeadPrior) -> HeadPrior:
 def _holes(triangles: Int32) -> list[Int64]:
     """The open edges of a mesh as loops of vertices, along the triangles' own direction."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    paired = {(int(b), int(a)) for a, b in edges}
-    after = {int(a): int(b) for a, b in edges if (int(a), int(b)) not in paired}
+    count = int(triangles.max()) + 1
+    numbers, turned = (np.asarray(a, np.int64) * count + b for a, b in (edges.T, edges.T[::-1]))
+    after = {int(a): int(b) for a, b in edges[~np.isin(numbers, turned)]}
     loops = []
     while after:
         start, at = next(iter(after.items()))

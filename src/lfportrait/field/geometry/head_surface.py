@@ -24,11 +24,9 @@ adult (head 0.155 m wide, 0.197 m long; neck 0.38 m around; shoulders 0.48 m).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import cv2
-import numba
 import numpy as np
 from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
@@ -36,10 +34,12 @@ from scipy.interpolate import RBFInterpolator
 from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
-from ..kernels.depth_maps import surface_agreement
+from ..kernels.depth_maps import facing_cosines, hull_along_rays, surface_agreement
 from .chart import Chart, fitted_plate, normals_of, roughly_fitted_plate, smoothed
 from .sweep import stacked
 
+_BLOCKS = 200
+"""Of pixels in a row and in a column, at most, when what hides what is looked for."""
 BROWS = 0.10
 """Height of the brows: above it lies the skull's ellipsoid."""
 CHIN = -0.60
@@ -129,21 +129,16 @@ def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64
     cosines : One a camera, float64 [V, U]: between the normal and the way to the camera, -1 where
         the surface hides itself.
     """
-    points, normal = chart.points(distance), normals_of(chart, distance)
-    cell, found = chart.cell / chart.scale, []
-    for view, position in enumerate(cameras.position):
-        away = position - points
-        cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
-        pixels, depth = (part[0] for part in cameras[view].project(points.reshape(-1, 3)))
-        # The nearest point of each block of pixels hides what lies far behind it.
-        block = 3.0 * cell * cameras.focal[view].max() / np.median(depth)
-        place = np.floor(pixels / block).astype(int)
-        place -= place.min(axis=0)
-        nearest = np.full(tuple(place.max(axis=0) + 1), np.inf)
-        np.minimum.at(nearest, tuple(place.T), depth)
-        hidden = depth > nearest[tuple(place.T)] + 5.0 * cell
-        found.append(np.where(hidden.reshape(cosine.shape), -1.0, cosine))
-    return found
+    points = chart.points(distance).reshape(-1, 3)
+    normals = normals_of(chart, distance).reshape(-1, 3)
+
+    def of(view: int) -> Float64:
+        cosines = np.empty(len(points))
+        facing_cosines(points, normals, cameras.row(view), chart.cell / chart.scale,
+                       np.empty((3, len(points))), np.empty((_BLOCKS, _BLOCKS)), cosines)
+        return cosines.reshape(distance.shape)
+
+    return side_by_side(of, range(len(cameras)))
 
 
 class SurfaceSweep:
@@ -412,30 +407,12 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
 def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[UInt8],
                    reach: Float64) -> Float64:
     """Distances up to which no matte rules a ray's points out; NaN where none is known."""
-    grown = [ndimage.maximum_filter(matte, 3) for matte in mattes]
-
-    def ruled_out(distance: Float64) -> Bool:
-        points = chart.points(distance).reshape(-1, 3)
-        against, seen = np.zeros((2, len(points)), np.int16)
-        for view, matte in enumerate(grown):
-            pixels, depth = (part[0] for part in cameras[view].project(points))
-            column, row = np.floor(np.nan_to_num(pixels, nan=-1.0)).astype(int).T
-            inside = ((depth > 0) & (row >= 0) & (column >= 0) & (row < matte.shape[0])
-                      & (column < matte.shape[1]))
-            seen += inside
-            against[inside] += matte[row[inside], column[inside]] < 127
-        return ((against > 0.06 * seen) & (seen >= 0.4 * len(mattes))).reshape(distance.shape)
-
-    shares = np.linspace(0.3, 1.0, 29)
-    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-        out = np.stack(list(workers.map(lambda share: ruled_out(share * reach), shares)))
-    found, first = out.any(axis=0), np.argmax(out, axis=0)
-    low, high = shares[np.maximum(first - 1, 0)], shares[first]
-    for _ in range(3):
-        middle = 0.5 * (low + high)
-        beyond = ruled_out(middle * reach)
-        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    return np.asarray(ndimage.median_filter(np.where(found, low * reach, np.nan), 3), np.float64)
+    grown, sizes = stacked([cv2.dilate(matte, np.ones((3, 3), np.uint8)) for matte in mattes])
+    rows = np.stack([cameras.row(view) for view in range(len(cameras))])
+    found = np.empty(reach.shape)
+    hull_along_rays(chart.origins, np.ascontiguousarray(chart.rays), np.ascontiguousarray(reach),
+                    np.linspace(0.3, 1.0, 29), rows, grown, sizes, 3, found)
+    return np.asarray(ndimage.median_filter(found, 3), np.float64)
 
 
 def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bool:

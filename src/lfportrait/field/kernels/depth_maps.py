@@ -334,6 +334,128 @@ def places_shown(  # type: ignore[no-untyped-def]
         shown[k] = True
 
 
+@lean_kernel
+def facing_cosines(points, normals, camera, cell, scratch, nearest, cosines):
+    """How squarely a camera looks at a surface's points; -1 where the surface hides itself.
+
+    The nearest point of each block of pixels hides what lies far behind it. A block is three cells
+    wide, at the points' mean depth, or more if there are not as many.
+
+    Parameters
+    ----------
+    points, normals
+        float64 [N, 3].
+    camera
+        float64 [16].
+    cell
+        Distance of points, world units.
+    scratch
+        float64 [3, N].
+    nearest
+        float64 [H, W], of as many blocks as there are at most.
+    cosines
+        float64 [N], filled: between the normal and the way to the camera.
+    """
+    count, mean = len(points), 0.0
+    across, down, along = scratch[0], scratch[1], scratch[2]
+    for k in range(count):
+        dx, dy, dz = (points[k, 0] - camera[3], points[k, 1] - camera[7], points[k, 2] - camera[11])
+        depth = camera[2] * dx + camera[6] * dy + camera[10] * dz
+        along[k] = depth
+        mean += depth / count
+        safe = max(depth, 1e-12)
+        across[k] = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / safe * camera[12]
+        down[k] = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / safe * camera[13]
+        cosines[k] = -(dx * normals[k, 0] + dy * normals[k, 1] + dz * normals[k, 2]) / np.sqrt(
+            dx * dx + dy * dy + dz * dz)
+    # What lies next to the camera, or behind it, it does not look at.
+    least = 0.05 * mean
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(count):
+        if along[k] > least:
+            left, right = min(left, across[k]), max(right, across[k])
+            top, bottom = min(top, down[k]), max(bottom, down[k])
+    if not right >= left:
+        cosines[:] = -1.0
+        return
+    block = 3.0 * cell * max(camera[12], camera[13]) / mean
+    block = max(block, (bottom - top) / (nearest.shape[0] - 1), (right - left) / (
+        nearest.shape[1] - 1))
+    nearest[:] = np.inf
+    for k in range(count):
+        if along[k] > least:
+            row, column = int((down[k] - top) / block), int((across[k] - left) / block)
+            nearest[row, column] = min(nearest[row, column], along[k])
+    for k in range(count):
+        hidden = not along[k] > least
+        if not hidden:
+            row, column = int((down[k] - top) / block), int((across[k] - left) / block)
+            hidden = along[k] > nearest[row, column] + 5.0 * cell
+        if hidden:
+            cosines[k] = -1.0
+
+
+@shared("origins")
+@lean_kernel
+def hull_along_rays(  # type: ignore[no-untyped-def]
+        since, until, origins, rays, reach, shares, cameras, mattes, sizes, halvings, found):
+    """Distances along rays up to which mattes do not rule a point out.
+
+    A point is ruled out by more than 6 % of the views whose pictures it is in, if these are at
+    least 40 % of all.
+
+    Parameters
+    ----------
+    origins
+        float64 [V, 3], one a row.
+    rays
+        float64 [V, U, 3].
+    reach
+        float64 [V, U], of which ``shares`` [S] are looked at, rising; then halved.
+    cameras
+        float64 [K, 16].
+    mattes, sizes
+        float32 [K, H, W], in [0, 255], of sizes int64 [K, 2].
+    halvings
+        Times that the way between the last two shares is halved.
+    found
+        float64 [V, U], filled; NaN where nothing is ruled out.
+    """
+    for v in range(since, until):
+        for u in range(rays.shape[1]):
+            far = -1
+            for s in range(len(shares)):
+                if _ruled_out(origins[v], rays[v, u], shares[s] * reach[v, u], cameras, mattes,
+                              sizes):
+                    far = s
+                    break
+            if far < 0:
+                found[v, u] = np.nan
+                continue
+            low, high = shares[max(far - 1, 0)], shares[far]
+            for _ in range(halvings):
+                middle = 0.5 * (low + high)
+                if _ruled_out(origins[v], rays[v, u], middle * reach[v, u], cameras, mattes, sizes):
+                    high = middle
+                else:
+                    low = middle
+            found[v, u] = low * reach[v, u]
+
+
+@lean
+def _ruled_out(origin, ray, distance, cameras, mattes, sizes):
+    x, y, z = (origin[0] + distance * ray[0], origin[1] + distance * ray[1],
+               origin[2] + distance * ray[2])
+    seen, against = 0, 0
+    for k in range(len(cameras)):
+        row, column, _ = pixel_of(x, y, z, cameras[k], sizes[k, 0], sizes[k, 1])
+        if row >= 0:
+            seen += 1
+            if mattes[k, row, column] < 127.0:
+                against += 1
+    return against > 0.06 * seen and seen >= 0.4 * len(cameras)
+
+
 _OUTSIDE = np.float32(-10.0)
 """In the place of a pixel that a picture does not show; pixels are in [0, 1]."""
 _BESIDE = 3
