@@ -123,6 +123,10 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
     return found
 
 
+_MATCHED = 4
+"""Pairs of photos whose features are compared at a time, at most."""
+
+
 def _pairs(count: int, alike: Int64 | None) -> list[tuple[int, int]]:
     """The pairs of so many photos that are worth comparing."""
     return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
@@ -131,12 +135,14 @@ def _pairs(count: int, alike: Int64 | None) -> list[tuple[int, int]]:
 def _matches(features: list[Features], pairs: list[tuple[int, int]], say: Callable[[str], None],
              ) -> dict[tuple[int, int], Matches]:
     """Matches of pairs of photos."""
-    found = {}
-    for number, (i, j) in enumerate(pairs):
-        if number % 20 == 0:
-            say(f"comparing photos in full: pair {number} of {len(pairs)}")
-        found[i, j] = match_features(features[i].descriptors, features[j].descriptors)
-    return enough(found)
+    def of(pair: tuple[int, int]) -> Matches:
+        return match_features(*(features[photo].descriptors for photo in pair))
+
+    found: list[Matches] = []
+    while len(found) < len(pairs):
+        say(f"comparing photos in full: pair {len(found)} of {len(pairs)}")
+        found += side_by_side(of, pairs[len(found):len(found) + 20], _MATCHED)
+    return enough(dict(zip(pairs, found)))
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...simd.threads import side_by_side
+
 __all__ = ["FEWEST", "Features", "camera_stands_still", "camera_stood_still", "enough",
            "likely_pairs", "likeness", "match_features", "neighbouring_pairs", "sift_features",
            "without_still", "worth_placing"]
@@ -204,14 +206,21 @@ def likeness(features: list[Features], on_progress: Callable[[int, int], None] |
     alike = np.zeros((count, count), np.int64)
     large = [own.descriptors[own.large] for own in features]
     half = [own[:_FEW // 2] for own in large]
-    every = list(combinations(range(count), 2))
-    for number, (i, j) in enumerate(every):
+
+    def compared(pair: tuple[int, int]) -> int:
+        i, j = pair
         found = len(match_features(half[i], half[j]))
         if found < _ALIKE and max(len(large[i]), len(large[j])) > _FEW // 2:
             found = min(len(match_features(large[i], large[j])), _ALIKE)
-        alike[i, j] = alike[j, i] = found
-        if on_progress is not None and number % 100 == 0:
-            on_progress(number, len(every))
+        return found
+
+    every = list(combinations(range(count), 2))
+    for first in range(0, len(every), 100):
+        if on_progress is not None:
+            on_progress(first, len(every))
+        some = every[first:first + 100]
+        for (i, j), found in zip(some, side_by_side(compared, some)):
+            alike[i, j] = alike[j, i] = found
     return alike
 
 
