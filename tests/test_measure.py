@@ -1,8 +1,13 @@
 """What is free on a machine."""
 
+import os
+import platform
 import shutil
 
-from lfportrait.measure import free_disk_bytes, free_memory_bytes
+import numpy as np
+import pytest
+
+from lfportrait.measure import free_disk_bytes, free_memory_bytes, give_back_memory
 
 
 def machine(root, available, limit=None, used=0):
@@ -28,3 +33,18 @@ def test_free_disk_of_a_folder_that_is_not_there_yet(tmp_path):
     free = free_disk_bytes(tmp_path / "not" / "yet")
     assert abs(free - shutil.disk_usage(tmp_path).free) < 2**30
     assert not (tmp_path / "not").exists()
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_memory_between_what_is_kept_is_given_back():
+    def resident():
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    pieces = [np.ones(8000) for _ in range(1000)]
+    kept = pieces[::10]
+    del pieces
+    before = resident()
+    give_back_memory()
+    assert before - resident() > 20e6
+    assert all(piece.sum() == 8000 for piece in kept)

@@ -32,7 +32,7 @@ from ..lightfield import (
     quilt_of,
     write_coded,
 )
-from ..measure import peak_memory_bytes
+from ..measure import give_back_memory, peak_memory_bytes
 from ..progress import Outlook, Progress
 from ..share import (
     good_cone,
@@ -139,6 +139,7 @@ def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
                              kept=tools.kept)
         else:
             done = _WORK[task.stage](task, results, folder, tools, progress)
+        give_back_memory()
         return {**done, "peak_memory_bytes": peak_memory_bytes(), "steps": {
             name: {"seconds": seconds, "core_seconds": cores}
             for name, (seconds, cores) in progress.costs.items()}}
