@@ -148,7 +148,8 @@ def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
                  fit_head: FitHead | None) -> tuple[VoxelField, dict[str, Any]]:
     """The same with parameters put in; the field and the figures."""
     trainer = Trainer(capture, config, progress, checkpoint, meter, process,
-                      None if look is None else lambda: look(lambda: _so_far(trainer, fit_head)))
+                      None if look is None
+                      else lambda trainer: look(lambda: _so_far(trainer, fit_head)))
     trainer.restore()
     first_rays = trainer.rays_done
     start = time.perf_counter()

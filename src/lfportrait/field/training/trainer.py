@@ -57,7 +57,7 @@ class Trainer:
 
     def __init__(self, capture: Capture, config: Settings, progress: Progress | None = None,
                  checkpoint: Path | None = None, meter: Meter | None = None,
-                 process: GpuProcess | None = None, look: Callable[[], None] | None = None) -> None:
+                 process: GpuProcess | None = None, look: Callable[[Trainer], None] | None = None) -> None:
         # The GPU's, until it is lost; None: the CPU.
         self.process = process
         if process is not None:
@@ -162,7 +162,7 @@ class Trainer:
             return
         start = time.perf_counter()
         try:
-            self.look()
+            self.look(self)
         except BaseException:  # the job ends with the look, and goes on from here
             self.save()
             raise
