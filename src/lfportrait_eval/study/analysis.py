@@ -17,8 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
-from scipy.stats import binomtest, norm
 
 from lfportrait.arrays import Bool, Float64
 from lfportrait.errors import UserError
@@ -26,7 +24,7 @@ from lfportrait.files import read_json
 
 from .design import Question
 
-_Z = float(norm.ppf(0.975))
+_Z = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -93,6 +91,8 @@ def effective_answers(counts: NDArray[np.integer]) -> float:
 
 def sign_test(plus: int, minus: int) -> float:
     """Two-sided p-value of the sign test; 1 without signs."""
+    from scipy.stats import binomtest  # takes most of a second to import
+
     return float(binomtest(plus, plus + minus).pvalue) if plus + minus else 1.0
 
 
@@ -228,6 +228,8 @@ def bradley_terry(wins: NDArray[np.floating], compared: Bool | None = None,
     met: Bool = np.asarray(wins + np.swapaxes(wins, -1, -2) > 0)
     if compared is None:
         compared = np.logical_or.reduce(met.reshape(-1, *met.shape[-2:]), axis=0)
+    from scipy.sparse.csgraph import connected_components
+
     if connected_components(compared, directed=False, return_labels=False) > 1:
         raise ValueError("some methods were never compared, not even by way of others")
     more = prior * np.asarray(compared, float)
