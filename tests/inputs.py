@@ -23,12 +23,12 @@ from lfportrait.files import write_image
 from lfportrait.job.batch import load_jobs
 from lfportrait.job.batch.journal import read_events
 from lfportrait.lightfield import Display, QuiltLayout, layout_for, layout_of_file
-from lfportrait.lightfield.display_files import calibration_of
+from lfportrait.lightfield.display import calibration_of
 from lfportrait.media.depth import read_depth
 from lfportrait.media.pictures import read_image, read_mask
 from lfportrait.share import write_quilt, write_video
 from lfportrait_eval.study import read_answers
-from lfportrait_eval.study.assembly import clip_of
+from lfportrait_eval.study.design import clip_of
 from lfportrait_eval.study.results import write_results
 from tests.capture import depth_files
 from tests.capture.test_camera import rig

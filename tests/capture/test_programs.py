@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.capture import Camera, Capture, Lens, is_calibrated
-from lfportrait.capture.formats.placed import brown, fisheye
-from lfportrait.capture.formats.programs import read_metashape
+from lfportrait.capture.formats.programs import brown, fisheye, read_metashape
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfportrait.example import TableConfig, build_table
-from lfportrait.example.table import cached_table, integer_costs, quantise
+from lfportrait.example.styleblit import cached_table, integer_costs, quantise
 from tests.reference.table import best_cost
 
 

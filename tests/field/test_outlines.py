@@ -51,21 +51,28 @@ def wrong(mattes, truth) -> float:
 
 
 def reconstruct_recording(capture, config, monkeypatch):
-    """The figures, and the mattes that the trainer had at its end."""
+    """The field, its figures, and the capture that the trainer had at its end."""
     ends = []
     finish = Trainer.finish
     with monkeypatch.context() as patch:
         patch.setattr(Trainer, "finish",
                       lambda run: (ends.append(run.capture), finish(run))[1])
-        _, figures = reconstruct_with_figures(capture, config)
-    return figures, ends[0]
+        field, figures = reconstruct_with_figures(capture, config)
+    return field, figures, ends[0]
 
 
-def test_bites_and_lumps_are_mended(monkeypatch):
+@pytest.fixture(scope="module")
+def mended():
+    """A field from wrong mattes, its figures, and the capture that the trainer had at its end."""
+    with pytest.MonkeyPatch.context() as patch:
+        return reconstruct_recording(with_wrong_mattes(photos()), SMALL, patch)
+
+
+def test_bites_and_lumps_are_mended(mended, monkeypatch):
     truth = photos()
     given = with_wrong_mattes(truth)
-    without, _ = reconstruct_recording(given, replace(SMALL, refine_mattes="no"), monkeypatch)
-    figures, end = reconstruct_recording(given, SMALL, monkeypatch)
+    _, without, _ = reconstruct_recording(given, replace(SMALL, refine_mattes="no"), monkeypatch)
+    _, figures, end = mended
     views = truth.training()
     before, after = (wrong([c.alphas[v] for v in views], [truth.alphas[v] for v in views])
                      for c in (given, end))
@@ -87,14 +94,13 @@ def test_given_mattes_are_believed(how, choice, laid):
 
 def test_mattes_that_were_right_stay_right(monkeypatch):
     truth = photos()
-    _, end = reconstruct_recording(truth, SMALL, monkeypatch)
+    *_, end = reconstruct_recording(truth, SMALL, monkeypatch)
     assert wrong(end.alphas, truth.alphas) < 0.003
 
 
 @pytest.mark.parametrize(("step", "left"), [(10, 1), (120, 0)])
-def test_a_stopped_run_goes_on_with_the_mattes_it_had(step, left, tmp_path, monkeypatch):
-    capture = with_wrong_mattes(photos())
-    first, _ = reconstruct_with_figures(capture, SMALL)
+def test_a_stopped_run_goes_on_with_the_mattes_it_had(step, left, mended, tmp_path, monkeypatch):
+    capture, first = with_wrong_mattes(photos()), mended[0]
     checkpoint = tmp_path / "state.npz"
 
     def stop(run):
@@ -126,5 +132,5 @@ def test_a_photo_without_the_person_keeps_its_empty_matte(monkeypatch):
     alphas = list(truth.alphas)
     alphas[view] = np.zeros_like(alphas[view])
     capture = replace(truth, alphas=alphas, cameras=replace(truth.cameras, pose=away))
-    _, end = reconstruct_recording(capture, SMALL, monkeypatch)
+    *_, end = reconstruct_recording(capture, SMALL, monkeypatch)
     assert not end.alphas[view].any()

@@ -11,7 +11,7 @@ from lfportrait.field.kernels.descent import descend, smooth, total_variation
 from lfportrait.field.kernels.march import sh_basis as kernel_basis
 from lfportrait.field.kernels.packet import Records, make_pad
 from lfportrait.field.kernels.render import render_kernel_one_lane
-from lfportrait.field.kernels.steps import train_kernel
+from lfportrait.field.kernels.train import train_kernel
 from tests.fields import shell_field
 from tests.reference.raycast import cast, sh_basis
 

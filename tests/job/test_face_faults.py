@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.job.few_photos import face_faults
-from lfportrait.job.photo_check import check_photos
+from lfportrait.job.photo_check import check_photos, face_faults
 from tests.portraits import CANONICAL
 
 FACE = CANONICAL * 60 + 100

@@ -10,7 +10,7 @@ from PIL import Image
 from lfportrait.capture import CalibrateConfig, PhotosError
 from lfportrait.errors import UserError
 from lfportrait.job import is_few, prepare
-from lfportrait.job.few_photos import head_way
+from lfportrait.job.photo_check import head_way
 from lfportrait.progress import Progress
 from tests.capture.calibration.test_head_motion import COUNT, photos
 

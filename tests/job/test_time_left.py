@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from lfportrait.job.graph import MakeConfig
-from lfportrait.job.time_left import Source, TimeLeft, usual_steps
+from lfportrait.job.pipeline import Source, TimeLeft, usual_steps
 from lfportrait.progress import Progress
 
 RECORDED = json.loads((Path(__file__).parent / "recorded_steps.json").read_text("utf-8"))
@@ -23,7 +23,7 @@ def clock(monkeypatch):
     now = SimpleNamespace(now=0.0)
     fake = SimpleNamespace(perf_counter=lambda: now.now, process_time=lambda: now.now)
     monkeypatch.setattr("lfportrait.progress.time", fake)
-    monkeypatch.setattr("lfportrait.job.time_left.time", fake)
+    monkeypatch.setattr("lfportrait.job.pipeline.time", fake)
     return now
 
 

@@ -19,7 +19,7 @@ from lfportrait.lightfield import (
     read_coded,
     write_coded,
 )
-from lfportrait.lightfield.display_files import calibration_of
+from lfportrait.lightfield.display import calibration_of
 from lfportrait.media.pictures import read_image
 
 display_of = Display.from_looking_glass

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from lfportrait.errors import UserError
-from lfportrait.runner import workers
+from lfportrait.runner import serve as serve_tasks
 
 
 def work(request, tell):
@@ -31,4 +31,4 @@ def work(request, tell):
 
 
 def serve() -> None:
-    workers.serve(work)
+    serve_tasks(work)

@@ -21,9 +21,8 @@ from lfportrait.capture import Camera
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import orbit_cameras
 from lfportrait.share.kinds import SplatConfig
-from lfportrait.share.splats.cloud import framed, render_splats
+from lfportrait.share.splats.cloud import SPLAT_WRITERS, framed, render_splats
 from lfportrait.share.splats.fitting import field_splats
-from lfportrait.share.splats.formats import SPLAT_WRITERS
 from tests.fields import head_field, shell_field
 from tests.share.page.browser import decibels
 

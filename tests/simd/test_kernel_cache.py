@@ -45,7 +45,7 @@ import lfportrait
 from lfportrait.example.kernels.patches import patch_errors, search_pass
 from lfportrait.lightfield.kernels.panel import encode_kernel
 from lfportrait.field.kernels.render import render_kernel, render_kernel_one_lane
-from lfportrait.field.kernels.steps import train_kernel
+from lfportrait.field.kernels.train import train_kernel
 
 print(lfportrait.__file__)
 for kernel in (train_kernel(32).kernel, encode_kernel(32, 9).kernel, render_kernel(16).kernel,

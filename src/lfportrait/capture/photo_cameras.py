@@ -44,8 +44,7 @@ from .calibration.features import (
     without_still,
     worth_placing,
 )
-from .calibration.lens_terms import adjust, starting_model
-from .calibration.mapping import place_photos
+from .calibration.mapping import adjust, place_photos, starting_model
 from .camera import Camera, portrait_frame_from_cameras
 from .capture import Capture
 from .formats import assemble, lens_of, turned_upright

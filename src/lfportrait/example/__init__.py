@@ -1,7 +1,7 @@
 """Transfer by example: any portrait repainted in the manner of one painting (Paper 2.2, Eq. 6).
 
 An `Exemplar` is the painting, a `Transfer` repaints photos by it: `guides` say which place of the
-painting answers a pixel, `table` looks it up, `styleblit` copies pieces. `surface_guide` does it on
+painting answers a pixel, `styleblit` looks it up and copies pieces. `surface_guide` does it on
 a head, the same from every side; `video` is for moving pictures; `methods` finds those of other
 packages.
 """

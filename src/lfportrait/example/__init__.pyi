@@ -12,9 +12,16 @@ from .skin.charts import Atlas, draw_atlas
 from .skin.painting import Painting, SkinConfig, SkinPainter, rehearse_painting
 from .skin.sitter import SKIN_PIXELS, Skin, canvas_of
 from .skin.storage import as_stored, load_skin, save_skin, skin_key
-from .styleblit import BlitConfig, Synthesis, TransferResult, synthesise
+from .styleblit import (
+    BlitConfig,
+    LookUpTable,
+    Synthesis,
+    TableConfig,
+    TransferResult,
+    build_table,
+    synthesise,
+)
 from .surface_guide import SurfaceGuide, surface_position_guide
-from .table import LookUpTable, TableConfig, build_table
 from .transfers import (
     Transfer,
     TransferConfig,

@@ -54,14 +54,15 @@ from .photo_guide import GRID, FlatGuide
 from .styleblit import (
     BlitConfig,
     Seeds,
+    TableConfig,
     TransferResult,
+    cached_table,
     finest_level,
     label_words,
     pack_colors,
     plant,
     synthesise,
 )
-from .table import TableConfig, cached_table
 from .worn.hat import Hat, Layer, Wear
 from .worn.inpainting import bared, without_spectacles
 

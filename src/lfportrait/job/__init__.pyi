@@ -1,4 +1,3 @@
-from .few_photos import MadeFrom, head_way, is_few
 from .first_look import FirstLook
 from .graph import (
     FULL,
@@ -20,12 +19,19 @@ from .graph import (
 )
 from .inspection import Inspection, inspect, inspection_lines
 from .networks import get_networks
-from .photo_check import PhotoCheck, PhotoFacts, check_photos, check_picture
-from .pipeline import MakeConfig, make, run_figures
+from .photo_check import (
+    MadeFrom,
+    PhotoCheck,
+    PhotoFacts,
+    check_photos,
+    check_picture,
+    head_way,
+    is_few,
+)
+from .pipeline import MakeConfig, Source, TimeLeft, make, run_figures
 from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session
 from .style_check import StyleCheck, add_style, check_style, chosen_face, style_picture
-from .time_left import Source, TimeLeft
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 

@@ -33,7 +33,7 @@ from ..runner import Need, scheduler
 from ..share import PageConfig
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
-from .few_photos import MadeFrom
+from .photo_check import MadeFrom
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,7 @@ from ..media.depth import DepthMap
 from ..media.folders import files_below
 from ..progress import Progress
 from ..simd.threads import side_by_side
-from .few_photos import NotTogether, fit_to_face, head_way
-from .photo_check import problem_sheet
+from .photo_check import NotTogether, fit_to_face, head_way, problem_sheet
 
 _OUTLIERS = 0.6
 """Share of a face's landmarks that do not fit cameras which are wrong."""

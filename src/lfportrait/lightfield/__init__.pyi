@@ -9,8 +9,7 @@ from .coding import (
     render_view,
     view_camera,
 )
-from .display import Display
-from .display_files import customary_views
+from .display import Display, customary_views
 from .ground import Ground, backdrop_of, ground_of, world_ground
 from .interlacing import (
     InterlaceConfig,

@@ -1,10 +1,10 @@
 """How work is run, whatever it is.
 
 `scheduler`: tasks and what needs what, what work costs, what errors mean, and how each task ends;
-`processes` of our own and the one way to talk to them; `workers`: tasks in such processes.
+`processes` of our own, the one way to talk to them, and tasks in them.
 """
 
-from .processes import CAN_PAUSE, Child, Pipe
+from .processes import CAN_PAUSE, Child, Pipe, Workers, serve
 from .scheduler import (
            Costs,
            Failure,
@@ -20,7 +20,6 @@ from .scheduler import (
            outcome_of,
            run_tasks,
 )
-from .workers import Workers, serve
 
 __all__ = ["CAN_PAUSE", "Child", "Costs", "Failure", "Here", "Need", "Outcome", "Pipe",
            "Plan", "Runner", "Schedule", "Task", "Workers", "failure_of", "finished", "outcome_of",

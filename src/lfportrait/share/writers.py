@@ -22,9 +22,8 @@ from . import mesh as meshes
 from .kinds import METRES, ExportConfig, ExportContext, NoParameters, PageConfig, SweepConfig
 from .page.assembly import write_page
 from .paths import good_cone, sweep_frames
-from .splats.cloud import framed, is_down
+from .splats.cloud import SPLAT_WRITERS, framed, is_down
 from .splats.fitting import field_splats
-from .splats.formats import SPLAT_WRITERS
 from .video import write_video
 
 _SEEN_LEVEL, _SEEN_SMOOTH = 0.15, 0.8

@@ -36,7 +36,7 @@ from ..browsing import open_browser
 from ..errors import UserError
 from .answers import Refusal, failed
 from .desk import Desk
-from .routes import painting, portrait, showing, start
+from .routes import painting, showing, start
 
 _KINDS = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
           ".js": "text/javascript; charset=utf-8", ".json": "application/json",
@@ -103,7 +103,7 @@ def application(desk: Desk, keys: Keys, **guard: Any) -> Guard:
         finally:
             await desk.close()
 
-    tables = (start.TABLE, painting.TABLE, portrait.TABLE, showing.TABLE)
+    tables = (start.TABLE, painting.TABLE, showing.TABLE)
     routes = [Route("/", static), Route("/static/{name:path}", static),
               Route("/api/session", session, methods=["POST"]),
               *(route for table in tables for route in table.routes(desk))]

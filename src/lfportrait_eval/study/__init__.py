@@ -1,12 +1,27 @@
 """A user study like the paper's: a page on which people choose between portraits, and its results.
 
-`design` finds what is compared and lays down who sees what; `assembly` writes the page (its script
-and style are in ``web/``). `analysis` reads the answer files and makes figures of them
-with `statistics`, `results` writes these.
+`design` finds what is compared, lays down who sees what, and writes the page (its script and style
+are in ``web/``). `analysis` reads the answer files and makes figures of them, `results` writes
+these.
 """
 
-from .analysis import Answers, Trial, analyse, read_answers
-from .assembly import study_script, write_study
+from .analysis import (
+    Answers,
+    Ranking,
+    Share,
+    Trial,
+    analyse,
+    bradley_terry,
+    effective_answers,
+    fleiss_kappa,
+    holm,
+    kendall_agreement,
+    krippendorff_alpha,
+    rank,
+    read_answers,
+    sign_test,
+    wilson,
+)
 from .design import (
     QUESTIONS,
     Entry,
@@ -18,21 +33,10 @@ from .design import (
     pairs_of,
     questions_of,
     sheets_of,
+    study_script,
+    write_study,
 )
 from .results import Row, interval_chart, write_results
-from .statistics import (
-    Ranking,
-    Share,
-    bradley_terry,
-    effective_answers,
-    fleiss_kappa,
-    holm,
-    kendall_agreement,
-    krippendorff_alpha,
-    rank,
-    sign_test,
-    wilson,
-)
 
 __all__ = ["QUESTIONS", "Answers", "Entry", "Pair", "Question", "Ranking", "Row", "Share", "Sheet",
            "StudyConfig", "Trial", "analyse", "bradley_terry", "effective_answers", "entries_of",

@@ -1,5 +1,6 @@
 """Cameras follow what moved against the room, and leave the others alone."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,12 @@ COUNT = 8
 
 def photos(degrees: float) -> tuple[Capture, list[np.ndarray], Camera]:
     """Photos of a box that turns by some degrees between them; its mattes and true cameras."""
+    capture, mattes, boxes = _photographed(degrees)
+    return replace(capture), [*mattes], boxes
+
+
+@functools.cache  # seconds, and tests of whatever takes photos ask for them
+def _photographed(degrees: float) -> tuple[Capture, list[np.ndarray], Camera]:
     cameras = room_cameras(COUNT, 360, 360)
     cameras = replace(cameras, focal=1.8 * cameras.focal)
     random = np.random.default_rng(0)

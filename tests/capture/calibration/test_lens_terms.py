@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.capture.calibration.lens_terms import adjust, starting_model
+from lfportrait.capture.calibration.mapping import adjust, starting_model
 from lfportrait.capture.lenses import Lens
 
 

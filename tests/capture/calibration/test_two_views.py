@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.capture.calibration.two_views import two_views
+from lfportrait.capture.calibration.database import two_views
 
 FOCAL, SIZE = 500.0, (600, 400)
 TURN = np.array([[0.98, 0, 0.199], [0, 1, 0], [-0.199, 0, 0.98]])

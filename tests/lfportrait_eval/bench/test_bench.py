@@ -189,9 +189,9 @@ def test_stylize_reports_its_parts():
     capture = ball_capture()
     head = demo_landmarks() * 0.5
     figures = bench_stylize(ball(), replace(capture, landmarks=head),
-                            demo_exemplar(width=144, height=192), by_views=StylizeConfig(
-                                method="paper", size=96, views=2, pitches=(8.0,), steps=2),
-                            pixels=96.0)
+                            demo_exemplar(width=96, height=128), by_views=StylizeConfig(
+                                method="paper", size=64, views=2, pitches=(8.0,), steps=2),
+                            pixels=64.0)
     assert figures["views"]["views"] == 2 and figures["networks"]
     for name in ("skin_seconds", "exemplar_seconds", "preview_seconds", "again_seconds",
                  "paint_seconds", "fit_iteration_seconds", "step_seconds"):

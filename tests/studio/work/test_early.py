@@ -10,8 +10,7 @@ from lfportrait.job.warmup import ball_capture, ball_field, drawn_exemplar
 from lfportrait.progress import Progress
 from lfportrait.studio.orders import Order
 from lfportrait.studio.projects import Project
-from lfportrait.studio.work.pictures import EarlyPicture
-from lfportrait.studio.work.telling import Teller
+from lfportrait.studio.work.pictures import EarlyPicture, Teller
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ pytest.importorskip("starlette")
 from lfportrait.studio.exports import checked_options, entries, keep, kind_of, remove, target
 from lfportrait.studio.orders import Order
 from lfportrait.studio.projects import Project
-from lfportrait.studio.work.fine import export
-from lfportrait.studio.work.telling import Teller
+from lfportrait.studio.work.jobs import export
+from lfportrait.studio.work.pictures import Teller
 from tests.share.page.portraits import painted_head
 
 

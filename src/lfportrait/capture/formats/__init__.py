@@ -2,9 +2,9 @@
 
 A format is a class above `CaptureFormat`, of ours or of another package (entry points).
 `transforms` reads NeRF's, instant-ngp's and nerfstudio's, and keeps captures of our own; `colmap`
-reads COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin (by
-`placed`), `datasets` LLFF, NSVF, and what Polycam and Record3D export. All end in `assembly`, which
-also decides which way up a picture is.
+reads COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin,
+`datasets` LLFF, NSVF, and what Polycam and Record3D export. All end in `assembly`, which also
+decides which way up a picture is.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from ...media.folders import list_pictures, stem_key, visible
 from ...media.pictures import open_picture
 from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
-from .placed import resizable, warn_unmatched
+from .programs import resizable, warn_unmatched
 
 # Pixels along the longer side beyond which a reduced copy is preferred.
 _LARGEST_SIDE = 1600

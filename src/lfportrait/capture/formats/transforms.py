@@ -26,7 +26,7 @@ from ...simd.threads import side_by_side
 from ..camera import Camera
 from ..lenses import Lens, load_depth, save_depth, some_depth
 from .assembly import CaptureFormat, DataSet, Shot, Views
-from .placed import brown, fisheye, is_graph
+from .programs import brown, fisheye, is_graph
 
 _TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 

@@ -3,14 +3,17 @@ from .atlas import (
     DeviceTexture,
     FieldParts,
     TextureParts,
+    ViewJob,
     field_parts,
+    keep_field,
     keep_texture,
     picture_texture,
+    render_views,
     shader,
     texture_parts,
     upload,
+    views_on_gpu,
 )
-from .view import ViewJob, keep_field, render_views, views_on_gpu
 
 __all__ = ["Atlas", "DeviceTexture", "FieldParts", "TextureParts", "ViewJob",
            "field_parts", "keep_field", "keep_texture", "picture_texture", "render_views",

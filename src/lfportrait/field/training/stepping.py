@@ -19,7 +19,7 @@ from ..config import Settings
 from ..kernels.bricks import bright_table
 from ..kernels.descent import descend, smooth, total_variation
 from ..kernels.packet import Records, make_pad
-from ..kernels.steps import steps_kernel, train_kernel
+from ..kernels.train import steps_kernel, train_kernel
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 

@@ -26,9 +26,9 @@ from ...runner import Outcome, Plan, Runner, finished, run_tasks
 from ...simd.host import compiling_progress
 from ...stages import check_writable
 from ...version import __version__
-from ..few_photos import MadeFrom
 from ..graph import Task, painting_key, source_key
 from ..networks import get_networks, networks_of
+from ..photo_check import MadeFrom
 from ..warmup import Warmup
 from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked

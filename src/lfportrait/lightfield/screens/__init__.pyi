@@ -1,7 +1,7 @@
 from .bridge import URL, Bridge, DepthPicture, Device, Entry
-from .live import OffscreenWindow
-from .live_window import (
+from .live import (
     LiveWindow,
+    OffscreenWindow,
     check_packages,
     fields_to_show,
     live_adapter,

@@ -1,43 +1,69 @@
-"""A job in a process of its own: it gets one order, does it stage by stage, and ends."""
+"""A job in a process of its own: it gets one order, does it stage by stage, and ends.
+
+A head of photos; a version in full: painted, mixed, coded and shown in a page; exports of its
+field. The painted head is kept for each painting (``painted/STYLE/``), so that another mix of it
+takes seconds. Without a mix all files are those that ``lfportrait make`` writes.
+"""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from ... import models
+from ...cache import hash_of
+from ...capture import Capture
 from ...demo import demo_capture
-from ...face import is_portrait
-from ...files import write_image, write_json
+from ...errors import UserError
+from ...example import Exemplar
+from ...face import frontal_order, is_portrait
+from ...field import VoxelField
+from ...files import atomic_path, read_json, write_image, write_json
 from ...job import (
     FULL,
     QUICK,
     STAGES,
+    MakeConfig,
     Task,
     Warmup,
     capture_key,
     check_photos,
+    code_key,
     do_stage,
     field_key,
     get_networks,
     head_kernels,
     head_way,
     look_at,
+    painting_key,
     portrait_tasks,
+    run_figures,
+    share_key,
     source_key,
+    stage_key,
+    style_key,
 )
+from ...lightfield import EncodeConfig
 from ...measure import usable_cores
-from ...runner import finished, workers
-from ...stages import StageFolder
-from ..answers import read_error
+from ...media.pictures import read_image
+from ...runner import finished
+from ...runner import serve as serve_requests
+from ...share import ExportContext
+from ...stages import StageFolder, finished_record
+from ...stylize import StyledField, load_styled
+from ..answers import id_of, read_error
+from ..exports import forget_unfinished, kind_of
 from ..orders import Order
 from ..photos import VIDEO_FRAME
-from .pictures import cameras_picture, head_picture, photo_picture, turned
-from .telling import Teller
+from .pictures import Teller, cameras_picture, coded_picture, head_picture, photo_picture, turned
+from .resident import Look, Sitting
 
 _FITTED = {"capture": 2.5, "reconstruct": 7.5}
 """Seconds of a head that is fitted to a face."""
@@ -45,7 +71,7 @@ _FITTED = {"capture": 2.5, "reconstruct": 7.5}
 
 def serve() -> None:
     """Do what is ordered."""
-    workers.serve(_do, read_error)
+    serve_requests(_do, read_error)
 
 
 def _do(order: Order, tell: Callable[..., None]) -> dict[str, Any]:
@@ -168,3 +194,120 @@ def _later(module: str, name: str, order: Order, teller: Teller) -> dict[str, An
 _KINDS: dict[str, Callable[[Order, Teller], dict[str, Any]]] = {
     "head": _head, "check": _check, "networks": _networks,
     "fine": partial(_later, ".fine", "fine"), "export": partial(_later, ".fine", "export")}
+
+
+def fine(order: Order, teller: Teller) -> dict[str, Any]:
+    """Paint, mix, code, and write the page, the video and the report."""
+    teller.tell("stages", expected(("stylize", "stylize"), ("encode", "encode"),
+                                   ("share", "share")))
+    config, panel = order.config(), order.panel()
+    exemplar = Exemplar.load(order.style)
+    figures: dict[str, Any] = {}
+    for name in ("capture", "reconstruct"):
+        found = _record(order, name)
+        if found is not None:
+            figures[name] = found
+    where = order.inside(order.version)
+    exemplars = [exemplar, *(replace(Exemplar.load(path), name=name)
+                             for name, path in sorted(order.more["styles"].items()))]
+    painted, key = _painted(order, config, exemplars)
+    more: dict[str, Any] = {
+        "display": panel, "folders": {"stylize": painted, "encode": where, "share": where},
+        "inputs": {**order.inputs(), "styled": f"{where}/styled.npz"}}
+    with Warmup(("transfer", "stylize", "encode")) as warmup:
+        (stylize,) = portrait_tasks({"stylize": key}, config, **more)
+        do_task(order, teller, stylize, figures, warmup, exemplar=exemplar, others=exemplars[1:])
+        key = mixed_file(order, key, f"{painted}/styled.npz")
+        styled = VoxelField.load(order.version / "styled.npz")
+        teller.picture("stylize", head_picture(styled))
+        code = code_key(key, config, panel)
+        encode, share = portrait_tasks({"encode": code, "share": share_key(code, config)}, config,
+                                       **more)
+        do_task(order, teller, encode, figures, warmup)
+        teller.picture("encode", coded_picture(read_image(order.version / "lightfield.png")))
+        do_task(order, teller, share, figures, warmup, exemplar=exemplar)
+    _photograph(order)
+    hero = order.version / "hero.png"
+    if hero.is_file():
+        teller.picture("share", read_image(hero))
+    resumed: list[str] = [name for name in ("capture", "reconstruct") if name in figures]
+    write_json(order.version / "run.json", run_figures(
+        figures, exemplar.name, panel.name, resumed))
+    return {"display": panel.name, "key": key}
+
+
+def _photograph(order: Order) -> None:
+    """Lay the sitter's most frontal photo beside the video: a study shows both."""
+    capture = Capture.load(order.job / "capture")
+    view = int(frontal_order(capture.cameras)[0])
+    write_image(order.version / "photo.jpg", capture.image_float(view), quality=92)
+
+
+def _painted(order: Order, config: MakeConfig, exemplars: list[Exemplar]) -> tuple[str, str]:
+    """The folder of the head that is painted in all styles of a version, and its key."""
+    field = order.field_key()
+    if len(exemplars) == 1:
+        return f"painted/{order.style_id}", style_key(field, config, painting_key(exemplars[0]))
+    names = [one.name for one in exemplars[1:]]
+    return f"painted/{order.style_id}-and-{hash_of(names)[:8]}", stage_key(
+        "stylize", field, config.stylize, [(one.name, *painting_key(one)) for one in exemplars])
+
+
+def _record(order: Order, name: str) -> dict[str, Any] | None:
+    """The figures of a stage of the head, whatever it was made of."""
+    try:
+        return dict(read_json(order.job / ".stages" / f"{name}.json")["figures"])
+    except (UserError, KeyError, TypeError, ValueError):
+        return None
+
+
+def mixed_file(order: Order, key: str, painted: str) -> str:
+    """Write the version's ``styled.npz``: the painted head, or its mix; the key of that file."""
+    source, target = order.folder / painted, order.version / "styled.npz"
+    own = stage_key("stylize", "mix", key, order.mix) if order.mix else key
+    record = "mix"
+    if finished_record(order.version, record, own, ("styled.npz",)) is not None:
+        return own
+
+    def write() -> dict[str, Any]:
+        if order.mix:
+            StyledField.load(source).mix(**order.mix).save(target)
+        else:
+            with atomic_path(target) as temporary:
+                shutil.copyfile(source, temporary)
+        return {}
+
+    StageFolder(order.version).run(record, own, ("styled.npz",), write)
+    return own
+
+
+def export(order: Order, teller: Teller) -> dict[str, Any]:
+    """Write the file; its figures."""
+    more = order.more
+    path, kind = Path(more["target"]), kind_of(more["kind"])
+    forget_unfinished(path)  # of an earlier run
+    teller.tell("stages", [("export", 10.0)])
+    with teller.stage("export") as progress:
+        progress.update(0, path.name)
+        look = Look(more["look"])
+        fine = look.styled is not None and not look.mix
+        # As the commands read it: from the file, with the numbers that it keeps.
+        field = load_styled(look.styled) if fine else Sitting().on_panel(look)
+        # Without a panel a head is placed by its own screen.
+        placed = {"encode": EncodeConfig(**more["placement"])} if kind.needs_display else {}
+        figures = kind.make(field, path, kind.chosen(more["options"]), ExportContext(
+            **placed, display=order.display, progress=progress))
+    out = figures.pop("out")
+    return {"export": id_of(out.name), "file": out.name, "kind": kind.name, "fine": fine,
+            "version": more.get("version"), "figures": _plain(figures)}
+
+
+def _plain(value: Any) -> Any:
+    """Figures as JSON takes them."""
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.item() if hasattr(value, "item") else value

@@ -45,7 +45,7 @@ from ...lightfield import (
 )
 from ...lightfield.screens import Bridge
 from ...media.pictures import read_image
-from ...runner import workers
+from ...runner import serve as serve_requests
 from ...share import OpenPage, PageConfig, recolored, write_page
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from ..answers import read_error
@@ -461,4 +461,4 @@ def serve() -> None:
             "cast", "style_picture")}
     for name, function in PAINTING_ANSWERS.items():
         own[name] = partial(function, resident.sitting)
-    workers.serve(lambda question, _: own[question[0]](question[1]), read_error)
+    serve_requests(lambda question, _: own[question[0]](question[1]), read_error)

@@ -8,9 +8,8 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.field.background import Background, BackgroundTrainer
 from lfportrait.field.config import ReconstructConfig
-from lfportrait.field.gpu.training import buffers, steps
-from lfportrait.field.gpu.training.buffers import Notes
-from lfportrait.field.gpu.training.steps import Steps
+from lfportrait.field.gpu.training import steps
+from lfportrait.field.gpu.training.steps import Notes, Steps
 from lfportrait.field.training.gpu_stepping import GpuSteps
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.pixels import TrainingPixels
@@ -75,11 +74,11 @@ def gradients(device, given, steps, inputs):
 
 def begin_small(device, given):
     """Begin a level with hardly any room for notes, and with several small pages of colors."""
-    whole, buffers.PAGE = buffers.PAGE, 400 * 4 * buffers.row_floats(given["basis"])
+    whole, steps.PAGE = steps.PAGE, 400 * 4 * steps.row_floats(given["basis"])
     try:
         steps.begin(device, given)
     finally:
-        buffers.PAGE = whole
+        steps.PAGE = whole
     own = device.kept["field training"]
     assert len(own.lattice.pages) > 2
     most = own.notes.packet - 100

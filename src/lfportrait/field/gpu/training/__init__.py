@@ -37,7 +37,7 @@ records; ``march`` reads 64 bytes a sample (8 links, 8 densities), most of them 
 7 MB, which a card of 900 GB/s moves in 8 microseconds. So a step takes as long as its kernels take
 to begin and to wait for memory, one after the other; larger batches cost little more.
 
-`buffers` are on the device; `steps` runs the kernels, and has the functions that
+`steps` has the buffers on the device, runs the kernels, and has the functions that
 `lfportrait.gpu.GpuProcess` calls. Colors are in pages, each within what a shader can see.
 Notes have room for what steps need as a rule; a step that needs more, and all that were sent off
 behind it, do nothing, and are taken once more with more room.
