@@ -71,6 +71,7 @@ def test_a_dark_fold_on_cheek_or_neck_is_none_of_their_paint(points):
 
 
 BROWN, COAT = (200, 150, 120), (40, 32, 28)
+BEARDLESS = np.zeros((400, 300), np.float32)
 
 
 def bust(points, low):
@@ -86,19 +87,20 @@ def bust(points, low):
     return image, shares, (lip, chin)
 
 
-def test_a_dark_beard_is_no_neck_but_stays_in_the_face(points):
-    image, shares, (_, chin) = bust(points, (52, 40, 34))
+def test_a_dark_beard_is_neither_neck_nor_plain_skin(points):
+    image, shares, (lip, chin) = bust(points, (52, 40, 34))
     found = plain_skin(shares, points, image)
     np.testing.assert_allclose(found.sum(axis=-1), 1, atol=1e-5)
     assert found[..., NECK].max() == 0
-    assert found[chin - 8:chin - 3, 20:60, SKIN].min() > 0.9
+    assert found[chin - 8:chin - 3, 20:60, SKIN].max() < 0.1
+    assert found[lip - 60:lip - 40, 20:60, SKIN].min() > 0.9
     assert found[370:, :, CLOTHES].min() > 0.9
     assert shares[chin + 5, 5, NECK] == 1  # what was given stays
 
 
 def test_a_neck_in_a_little_shade_is_one(points):
     image, shares, _ = bust(points, (189, 141, 112))
-    assert unlike_face(image, shares, points).max() == 0
+    assert np.max(unlike_face(image, shares, points, BEARDLESS)) == 0
 
 
 def test_of_a_neck_that_is_mostly_a_coat_nothing_is_used(points):
@@ -114,4 +116,22 @@ def test_of_a_neck_that_is_mostly_a_coat_nothing_is_used(points):
 
 
 def test_a_face_alone_is_compared_with_nothing(points):
-    assert unlike_face(BLANK, all_skin((400, 300)), points).max() == 0
+    assert np.max(unlike_face(BLANK, all_skin((400, 300)), points, BEARDLESS)) == 0
+
+
+def test_a_red_beard_that_goes_on_beyond_what_is_known_of_it_is_no_skin(points):
+    image, shares, (lip, chin) = bust(points, BROWN)
+    image[lip + 12:chin] = (170, 80, 40)
+    known = BEARDLESS.copy()
+    known[lip + 12:chin, 100:200] = 1
+    shares[..., SKIN] -= known * shares[..., SKIN]
+    strange = unlike_face(image, shares, points, known)[1]
+    assert strange[chin - 10:chin - 5, 205:230].min() > 0.9
+    assert strange[lip - 60:lip - 10].max() < 0.1
+    assert np.max(unlike_face(image, shares, points, BEARDLESS)[1]) < 0.1
+
+
+def test_shade_of_a_face_is_its_skin(points):
+    image, shares, (lip, chin) = bust(points, (150, 105, 80))
+    found = plain_skin(shares, points, image)
+    assert found[chin - 8:chin - 3, 20:60, SKIN].min() > 0.9

@@ -80,6 +80,8 @@ DARKEST = 0.12
 shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
 UNDER_JAW, JAW_EDGE = 1.0, 0.2
 """Below the first (brows 0, chin 1) lies the underside of a jaw, and a softly fading edge above."""
+HARDLY = 0.6
+"""Ears that no photo saw better have so much of their light and shade."""
 EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 
@@ -164,7 +166,7 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
 
 
 def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
-                       tone: Float32) -> Float32:
+                       tone: Float32, plain: Bool) -> Float32:
     """How much lighter the face is painted than its tones ask for, float32 [N] (`light_beside`).
 
     Parameters
@@ -173,9 +175,11 @@ def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
     core : bool [N], places of the face that are painted
     color : float32 [H, W, 3] in [0, 1], its paint
     tone : float32 [N], the tones asked for
+    plain : bool [N], where the guide leads to plain skin: a beard's dark is no shade
     """
     paint = canvas.gathered(grey(color), len(core))
-    return light_beside(skin.flat, skin.plane.height, core, paint - tone, core & skin.outwards)
+    return light_beside(skin.flat, skin.plane.height, core, paint - tone,
+                        core & skin.outwards & plain)
 
 
 NODES = 0.03
@@ -370,6 +374,7 @@ class SkinPainter:
                         np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face.planes[pixel[:, 1], pixel[:, 0]]
+        plain = flesh(self._painter.shares)[pixel[:, 1], pixel[:, 0]] > 0.5
         clock.lap("guides")
         core = np.ones(len(face), bool)
         if self.config.patchmatch:
@@ -382,7 +387,7 @@ class SkinPainter:
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
         request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
-                                labels, face[:, 1], core, painted)
+                                labels, face[:, 1], core, plain, painted)
         clock.lap("face, targets")
         color = self._painter.paint(canvas, size, request)
         even_edge(places, canvas, core, flesh(request.shares), color)
@@ -405,10 +410,11 @@ class SkinPainter:
 
     def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
                  position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
-                 near: Float32, core: Bool, painted: Future[Float32]) -> PatchRequest:
+                 near: Float32, core: Bool, plain: Bool,
+                 painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
-        ``painted`` is the face, soon.
+        ``plain`` bool [N] is where the guide leads to plain skin; ``painted`` is the face, soon.
         """
         unit = self._painter.unit(size)
         shares = sitter_shares(skin, labels, theirs.present)
@@ -417,7 +423,8 @@ class SkinPainter:
         guided = position * np.float32(size)
         placed = Placement.of(shares, theirs, guided, unit)
         color = painted.result()
-        tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone)
+        tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone,
+                                                  plain)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
@@ -474,11 +481,13 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
     skin, canvas : Of the sitter, as the canvas has it, and of the painting.
     color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
     """
-    ears = skin.ears * skin.seen
+    ears = skin.ears * np.maximum(skin.seen, HARDLY)
     if skin.hair is not None:
         ears = ears * (1 - skin.hair)
     face = skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)
-    factors = missing_relief(ears, face, skin.flat[:, 0], skin.tone + skin.detail,
+    # Photos that only graze an ear show grain elsewhere, but this relief is better than none.
+    light = grey(skin.atlas.color).reshape(-1)[skin.index]
+    factors = missing_relief(ears, face, skin.flat[:, 0], light,
                              canvas.gathered(grey(color), len(ears), np.nan))
     if factors is not None:
         color[canvas.own] *= factors[canvas.slots[canvas.own]][:, None]
