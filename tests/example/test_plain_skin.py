@@ -132,6 +132,6 @@ def test_a_red_beard_that_goes_on_beyond_what_is_known_of_it_is_no_skin(points):
 
 
 def test_shade_of_a_face_is_its_skin(points):
-    image, shares, (lip, chin) = bust(points, (150, 105, 80))
+    image, shares, (_, chin) = bust(points, (150, 105, 80))
     found = plain_skin(shares, points, image)
     assert found[chin - 8:chin - 3, 20:60, SKIN].min() > 0.9

@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, UInt8
+from ...arrays import Bool, Float32, Int64, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
@@ -55,13 +55,13 @@ from ..painter.picture_materials import (
     known_shares,
     material_shares,
 )
-from ..painter.plain_skin import plain_skin, take_out_strands
+from ..painter.plain_skin import UPPER, plain_skin, take_out_strands
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn.hat import Wear
 from .ears import missing_relief
-from .face import CopiedFace
+from .face import DRAWN_OUT, CopiedFace
 from .hair import below_hair, hair_by_place, without_bays
 from .hat import HatPainter
 from .sitter import Canvas, Skin, canvas_of
@@ -339,6 +339,10 @@ class SkinPainter:
                                                     self.transfer.labels)
         plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
+        # What of the lower face is no plain skin goes on to its outline, a beard to the jaw.
+        face = self.transfer.face.astype(np.float32) / np.float32(255)
+        low = self.transfer.regions.frame.local(face.shape)[1] > UPPER
+        self._bearded = np.asarray(plain[..., FEATURES] * low * np.clip(4 * face, 0, 1), np.float32)
         self._face = CopiedFace(self.transfer, self._hair, self._strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
@@ -375,6 +379,8 @@ class SkinPainter:
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face.planes[pixel[:, 1], pixel[:, 0]]
         plain = flesh(self._painter.shares)[pixel[:, 1], pixel[:, 0]] > 0.5
+        bearded = self._bearded[pixel[:, 1], pixel[:, 0]] * places.outwards
+        bearded *= np.clip(ratio / DRAWN_OUT - 1, 0, 1)
         clock.lap("guides")
         core = np.ones(len(face), bool)
         if self.config.patchmatch:
@@ -387,7 +393,7 @@ class SkinPainter:
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
         request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
-                                labels, face[:, 1], core, plain, painted)
+                                labels, face[:, 1], core, plain, bearded, painted)
         clock.lap("face, targets")
         color = self._painter.paint(canvas, size, request)
         even_edge(places, canvas, core, flesh(request.shares), color)
@@ -410,28 +416,33 @@ class SkinPainter:
 
     def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
                  position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
-                 near: Float32, core: Bool, plain: Bool,
+                 near: Float32, core: Bool, plain: Bool, bearded: Float32,
                  painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
-        ``plain`` bool [N] is where the guide leads to plain skin; ``painted`` is the face, soon.
+        ``plain`` bool [N] is where the guide leads to plain skin, and ``bearded`` float32 [N] in
+        [0, 1] how far it leads to a beard; ``painted`` is the face, soon.
         """
         unit = self._painter.unit(size)
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         guided = position * np.float32(size)
+        bearded = bearded * shares[:, SKIN]
+        shares[:, FEATURES] += bearded
+        shares[:, SKIN] -= bearded
         placed = Placement.of(shares, theirs, guided, unit)
         color = painted.result()
         tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone,
                                                   plain)
+        tone += bearded * (theirs.tone[_rows_columns(placed.wanted, theirs.tone.shape)] - tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
         begin = np.where((ratio > STRETCHED)[:, None] & (placed.agreement > 0.5)[:, None],
                          placed.wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
-        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * placed.agreement
+        hold = (np.clip(2 * near, 0, 1) * shares[:, SKIN] + shares[:, FEATURES]) * placed.agreement
         weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * ratio ** 2 / unit ** 2
         # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
@@ -451,6 +462,12 @@ class SkinPainter:
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
+
+
+def _rows_columns(places: Float32, shape: tuple[int, ...]) -> tuple[Int64, Int64]:
+    """Rows and columns of the pixels at places [N, 2] (x, y)."""
+    return (np.clip(places[:, 1].astype(np.int64), 0, shape[0] - 1),
+            np.clip(places[:, 0].astype(np.int64), 0, shape[1] - 1))
 
 
 def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Float32) -> None:
