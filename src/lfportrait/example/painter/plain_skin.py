@@ -183,11 +183,13 @@ COVERED = 0.6
 WHOLE, MOSTLY = 0.05, (0.4, 0.6)
 """Blur of what of a face is strange, over its size; so much of what is around begins to be enough,
 and is."""
+BEARDED = 0.35
+"""If so much of the lower face is strange it is a beard, else it is shade."""
 STRANGE = 0.5
 """If more of a skin than this is strange it is his manner, and all of it is used."""
 
 
-def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
+def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float32, Float32]:
     """Shares with features that reach as far as they are seen, and without dark folds.
 
     Parameters
@@ -197,7 +199,8 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
 
     Returns
     -------
-    float32 [h, w, 7], another array.
+    shares : float32 [h, w, 7], another array.
+    beard : float32 [h, w] in [0, 1], what of the lower face is none of it, but a beard.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
@@ -218,14 +221,25 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
         out[..., material] -= taken
         out[..., FEATURES] += taken
     neck = out[..., NECK]
-    other, strange = unlike_face(image, out, points, shares[..., FEATURES] * (1 - near))
+    low = np.asarray(soft_face(image.shape[:2], points) * np.float32(1 / 255), np.float32)
+    below = np.asarray(FaceFrame.of(points).local(image.shape)[1] > UPPER, np.float32)
+    low *= below
+    beard = shares[..., FEATURES] * (1 - near) * low
+    other, strange = unlike_face(image, out, points, beard)
     covered = float((neck * other).sum()) > COVERED * float(neck.sum())
     _nowhere(out, NECK, np.ones_like(other) if covered else other)
-    skin = out[..., SKIN]
+    skin = out[..., SKIN].copy()
+    lower = skin * low + beard
+    beard += skin * strange * low
+    if float(beard.sum()) < BEARDED * float(lower.sum()):
+        # A little of the jaw is in shade.
+        strange, beard = strange * (1 - below), np.zeros_like(beard)
     if float((skin * strange).sum()) < STRANGE * float(skin.sum()):
         _nowhere(out, SKIN, strange)
         _nowhere(out, EARS, strange)
-    return out
+    else:
+        beard = np.zeros_like(beard)
+    return out, beard
 
 
 def _nowhere(shares: Float32, material: int, part: Float32) -> None:
@@ -256,10 +270,9 @@ def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32
     ratio = min(1.0, SMALL / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
     down = FaceFrame.of(points).local(image.shape)[1]
-    face = soft_face(image.shape[:2], points).astype(np.float32) / np.float32(255)
     planes = {material: shares[..., material] for material in (
         SKIN, EARS, NECK, HAIR, CLOTHES, GROUND)}
-    planes[FEATURES] = beard * (down > UPPER) * face
+    planes[FEATURES] = beard
     small = {material: np.asarray(cv2.resize(np.asarray(plane, np.float32), shape,
                                              interpolation=cv2.INTER_AREA), np.float32)
              for material, plane in planes.items()}

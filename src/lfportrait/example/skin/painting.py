@@ -55,7 +55,7 @@ from ..painter.picture_materials import (
     known_shares,
     material_shares,
 )
-from ..painter.plain_skin import UPPER, plain_skin, take_out_strands
+from ..painter.plain_skin import plain_skin, take_out_strands
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
@@ -82,6 +82,8 @@ UNDER_JAW, JAW_EDGE = 1.0, 0.2
 """Below the first (brows 0, chin 1) lies the underside of a jaw, and a softly fading edge above."""
 HARDLY = 0.6
 """Ears that no photo saw better have so much of their light and shade."""
+BEARD = 0.15, 0.4
+"""Where the guide leads to so much of a beard, it begins to be painted, and is."""
 EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 
@@ -175,7 +177,7 @@ def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
     core : bool [N], places of the face that are painted
     color : float32 [H, W, 3] in [0, 1], its paint
     tone : float32 [N], the tones asked for
-    plain : bool [N], where the guide leads to plain skin: a beard's dark is no shade
+    plain : bool [N], where it is no beard, whose dark is no shade
     """
     paint = canvas.gathered(grey(color), len(core))
     return light_beside(skin.flat, skin.plane.height, core, paint - tone,
@@ -337,12 +339,8 @@ class SkinPainter:
             self._hat.take_from(shares)
         self._hair, self._strand = take_out_strands(shares, exemplar, self.transfer.regions,
                                                     self.transfer.labels)
-        plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
+        plain, self._bearded = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
-        # What of the lower face is no plain skin goes on to its outline, a beard to the jaw.
-        face = self.transfer.face.astype(np.float32) / np.float32(255)
-        low = self.transfer.regions.frame.local(face.shape)[1] > UPPER
-        self._bearded = np.asarray(plain[..., FEATURES] * low * np.clip(4 * face, 0, 1), np.float32)
         self._face = CopiedFace(self.transfer, self._hair, self._strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
@@ -378,8 +376,10 @@ class SkinPainter:
                         np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face.planes[pixel[:, 1], pixel[:, 0]]
-        plain = flesh(self._painter.shares)[pixel[:, 1], pixel[:, 0]] > 0.5
-        bearded = self._bearded[pixel[:, 1], pixel[:, 0]] * places.outwards
+        begins, ends = BEARD
+        bearded = np.clip((self._bearded[pixel[:, 1], pixel[:, 0]] - begins) / (ends - begins),
+                          0, 1)
+        bearded *= places.outwards
         bearded *= np.clip(ratio / DRAWN_OUT - 1, 0, 1)
         clock.lap("guides")
         core = np.ones(len(face), bool)
@@ -393,7 +393,7 @@ class SkinPainter:
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
         request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
-                                labels, face[:, 1], core, plain, bearded, painted)
+                                labels, face[:, 1], core, bearded, painted)
         clock.lap("face, targets")
         color = self._painter.paint(canvas, size, request)
         even_edge(places, canvas, core, flesh(request.shares), color)
@@ -416,12 +416,12 @@ class SkinPainter:
 
     def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
                  position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
-                 near: Float32, core: Bool, plain: Bool, bearded: Float32,
+                 near: Float32, core: Bool, bearded: Float32,
                  painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
-        ``plain`` bool [N] is where the guide leads to plain skin, and ``bearded`` float32 [N] in
-        [0, 1] how far it leads to a beard; ``painted`` is the face, soon.
+        ``bearded`` float32 [N] in [0, 1] is how far the guide leads to a beard; ``painted`` is the
+        face, soon.
         """
         unit = self._painter.unit(size)
         shares = sitter_shares(skin, labels, theirs.present)
@@ -434,7 +434,7 @@ class SkinPainter:
         placed = Placement.of(shares, theirs, guided, unit)
         color = painted.result()
         tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone,
-                                                  plain)
+                                                  bearded < 0.5)
         tone += bearded * (theirs.tone[_rows_columns(placed.wanted, theirs.tone.shape)] - tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
