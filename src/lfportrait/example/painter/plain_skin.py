@@ -231,14 +231,13 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
     skin = out[..., SKIN].copy()
     lower = skin * low + beard
     beard += skin * strange * low
-    if float(beard.sum()) < BEARDED * float(lower.sum()):
-        # A little of the jaw is in shade.
-        strange, beard = strange * (1 - below), np.zeros_like(beard)
-    if float((skin * strange).sum()) < STRANGE * float(skin.sum()):
-        _nowhere(out, SKIN, strange)
-        _nowhere(out, EARS, strange)
-    else:
-        beard = np.zeros_like(beard)
+    # Locks beside a face are taken for its ears.
+    _nowhere(out, EARS, strange)
+    taken = float((skin * strange).sum())
+    if float(beard.sum()) < BEARDED * float(lower.sum()) or taken > STRANGE * float(skin.sum()):
+        # A little of the jaw is in shade; or all is the painter's manner.
+        return out, np.zeros_like(beard)
+    _nowhere(out, SKIN, strange)
     return out, beard
 
 
