@@ -99,6 +99,18 @@ def test_a_lid_has_the_colors_of_the_skin_around(painting, edge, around):
     assert abs(lid - around) < 0.7 * abs(edge - around)
 
 
+def test_a_lid_in_a_dark_socket_has_the_light_of_the_cheek(painting):
+    image = painting.image.copy()
+    eye = painting.landmarks[36:42]
+    width = eye[3, 0] - eye[0, 0]
+    bottom = int(eye[4:, 1].mean())
+    left, right = int(eye[0, 0] - width / 2), int(eye[3, 0] + width / 2)
+    image[int(painting.landmarks[17:22, 1].max()):bottom, left:right] = 40
+    image[bottom + 2:bottom + int(width), left:right] = 200
+    shut = closed(replace(painting, image=image), (True, False))
+    assert in_eye(replace(shut, landmarks=painting.landmarks), 36).mean() > 100
+
+
 def test_closed_paintings_keep_what_is_known_of_them(painting):
     shut = closed(painting, (True, True))
     before, now = painting.regions(), shut.regions()

@@ -51,6 +51,9 @@ over the eye's width; how far apart both may be, of 255; and pixels that say eno
 BESIDE, RIM = 0.35, 0.04
 """Skin beside an eye counts so far from its corners, and blur of the edge of what is changed, over
 its width."""
+UNDER, DARKER = 0.8, 0.2
+"""Skin below a lid reaches so far down, over its width; a closed lid is no darker than it by more
+than this share: it bulges into the light that falls there, whatever the shade of its socket is."""
 SLACK = 0.5
 """How much less the upper lid is stretched at the brow than it is on average, and how much more at
 its edge: its crease stays in its upper half."""
@@ -190,7 +193,10 @@ def _drawn_down(image: UInt8, points: Float64, first: int) -> UInt8:
     # Both corners' sides, as high as the eye is: in the painter's light there.
     skin |= (np.abs(along - 0.5) > 0.5 + LASHES) & (np.abs(along - 0.5) < 0.5 + BESIDE) & (
         up > flat[4:, 1].mean() - LASHES) & (up < flat[1:3, 1].mean() + 2 * LASHES)
-    _as_around(part, lid, image[low[1]:high[1], low[0]:high[0]], skin, width)
+    shown = image[low[1]:high[1], low[0]:high[0]]
+    _as_around(part, lid, shown, skin, width)
+    bag = (up < lower - LASHES) & (up > lower - UNDER) & (along > 0) & (along < 1)
+    _lifted(part, lid, shown, bag, width)
     line = LINE_SHARE * _line(along, up - lower)[..., None]
     part[:] = np.clip((1 - line) * part + line * np.minimum(_dark(image, eye), part) + 0.5, 0, 255)
     return out
@@ -209,6 +215,23 @@ def _as_around(part: UInt8, lid: Bool, shown: UInt8, around: Bool, width: float)
     change = apart - np.clip(apart, -LIKE, LIKE)
     soft = cv2.GaussianBlur(lid.astype(np.float32), (0, 0), max(RIM * width, 0.3))
     part[:] = np.asarray(np.clip(part + soft[..., None] * change + 0.5, 0, 255), np.uint8)
+
+
+def _lifted(part: UInt8, lid: Bool, shown: UInt8, below: Bool, width: float) -> None:
+    """Let the broad colors of a lid [h, w] be no much darker than what is below; in place.
+
+    Arguments as for `_as_around`.
+    """
+    if min(lid.sum(), below.sum()) < FEW:
+        return
+    broad = _blurred(part, lid, BROAD * width)
+    under = _blurred(shown, below, 2 * NEARBY * width)
+    light, most = (grey(colors / np.float32(255)) for colors in (broad, under))
+    way = (1 - DARKER) * most - light
+    share = np.clip(way / np.maximum(most - light, np.float32(1e-3)), 0, 1)[..., None]
+    soft = cv2.GaussianBlur(lid.astype(np.float32), (0, 0), max(RIM * width, 0.3))
+    part[:] = np.asarray(np.clip(part + soft[..., None] * share * (under - broad) + 0.5, 0, 255),
+                         np.uint8)
 
 
 def _blurred(picture: UInt8, inside: Bool, sigma: float) -> Float32:

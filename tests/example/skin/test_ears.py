@@ -15,9 +15,12 @@ def eared(skin):
     """The small head with two ears, whose light and shade are stripes."""
     side = np.abs(skin.flat[:, 0])
     place = (side > np.quantile(side, 0.3)) & (side < np.quantile(side, 0.6))
-    relief = np.sin(25 * skin.flat[:, 1]).astype(np.float32)
-    return replace(skin, hair=None, ears=place.astype(np.float32), seen=np.ones_like(skin.seen),
-                   tone=np.full_like(skin.tone, 0.5), detail=np.float32(0.1) * relief, kept={})
+    relief = np.float32(0.1) * np.sin(25 * skin.flat[:, 1]).astype(np.float32)
+    shown = np.full((*skin.atlas.depth.shape, 3), 0.5, np.float32)
+    shown.reshape(-1, 3)[skin.index] += relief[:, None]
+    return replace(skin, atlas=replace(skin.atlas, shown=shown), hair=None,
+                   ears=place.astype(np.float32), seen=np.ones_like(skin.seen),
+                   tone=np.full_like(skin.tone, 0.5), detail=relief, kept={})
 
 
 def _painted(eared, values):
@@ -61,3 +64,14 @@ def test_hair_over_an_ear_stays(eared):
     before = color.copy()
     shade_ears(places, canvas, color)
     assert np.array_equal(color, before)
+
+
+def test_an_ear_that_no_photo_saw_well_has_its_relief_too(eared):
+    values = np.full(len(eared.flat), 0.5, np.float32)
+    grazed = replace(eared, seen=np.where(eared.ears > 0, 0, eared.seen).astype(np.float32),
+                     detail=np.where(eared.ears > 0, 0, eared.detail).astype(np.float32))
+    canvas, places, color = _painted(grazed, values)
+    shade_ears(places, canvas, color)
+    luma = _seen(canvas, grey(color), len(values))
+    here = (eared.ears > 0.5) & np.isfinite(luma)
+    assert np.corrcoef(luma[here], eared.detail[here])[0, 1] > 0.9

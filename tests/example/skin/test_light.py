@@ -20,7 +20,7 @@ def test_a_cheek_that_ends_in_shade_goes_on_in_shade(skin, step):
     # What is not painted yet says nothing.
     paint[~core] = 0
     color = np.repeat(canvas.spread(paint[:, None]), 3, axis=2)
-    light = extrapolated_light(places, canvas, core, color, tone)
+    light = extrapolated_light(places, canvas, core, color, tone, np.ones_like(core))
     assert light.shape == core.shape and not light[core].any()
     beside = (np.abs(np.abs(right) - 0.55) < 0.03) & (down > 0.2) & (down < 0.8) & ~core
     for side, wanted in ((right < 0, -0.2), (right > 0, 0.1)):
@@ -28,6 +28,11 @@ def test_a_cheek_that_ends_in_shade_goes_on_in_shade(skin, step):
         assert np.allclose(light[beside & side], wanted, atol=0.25 * abs(wanted))
     far = (np.abs(right) > 1) | (down < -0.6) | (down > 1.6)
     assert np.abs(light[far]).max() < 0.01
+    # A beard on one side says nothing of the light there.
+    bare = extrapolated_light(places, canvas, core, color, tone, right > 0)
+    assert np.abs(bare[beside & (right < 0)]).max() < 0.15
+    np.testing.assert_allclose(bare[beside & (right > 0.5)], light[beside & (right > 0.5)],
+                               atol=0.02)
 
 
 def paint_beside(low, high, height=1.0):

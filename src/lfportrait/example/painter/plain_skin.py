@@ -8,9 +8,10 @@ Labels end where a feature ends. What frames it does not: the folds of lids, the
 the shade under a lip and beside a nostril. On a chest they would still be read as lids and lips. So
 features reach further, where skin is taken from for other places than the face.
 
-Below the jaw the painter may have a beard, a scarf or a coat where the labels have a neck. On
-another's throat it would be a stain. What is more like hair, clothes and background than like
-forehead and cheeks is no paint for a neck.
+Below the jaw the painter may have a beard, a scarf or a coat where the labels have a neck, and in
+the face a beard that the labels end too early, or locks at its sides. On another's throat, cheek or
+ear they would be stains. What is more like hair, clothes and background than like forehead and
+cheeks is no paint for them; a beard stays where the face is copied.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import FaceFrame, Regions, soft_face
-from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, SKIN
+from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN
 
 LINES_FACE = 110.0
 """Size of the face in the picture that is looked at."""
@@ -179,9 +180,16 @@ COMMON, SAMPLES, FEW = 0.05, 800, 100
 say nothing."""
 COVERED = 0.6
 """If more of a neck than this is none, none of it is used: the rest is its seams."""
+WHOLE, MOSTLY = 0.05, (0.4, 0.6)
+"""Blur of what of a face is strange, over its size; so much of what is around begins to be enough,
+and is."""
+BEARDED = 0.35
+"""If so much of the lower face is strange it is a beard, else it is shade."""
+STRANGE = 0.5
+"""If more of a skin than this is strange it is his manner, and all of it is used."""
 
 
-def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
+def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float32, Float32]:
     """Shares with features that reach as far as they are seen, and without dark folds.
 
     Parameters
@@ -191,7 +199,8 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
 
     Returns
     -------
-    float32 [h, w, 7], another array.
+    shares : float32 [h, w, 7], another array.
+    beard : float32 [h, w] in [0, 1], what of the lower face is none of it, but a beard.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
@@ -211,52 +220,102 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> Float32:
         taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
         out[..., material] -= taken
         out[..., FEATURES] += taken
-    # Of a beard the skin of the face keeps its part: left out, it would end in a cut at the chin.
-    neck, other = out[..., NECK], unlike_face(image, out, points)
+    neck = out[..., NECK]
+    low = np.asarray(soft_face(image.shape[:2], points) * np.float32(1 / 255), np.float32)
+    below = np.asarray(FaceFrame.of(points).local(image.shape)[1] > UPPER, np.float32)
+    low *= below
+    beard = shares[..., FEATURES] * (1 - near) * low
+    other, strange = unlike_face(image, out, points, beard)
     covered = float((neck * other).sum()) > COVERED * float(neck.sum())
-    taken = neck * (np.float32(1) if covered else other)
-    out[..., NECK] -= taken
-    out[..., FEATURES] += taken
-    return out
+    _nowhere(out, NECK, np.ones_like(other) if covered else other)
+    skin = out[..., SKIN].copy()
+    lower = skin * low + beard
+    beard += skin * strange * low
+    # Locks beside a face are taken for its ears.
+    _nowhere(out, EARS, strange)
+    taken = float((skin * strange).sum())
+    if float(beard.sum()) < BEARDED * float(lower.sum()) or taken > STRANGE * float(skin.sum()):
+        # A little of the jaw is in shade; or all is the painter's manner.
+        return out, np.zeros_like(beard)
+    _nowhere(out, SKIN, strange)
+    return out, beard
 
 
-def unlike_face(image: UInt8, shares: Float32, landmarks: Points) -> Float32:
-    """Where a neck is more like other materials than like the face.
+def _nowhere(shares: Float32, material: int, part: Float32) -> None:
+    """Take a part [h, w] of a material out of use, in place in shares [h, w, 7]."""
+    taken = shares[..., material] * part
+    shares[..., material] -= taken
+    shares[..., FEATURES] += taken
+
+
+def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32,
+                ) -> tuple[Float32, Float32]:
+    """Where flesh is more like other materials than like the upper face.
 
     Parameters
     ----------
     image, shares, landmarks : As for `plain_skin`.
+    beard : float32 [h, w] in [0, 1], what of the lower face is known to be one.
 
     Returns
     -------
-    float32 [h, w] in [0, 1]; 0 elsewhere, and where too little is known of either.
+    neck : float32 [h, w] in [0, 1], of a neck, place by place; what is far from all is none.
+    strange : float32 [h, w] in [0, 1], of all flesh, what mostly is in its surroundings, too:
+        locks over a cheek, a beard's edge; shade, however deep, that is like nothing else is flesh.
+        Both 0 where too little is known.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
     ratio = min(1.0, SMALL / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
-    skin, bare, *rest = (
-        np.asarray(cv2.resize(shares[..., material], shape, interpolation=cv2.INTER_AREA),
-                   np.float32) for material in (SKIN, NECK, HAIR, CLOTHES, GROUND))
-    down = cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
-                      interpolation=cv2.INTER_AREA)
+    down = FaceFrame.of(points).local(image.shape)[1]
+    planes = {material: shares[..., material] for material in (
+        SKIN, EARS, NECK, HAIR, CLOTHES, GROUND)}
+    planes[FEATURES] = beard
+    small = {material: np.asarray(cv2.resize(np.asarray(plane, np.float32), shape,
+                                             interpolation=cv2.INTER_AREA), np.float32)
+             for material, plane in planes.items()}
+    down = cv2.resize(down, shape, interpolation=cv2.INTER_AREA)
     colors = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.float32)
     lab = np.asarray(cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB), np.float32)
     sigma = max(STROKE * size * ratio, 0.5)
-    upper = _samples(lab, skin * (down < UPPER), sigma)
-    others = [one for one in (_samples(lab, share, sigma) for share in rest) if one is not None]
-    asked = bare > 0.05
-    if upper is None or not others or not asked.any():
-        return np.zeros(image.shape[:2], np.float32)
+    upper = _samples(lab, small[SKIN] * (down < UPPER), sigma)
+    others = {material: found for material in (HAIR, CLOTHES, GROUND, FEATURES)
+              if (found := _samples(lab, small[material], sigma)) is not None}
+    bare, flesh = small[NECK], small[SKIN] + small[EARS]
+    neck, strange = np.zeros_like(bare), np.zeros_like(bare)
+    worn = [one for material, one in others.items() if material != FEATURES]
+    if upper is not None and worn:
+        neck = _unlike(lab, bare, sigma, upper, worn, OTHER)
+    if upper is not None and others:
+        strange = _unlike(lab, flesh, sigma, upper, list(others.values()), np.inf)
+        reach = max(WHOLE * size * ratio, 0.5)
+        around = gaussian_blur(strange * flesh, reach) / np.maximum(
+            gaussian_blur(flesh, reach), np.float32(1e-3))
+        strange = np.clip((around - MOSTLY[0]) / (MOSTLY[1] - MOSTLY[0]), 0, 1)
+    whole = [np.asarray(cv2.resize(np.asarray(plane, np.float32), image.shape[1::-1],
+                                   interpolation=cv2.INTER_LINEAR), np.float32)
+             for plane in (neck, strange)]
+    return whole[0], whole[1]
+
+
+def _unlike(lab: Float32, share: Float32, sigma: float, upper: Float32, others: list[Float32],
+            furthest: float) -> Float32:
+    """How far colors [h, w, 3] of a material are others' rather than the upper face's, [h, w].
+
+    ``share`` [h, w] is that of the material, and 0 where nothing is asked; ``upper`` and others
+    [N, 3] are samples; what is ``furthest`` from the face is another's in any case.
+    """
+    out, asked = np.zeros(share.shape, np.float32), share > 0.05
+    if not asked.any():
+        return out
     # Few colors are told apart: in steps of 1 they are many fewer than places.
-    rounded: Float32 = np.rint(_blurred(lab, bare, sigma)[asked])
+    rounded: Float32 = np.rint(_blurred(lab, share, sigma)[asked])
     steps, same = np.unique(rounded, axis=0, return_inverse=True)
     away, *near = (_distance(steps, material)[same.reshape(-1)] for material in (upper, *others))
-    nearest = np.min(near, axis=0)
-    out = np.zeros(bare.shape, np.float32)
-    out[asked] = np.clip((away - np.clip(nearest, SKIN_LIKE, OTHER)) / SURE + 0.5, 0, 1)
-    return np.asarray(cv2.resize(out, image.shape[1::-1], interpolation=cv2.INTER_LINEAR),
-                      np.float32)
+    nearest = np.clip(np.min(near, axis=0), SKIN_LIKE, furthest)
+    out[asked] = np.clip((away - nearest) / SURE + 0.5, 0, 1)
+    return out
 
 
 def _blurred(lab: Float32, share: Float32, sigma: float) -> Float32:

@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, UInt8
+from ...arrays import Bool, Float32, Int64, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
@@ -61,7 +61,7 @@ from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn.hat import Wear
 from .ears import missing_relief
-from .face import CopiedFace
+from .face import DRAWN_OUT, CopiedFace
 from .hair import below_hair, hair_by_place, without_bays
 from .hat import HatPainter
 from .sitter import Canvas, Skin, canvas_of
@@ -80,6 +80,10 @@ DARKEST = 0.12
 shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
 UNDER_JAW, JAW_EDGE = 1.0, 0.2
 """Below the first (brows 0, chin 1) lies the underside of a jaw, and a softly fading edge above."""
+HARDLY = 0.6
+"""Ears that no photo saw better have so much of their light and shade."""
+BEARD = 0.15, 0.4
+"""Where the guide leads to so much of a beard, it begins to be painted, and is."""
 EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 
@@ -164,7 +168,7 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
 
 
 def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
-                       tone: Float32) -> Float32:
+                       tone: Float32, plain: Bool) -> Float32:
     """How much lighter the face is painted than its tones ask for, float32 [N] (`light_beside`).
 
     Parameters
@@ -173,9 +177,11 @@ def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
     core : bool [N], places of the face that are painted
     color : float32 [H, W, 3] in [0, 1], its paint
     tone : float32 [N], the tones asked for
+    plain : bool [N], where it is no beard, whose dark is no shade
     """
     paint = canvas.gathered(grey(color), len(core))
-    return light_beside(skin.flat, skin.plane.height, core, paint - tone, core & skin.outwards)
+    return light_beside(skin.flat, skin.plane.height, core, paint - tone,
+                        core & skin.outwards & plain)
 
 
 NODES = 0.03
@@ -333,7 +339,7 @@ class SkinPainter:
             self._hat.take_from(shares)
         self._hair, self._strand = take_out_strands(shares, exemplar, self.transfer.regions,
                                                     self.transfer.labels)
-        plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
+        plain, self._bearded = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
         self._face = CopiedFace(self.transfer, self._hair, self._strand)
 
@@ -370,6 +376,11 @@ class SkinPainter:
                         np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face.planes[pixel[:, 1], pixel[:, 0]]
+        begins, ends = BEARD
+        bearded = np.clip((self._bearded[pixel[:, 1], pixel[:, 0]] - begins) / (ends - begins),
+                          0, 1)
+        bearded *= places.outwards
+        bearded *= np.clip(ratio / DRAWN_OUT - 1, 0, 1)
         clock.lap("guides")
         core = np.ones(len(face), bool)
         if self.config.patchmatch:
@@ -382,7 +393,7 @@ class SkinPainter:
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
         request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
-                                labels, face[:, 1], core, painted)
+                                labels, face[:, 1], core, bearded, painted)
         clock.lap("face, targets")
         color = self._painter.paint(canvas, size, request)
         even_edge(places, canvas, core, flesh(request.shares), color)
@@ -405,26 +416,33 @@ class SkinPainter:
 
     def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
                  position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
-                 near: Float32, core: Bool, painted: Future[Float32]) -> PatchRequest:
+                 near: Float32, core: Bool, bearded: Float32,
+                 painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
-        ``painted`` is the face, soon.
+        ``bearded`` float32 [N] in [0, 1] is how far the guide leads to a beard; ``painted`` is the
+        face, soon.
         """
         unit = self._painter.unit(size)
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         guided = position * np.float32(size)
+        bearded = bearded * shares[:, SKIN]
+        shares[:, FEATURES] += bearded
+        shares[:, SKIN] -= bearded
         placed = Placement.of(shares, theirs, guided, unit)
         color = painted.result()
-        tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone)
+        tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone,
+                                                  bearded < 0.5)
+        tone += bearded * (theirs.tone[_rows_columns(placed.wanted, theirs.tone.shape)] - tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
         begin = np.where((ratio > STRETCHED)[:, None] & (placed.agreement > 0.5)[:, None],
                          placed.wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
-        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * placed.agreement
+        hold = (np.clip(2 * near, 0, 1) * shares[:, SKIN] + shares[:, FEATURES]) * placed.agreement
         weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * ratio ** 2 / unit ** 2
         # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
@@ -444,6 +462,12 @@ class SkinPainter:
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
+
+
+def _rows_columns(places: Float32, shape: tuple[int, ...]) -> tuple[Int64, Int64]:
+    """Rows and columns of the pixels at places [N, 2] (x, y)."""
+    return (np.clip(places[:, 1].astype(np.int64), 0, shape[0] - 1),
+            np.clip(places[:, 0].astype(np.int64), 0, shape[1] - 1))
 
 
 def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Float32) -> None:
@@ -474,11 +498,13 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
     skin, canvas : Of the sitter, as the canvas has it, and of the painting.
     color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
     """
-    ears = skin.ears * skin.seen
+    ears = skin.ears * np.maximum(skin.seen, HARDLY)
     if skin.hair is not None:
         ears = ears * (1 - skin.hair)
     face = skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)
-    factors = missing_relief(ears, face, skin.flat[:, 0], skin.tone + skin.detail,
+    # Photos that only graze an ear show grain elsewhere, but this relief is better than none.
+    light = grey(skin.atlas.color).reshape(-1)[skin.index]
+    factors = missing_relief(ears, face, skin.flat[:, 0], light,
                              canvas.gathered(grey(color), len(ears), np.nan))
     if factors is not None:
         color[canvas.own] *= factors[canvas.slots[canvas.own]][:, None]
