@@ -102,6 +102,17 @@ def test_faces_are_checked():
     assert check_faces([face, 0.2 * face], "a.jpg") is face
 
 
+def test_a_turned_face_is_not_too_small_because_it_is_narrow():
+    prior = generic_prior()
+    seen = prior.mean[prior.landmarks, :2] * np.array([1.0, -1.0])
+    face = np.asarray(seen / np.ptp(seen[:17, 0]) * 200, np.float64)
+    turned = face * np.array([0.6, 1.0])
+    assert np.linalg.norm(turned[16] - turned[0]) < 150
+    assert check_faces([turned], "a.jpg") is turned
+    with pytest.raises(UserError, match="too small"):
+        check_faces([0.6 * turned], "a.jpg")
+
+
 def test_the_lean_of_detectors_is_taken_off():
     prior = replace(generic_prior(), lean=np.full((68, 3), 0.1))
     points = np.zeros((68, 2))

@@ -23,6 +23,8 @@ from .landmarks import MOST_TURNED
 
 SMALLEST = 150.0
 """Pixels of a face's width, ear to ear, that it must have."""
+BROAD = 1.2
+"""That width over the height from between the eyes to the chin, of a face that is not turned."""
 DISTANCES = (0.45, 0.6, 0.8, 1.05, 1.4)
 """Metres between camera and face that are tried where no focal length is noted."""
 LIKELY, SPREAD = 0.8, 0.15
@@ -204,7 +206,7 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
     if not faces:
         raise UserError(f"no face was found in {name}; a portrait needs a photo that shows the "
                         "face from the front, upright and in focus")
-    sizes = [float(np.linalg.norm(face[16] - face[0])) for face in faces]
+    sizes = [_size_of(face) for face in faces]
     others = sum(size > 0.4 * sizes[0] for size in sizes)
     if others > 1:
         raise UserError(f"{name} shows {others} faces; crop it to the one that is meant")
@@ -212,6 +214,12 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
         raise UserError(f"the face in {name} is {sizes[0]:.0f} pixels wide, which is too small; it "
                         f"needs {SMALLEST:.0f} at least")
     return faces[0]
+
+
+def _size_of(face: Float64) -> float:
+    """Pixels of a face's width, ear to ear; of a turned one by its height, as it is narrower."""
+    height = float(np.linalg.norm(face[8] - face[27]))
+    return max(float(np.linalg.norm(face[16] - face[0])), BROAD * height)
 
 
 def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None = None) -> HeadFit:
