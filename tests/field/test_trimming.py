@@ -7,7 +7,7 @@ from hypothesis import strategies as some
 
 from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
-from lfportrait.field.trimming import find_cut, trim
+from lfportrait.field.trimming import find_cut, kept_pixels, trim
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 
@@ -87,6 +87,18 @@ def test_rows_that_stay_keep_their_values():
     order = done.links[done.links >= 0]
     theirs = field.density[field.links[tuple(index[np.argsort(order)].T)]][places]
     assert np.array_equal(mine, theirs)
+
+
+def test_pixels_that_a_cut_leaves_show_what_they_showed():
+    field = bust(RAGS)
+    cut = find_cut(field, FACE, ALL)
+    cameras = Camera.arc(np.array([20.0]), distance=4.0, width=96, height=96, focal=150.0)
+    kept = kept_pixels(field, cameras, 0, cut)
+    before, after = (one.render(cameras, 0) for one in (field, trim(field, cut)))
+    change = np.abs(after.color - before.color).max(axis=-1)
+    assert change[kept].max() < 0.1 and change[~kept].max() > 0.5
+    # The head counts, and what is empty.
+    assert kept[before.alpha > 0.5].mean() > 0.6 and kept[before.alpha == 0].mean() > 0.8
 
 
 def test_crumbs_go_with_the_rags():

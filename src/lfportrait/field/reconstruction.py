@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Float64
+from ..arrays import Bool, Float64
 from ..capture import Capture
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
@@ -36,7 +36,7 @@ from .closing.grazed import with_even_colors
 from .closing.sides import close_back, close_sides
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
-from .grid import VoxelField
+from .grid import Cut, VoxelField
 from .kernels.descent import descend
 from .training.gpu_stepping import GpuSteps
 from .training.level import settled
@@ -44,7 +44,7 @@ from .training.meter import CurveFile, Meter, held_out_quality
 from .training.pixels import Batches
 from .training.stepping import Caster, Plan
 from .training.trainer import Trainer
-from .trimming import find_cut, trim
+from .trimming import find_cut, kept_pixels, trim
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
@@ -115,7 +115,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``;
         ``closed`` (share of the surface, rows added) where the head was open behind, ``trimmed``
         (rows dropped and the plane's height) where a frayed end was cut off, both after the test,
-        ``test.psnr_finished`` (dB) after them;
+        ``test.psnr_finished`` (dB) after them; ``test.psnr_kept`` and ``test.psnr_kept_finished``
+        (dB), the same over what the cut left of the held-out views;
         with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
         ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where mattes
         were recomputed, also ``test.psnr_at_given_mattes``.
@@ -174,21 +175,24 @@ def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
         "peak_memory_bytes": peak_memory_bytes()}
     if trainer.poses is not None:
         figures["cameras"] = trainer.poses.figures()
+    cut = _cut(field, trainer)
     # Closing a head keeps one core busy: the views are tested beside it.
     with ThreadPoolExecutor(1) as beside:
-        testing = beside.submit(_tested, field, trainer, capture)
+        testing = beside.submit(_tested, field, trainer, capture, cut)
         finished = field
         if capture.alphas is not None and capture.landmarks is not None:
-            finished = _finished(field, trainer, capture.landmarks, config, figures, progress,
+            finished = _finished(field, trainer, capture.landmarks, config, cut, figures, progress,
                                  fit_head)
-        test = testing.result()
+        test, kept = testing.result()
     if test:
         figures["test"] = test
         if meter is not None:
             meter.finish(trainer.rays_done, trained, test["psnr"])
         if finished is not field:
-            test["psnr_finished"] = held_out_quality(
-                finished, trainer.capture, config.background, trainer.test_gains)["psnr"]
+            after = held_out_quality(finished, trainer.capture, config.background,
+                                     trainer.test_gains, kept=kept)
+            test |= {f"{name}_finished": after[name] for name in ("psnr", "psnr_kept")
+                     if name in after}
     if meter is not None and meter.measure_every > 0:
         figures["curve"] = meter.points
         figures["train"]["casting"] = casting_figures(trainer)
@@ -200,10 +204,14 @@ def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
     return field, figures
 
 
-def _tested(field: VoxelField, trainer: Trainer, capture: Capture) -> dict[str, float]:
-    """How the held-out views of a trained field look; empty if there are none."""
+def _tested(field: VoxelField, trainer: Trainer, capture: Capture, cut: Cut | None,
+            ) -> tuple[dict[str, float], list[Bool] | None]:
+    """How the held-out views of a trained field look, and their pixels that a cut leaves.
+
+    The figures are empty if there are no such views.
+    """
     if not len(capture.testing()):
-        return {}
+        return {}, None
     background, gains, tested = trainer.config.background, trainer.test_gains, trainer.capture
     if trainer.poses is not None:
         tested = trainer.poses.tested(field, trainer.capture, gains)
@@ -212,11 +220,25 @@ def _tested(field: VoxelField, trainer: Trainer, capture: Capture) -> dict[str, 
         others["psnr_without_exposure"] = tested, None
     if trainer.laid is not None:
         others["psnr_at_given_mattes"] = replace(tested, alphas=capture.alphas), gains
-    figures = held_out_quality(field, tested, background, gains, others=others)
+    kept = None
+    if cut is not None:
+        kept = [kept_pixels(field, tested.cameras, int(view), cut) for view in tested.testing()]
+        if not all(one.any() for one in kept):
+            kept = None
+    figures = held_out_quality(field, tested, background, gains, others=others, kept=kept)
     if trainer.poses is not None:
         plain = held_out_quality(field, replace(tested, cameras=capture.cameras), background, gains)
         figures["psnr_at_given_cameras"] = plain["psnr"]
-    return figures
+    return figures, kept
+
+
+def _cut(field: VoxelField, trainer: Trainer) -> Cut | None:
+    """Where a bust is to be cut; None: nowhere."""
+    capture = trainer.capture
+    if not trainer.config.cut_base or capture.alphas is None or capture.landmarks is None:
+        return None
+    return find_cut(field, capture.landmarks, capture.cameras[capture.training()],
+                    surely="mattes" not in capture.figures)
 
 
 def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
@@ -224,13 +246,14 @@ def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
     field, capture = trainer.field(trainer.cleaned()), trainer.capture
     if capture.alphas is None or capture.landmarks is None:
         return field
-    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None, fit_head,
-                     roughly=True)
+    return _finished(field, trainer, capture.landmarks, trainer.config, _cut(field, trainer), {},
+                     None, fit_head, roughly=True)
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
-              config: ReconstructConfig, figures: dict[str, Any], progress: Progress | None,
-              fit_head: FitHead | None, roughly: bool = False) -> VoxelField:
+              config: ReconstructConfig, cut: Cut | None, figures: dict[str, Any],
+              progress: Progress | None, fit_head: FitHead | None, roughly: bool = False,
+              ) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures.
 
     ``roughly``: what was added is not trained.
@@ -242,8 +265,6 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
         figures["geometry"] = _geometry(surface, progress)
         # What is closed goes on in these colors.
         field = with_steady_colors(field, cameras, middle)
-    cut = (find_cut(field, landmarks, cameras,
-                    surely="mattes" not in capture.figures) if config.cut_base else None)
     if config.fill_back:
         if surface is not None:
             field, closed = close_sides(field, surface, capture, cut, fit_head)

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ..arrays import Bool, Float32, Float64, Int32
 from ..capture import Camera
-from .grid import Cut, VoxelField
+from .grid import Cut, VoxelField, surface_points
 from .training.lattice import dilated, labelled
 
 SIDES = 72
@@ -44,6 +45,8 @@ FIRM = 3.0
 """Factor of the densities at the cut, where rays end in a wedge thinner than the surface."""
 NEAR = 4.0
 """Voxels above the cut from which on all is as it was."""
+FAINT, NEXT = 0.02, 3
+"""Opacity from which on a pixel shows matter, and pixels from it that are next to it."""
 CRUMB = 0.02
 """Pieces smaller than this part of the largest are crumbs."""
 
@@ -193,6 +196,15 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
     links[kept] = np.arange(len(rows), dtype=np.int32)
     return VoxelField(links, density[rows], field.sh[rows], field.center, field.radius, field.frame,
                       field.background)
+
+
+def kept_pixels(field: VoxelField, cameras: Camera, view: int, cut: Cut) -> Bool:
+    """Pixels [H, W] of a view that do not show what a cut takes away, nor lie next to any."""
+    alpha, depth = field.depth(cameras, view)
+    above = cut.above(surface_points(cameras, view, depth))
+    gone = (alpha > FAINT) & ~(above > 0)  # beside a surface its depth is not known
+    gone &= ndimage.binary_dilation(above < 0, iterations=NEXT)
+    return np.asarray(~ndimage.binary_dilation(gone, iterations=NEXT), np.bool_)
 
 
 def _crumbs(field: VoxelField, density: Float32) -> Int32:

@@ -224,13 +224,16 @@ class Trained(Protocol):
         """Options of the kernels."""
 
 
-def settled(trainer: Trained, field: VoxelField) -> VoxelField:
+def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
+            shape: bool = True) -> VoxelField:
     """A field of a trainer's photos, with matter added to it, after some more rays.
 
     Parameters
     ----------
     trainer : Its last level is done. It stays as it is.
     field : Without a texture, on a lattice as fine as the last level's.
+    share : Rays that are cast, over those of the last level.
+    shape : Whether densities are trained, too.
 
     Returns
     -------
@@ -251,7 +254,7 @@ def settled(trainer: Trained, field: VoxelField) -> VoxelField:
                      lambda: trainer.scale,
                      lambda plan, errors, _: batches.learn(errors, plan.blocks))
     steps.look_again(trainer.options()[1])
-    rays = _SHARE * min(1e6 * config.rays[level], float(trainer.rays_done))
+    rays = share * min(1e6 * config.rays[level], float(trainer.rays_done))
     number = max(1, round(rays / (16 * batches.size)))
     rate = np.float32(config.lr_sigma_final * config.resolutions[level] / 256.0)
     for step in range(number):
@@ -261,7 +264,7 @@ def settled(trainer: Trained, field: VoxelField) -> VoxelField:
         tiles = batches.step(step)
         steps.take(Plan(
             tiles, batches.blocks, generator.random(len(tiles), np.float32),
-            np.float32(0) if step < _STILL else rate, np.float32(config.lr_sh_final),
+            np.float32(0) if step < _STILL or not shape else rate, np.float32(config.lr_sh_final),
             float(generator.random()), (0.0, 0.0),
             Average.due(step / number, (step + 1) / number, _AVERAGED)))
     steps.flush()

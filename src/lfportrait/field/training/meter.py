@@ -5,14 +5,14 @@ from __future__ import annotations
 import csv
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
 
-from ...arrays import Float64, Int64
+from ...arrays import Bool, Float64, Int64
 from ...capture import Capture
 from ...errors import UserError
 from ...metrics import psnr, ssim
@@ -197,25 +197,30 @@ def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.
                      gains: Float64 | None = None,
                      some: Int64 | None = None,
                      others: Mapping[str, tuple[Capture, Float64 | None]] | None = None,
-                     ) -> dict[str, float]:
+                     kept: Sequence[Bool] | None = None) -> dict[str, float]:
     """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.
 
     Renders are multiplied by ``gains`` [V, 3], the photos' exposures, before they are compared.
     ``some`` are numbers of held-out views, from 0; by default all count. ``others`` are the same
-    views with other mattes or exposures: their PSNR comes by their names.
+    views with other mattes or exposures: their PSNR comes by their names. ``kept`` are pixels
+    [H, W] of each view over which the PSNR is taken once more: ``psnr_kept``.
     """
     tests = capture.testing()
     # Layouts are built on first use: not by several threads.
     _ = field.bricks.rows
 
-    variants = {"psnr": (capture, gains), **(others or {})}
+    variants: dict[str, tuple[Capture, Float64 | None, Sequence[Bool] | None]] = {
+        "psnr": (capture, gains, None),
+        **{name: (*other, None) for name, other in (others or {}).items()}}
+    if kept is not None:
+        variants["psnr_kept"] = capture, gains, kept
 
     def scores(index: int) -> list[float]:
         """PSNR of one view in all variants, and SSIM in the first."""
         view = int(tests[index])
         shot = field.render(capture.cameras, view, background=background)
         found: list[float] = []
-        for photos, factors in variants.values():
+        for photos, factors, counted in variants.values():
             image = shot.color
             if factors is not None:
                 gain = factors[index].astype(np.float32)
@@ -224,7 +229,8 @@ def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.
                           if photos.alphas is not None else 0)
                 image = (image - behind) * gain + behind
             pair = np.clip(image, 0, 1), photos.image_float(view, background)
-            found += [psnr(*pair)] if found else [ssim(*pair), psnr(*pair)]
+            mask = None if counted is None else counted[index]
+            found += [psnr(*pair, mask)] if found else [ssim(*pair), psnr(*pair)]
         return found
 
     numbers = range(len(tests)) if some is None else [int(one) for one in some]
