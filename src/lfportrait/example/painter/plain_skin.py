@@ -233,8 +233,8 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
     beard += skin * strange * low
     # Locks beside a face are taken for its ears.
     _nowhere(out, EARS, strange)
-    taken = float((skin * strange).sum())
-    if float(beard.sum()) < BEARDED * float(lower.sum()) or taken > STRANGE * float(skin.sum()):
+    unlike = float((skin * strange).sum())
+    if float(beard.sum()) < BEARDED * float(lower.sum()) or unlike > STRANGE * float(skin.sum()):
         # A little of the jaw is in shade; or all is the painter's manner.
         return out, np.zeros_like(beard)
     _nowhere(out, SKIN, strange)
@@ -268,14 +268,14 @@ def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32
     size = face_size(points)
     ratio = min(1.0, SMALL / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
-    down = FaceFrame.of(points).local(image.shape)[1]
+    down: Float32 = np.asarray(cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
+                                          interpolation=cv2.INTER_AREA), np.float32)
     planes = {material: shares[..., material] for material in (
         SKIN, EARS, NECK, HAIR, CLOTHES, GROUND)}
     planes[FEATURES] = beard
     small = {material: np.asarray(cv2.resize(np.asarray(plane, np.float32), shape,
                                              interpolation=cv2.INTER_AREA), np.float32)
              for material, plane in planes.items()}
-    down = cv2.resize(down, shape, interpolation=cv2.INTER_AREA)
     colors = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.float32)
     lab = np.asarray(cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB), np.float32)
     sigma = max(STROKE * size * ratio, 0.5)

@@ -57,7 +57,8 @@ class Trainer:
 
     def __init__(self, capture: Capture, config: Settings, progress: Progress | None = None,
                  checkpoint: Path | None = None, meter: Meter | None = None,
-                 process: GpuProcess | None = None, look: Callable[[Trainer], None] | None = None) -> None:
+                 process: GpuProcess | None = None,
+                 look: Callable[[Trainer], None] | None = None) -> None:
         # The GPU's, until it is lost; None: the CPU.
         self.process = process
         if process is not None:
