@@ -71,7 +71,7 @@ def test_the_first_fine_level_is_looked_at(capture):
         found = []
         trainer = Trainer(capture, ReconstructConfig(
             resolutions=levels, rays=(0.001,) * len(levels)).resolved(False, 3.0),
-            look=lambda: found.append(levels[trainer.level - 1]))
+            look=lambda trainer: found.append(levels[trainer.level - 1]))
         for trainer.level in range(len(levels) + 1):
             trainer.offer()
         return found

@@ -537,4 +537,4 @@ def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: flo
 def views_on_gpu(process: GpuProcess, field: Castable, job: ViewJob, footprint: float) -> Any:
     """Render views on the device (`render_views`), where the field is sent first if it must be."""
     keys = keep_field(process, field, 1, footprint, whole=False)
-    return process.call(f"{_STAGE}.view:render_views", keys, job)
+    return process.call(f"{_STAGE}.atlas:render_views", keys, job)

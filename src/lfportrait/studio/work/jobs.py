@@ -184,18 +184,6 @@ def _networks(order: Order, teller: Teller) -> dict[str, Any]:
     return {"names": names}
 
 
-def _later(module: str, name: str, order: Order, teller: Teller) -> dict[str, Any]:
-    from importlib import import_module
-
-    found: dict[str, Any] = getattr(import_module(module, __package__), name)(order, teller)
-    return found
-
-
-_KINDS: dict[str, Callable[[Order, Teller], dict[str, Any]]] = {
-    "head": _head, "check": _check, "networks": _networks,
-    "fine": partial(_later, ".fine", "fine"), "export": partial(_later, ".fine", "export")}
-
-
 def fine(order: Order, teller: Teller) -> dict[str, Any]:
     """Paint, mix, code, and write the page, the video and the report."""
     teller.tell("stages", expected(("stylize", "stylize"), ("encode", "encode"),
@@ -311,3 +299,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     return value.item() if hasattr(value, "item") else value
+
+
+_KINDS: dict[str, Callable[[Order, Teller], dict[str, Any]]] = {
+    "head": _head, "check": _check, "networks": _networks, "fine": fine, "export": export}

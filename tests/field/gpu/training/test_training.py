@@ -63,7 +63,7 @@ def trained(process, config=CONFIG, checkpoint=None, capture=None, look=None):
     """The trainer at its end, and what it said."""
     said = Said()
     trainer = Trainer(capture or ball_capture(count=12, size=28), config, said, checkpoint,
-                      process=process, look=look and (lambda: look(trainer)))
+                      process=process, look=look)
     trainer.restore()
     while trainer.level < len(config.resolutions):
         trainer.run_level()
