@@ -1,5 +1,8 @@
 """Looks at a field that is still trained: from a coarse level on, and without a trace."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -18,6 +21,24 @@ def capture():
 @pytest.fixture(scope="module")
 def untouched(capture):
     return reconstruct_with_figures(capture, CONFIG, device="cpu")[0]
+
+
+def test_what_trained_a_field_is_freed_with_it(capture, monkeypatch):
+    made = []
+
+    class Noted(Trainer):
+        def __init__(self, *parts):
+            super().__init__(*parts)
+            made.append(weakref.ref(self))
+
+    monkeypatch.setattr("lfportrait.field.reconstruction.Trainer", Noted)
+    gc.disable()  # what holds itself would be freed by chance
+    try:
+        field, _ = reconstruct_with_figures(capture, CONFIG, device="cpu",
+                                            look=lambda make: make() and None)
+        assert len(made) == 1 and made[0]() is None and len(field.density)
+    finally:
+        gc.enable()
 
 
 def test_many_looks_change_nothing(capture, untouched):

@@ -402,20 +402,20 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
         # The R2 sequence: places that lie evenly, in another order for each site.
         chance = (sites.chances.reshape(-1, 2) + turn * np.array(R2)) % 1
         place = guided + FAR * size * (chance - 0.5)
-        there = theirs.deep[kinds, *_pixels(place, theirs)]
+        there = theirs.deep[kinds, *exemplar_pixels(place, theirs)]
         off = np.abs(theirs.tone.reshape(-1)[there] - asked)
         off += AWAY / size * np.linalg.norm(place - guided, axis=1)
         better = off < best - 1e-6
         best[better], chosen[better] = off[better], place[better]
-    y, x = _pixels(chosen, theirs)
+    y, x = exemplar_pixels(chosen, theirs)
     found, width = theirs.deep[material, y[number], x[number]], theirs.tone.shape[1]
     piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
     piece += plane - middles[number]
     return nearest_of_material(material, theirs, np.asarray(piece, np.float32))
 
 
-def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
-            ) -> tuple[Int64, Int64]:
+def exemplar_pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
+                    ) -> tuple[Int64, Int64]:
     """Rows and columns of the exemplar's pixels at places [N, 2] (x, y), or next to them."""
     height, width = theirs.tone.shape
     return (np.clip(places[:, 1], 0, height - 1).astype(np.int64),

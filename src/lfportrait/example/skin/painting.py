@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Int64, UInt8
+from ...arrays import Bool, Float32, UInt8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
@@ -37,6 +37,7 @@ from ..painter.materials import (
     LEAST,
     ExemplarMaterials,
     Placement,
+    exemplar_pixels,
     light_neck,
     matched_looks,
     mostly,
@@ -435,7 +436,7 @@ class SkinPainter:
         color = painted.result()
         tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone,
                                                   bearded < 0.5)
-        tone += bearded * (theirs.tone[_rows_columns(placed.wanted, theirs.tone.shape)] - tone)
+        tone += bearded * (theirs.tone[exemplar_pixels(placed.wanted, theirs)] - tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
@@ -462,12 +463,6 @@ class SkinPainter:
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
-
-
-def _rows_columns(places: Float32, shape: tuple[int, ...]) -> tuple[Int64, Int64]:
-    """Rows and columns of the pixels at places [N, 2] (x, y)."""
-    return (np.clip(places[:, 1].astype(np.int64), 0, shape[0] - 1),
-            np.clip(places[:, 0].astype(np.int64), 0, shape[1] - 1))
 
 
 def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Float32) -> None:

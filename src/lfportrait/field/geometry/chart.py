@@ -409,7 +409,7 @@ def _between_blocks(shape: tuple[int, int]) -> sparse.csr_array:
 
 def roughly_fitted_plate(values: Float64, weights: Float64, bending: float, slope: float,
                          tension: Float64 | float) -> Float64:
-    """`fitted_plate` by blocks of 2x2 cells, interpolated between them: an eighth of the time.
+    """`fitted_plate` by blocks of 2x2 cells, interpolated between them: a third of the time.
 
     A block bends by four times as much as its cells and there are a quarter as many of them, so
     that the same plate has a quarter of the bending weight and the same weight of the slope.

@@ -149,6 +149,8 @@ class Level:
                 break
             trainer.save_now_and_then()
         trainer.sync(self.finest)
+        # They call this level: neither would be freed before Python looks for cycles.
+        del self.steps
         return float(trainer.recent[0] / max(trainer.recent[1], 1.0))
 
     def _plan(self) -> Plan:
