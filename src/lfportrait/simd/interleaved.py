@@ -315,21 +315,84 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
     return look_up
 
 
-def _extreme(less: str) -> Callable[..., Any]:
+def has_near_look_up() -> bool:
+    """Whether `make_near_look_up` works here and is quicker than `make_look_up`: AVX2 alone."""
+    found = features()
+    return bool(found.get("avx2") and found.get("f16c")) and not _has_permutes()
+
+
+def make_near_look_up(tables: int) -> Callable[..., Any]:
+    """`make_look_up` of two short stretches, picked in the registers of AVX2.
+
+    Parameters
+    ----------
+    tables : 1 or 2 registers to a stretch: 8 or 16 places.
+
+    Returns
+    -------
+    look_up : ``look_up(array, start, other, index)`` as `make_look_up` has it, but for the first
+        eight lanes the stretch begins at ``start``, for others at ``other``. ``index`` lies in
+        0..7 or 0..15, and the array holds 9 or 17 values from either start on.
+    """
+    pair = types.UniTuple(F, 2)
+    eight, eight_ints = ir.VectorType(ir.FloatType(), 8), ir.VectorType(_I32, 8)
+    words = ir.VectorType(ir.IntType(16), 8)
+
+    @identified("near look up", tables)
+    @intrinsic
+    def look_up(typing, array, start, other, index):  # type: ignore[no-untyped-def]
+        if not isinstance(array, types.Array) or array.dtype != types.uint16 or index is not I:
+            return None
+
+        def code(context, builder, sig, args):  # type: ignore[no-untyped-def]
+            pick = cgutils.get_or_insert_function(
+                builder.module, ir.FunctionType(eight, [eight, eight_ints]),
+                "llvm.x86.avx2.permps")
+            seven = ir.Constant(eight_ints, [7] * 8)
+            parts = [[], []]
+            for side in range(2):
+                order = ir.Constant(eight_ints, list(range(8 * side, 8 * side + 8)))
+                at = builder.shuffle_vector(args[3], args[3], order)
+                start = context.cast(builder, args[1 + side], sig.args[1 + side], types.uintp)
+                for ahead in range(2):
+                    picked = []
+                    for table in range(tables):
+                        place = builder.add(start, ir.Constant(_I64, ahead + 8 * table))
+                        address = _place_of(context, builder, sig.args[0], args[0], place,
+                                            types.uintp, words)
+                        halves = builder.bitcast(builder.load(address, align=2),
+                                                 ir.VectorType(ir.HalfType(), 8))
+                        picked.append(builder.call(pick, [builder.fpext(halves, eight), at]))
+                    value = picked[0]
+                    if tables == 2:
+                        value = builder.select(builder.icmp_signed(">", at, seven), picked[1],
+                                               value)
+                    parts[ahead].append(value)
+            every = ir.Constant(_VI, list(range(WIDTH)))
+            return context.make_tuple(builder, pair, [
+                builder.shuffle_vector(low, high, every) for low, high in parts])
+        return pair(array, start, other, index), code
+    return look_up
+
+
+def _extreme(less: str, halves: bool = False) -> Callable[..., Any]:
+    result = types.UniTuple(types.float32, 2) if halves else types.float32
+
     @intrinsic
     def function(typing, value):  # type: ignore[no-untyped-def]
         if value is not F:
             return None
 
         def code(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            # Four halvings; LLVM's own reduction minds NaN and goes lane by lane.
+            # Halvings; LLVM's own reduction minds NaN and goes lane by lane.
             value = args[0]
-            for distance in (8, 4, 2, 1):
-                order = ir.Constant(_VI, [(lane + distance) % WIDTH for lane in range(WIDTH)])
+            for distance in (4, 2, 1) if halves else (8, 4, 2, 1):
+                order = ir.Constant(_VI, [lane ^ distance for lane in range(WIDTH)])
                 other = builder.shuffle_vector(value, value, order)
                 value = builder.select(builder.fcmp_ordered(less, value, other), value, other)
-            return builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
-        return types.float32(F), code
+            ends = [builder.extract_element(value, ir.Constant(_I32, lane)) for lane in (0, 8)]
+            return context.make_tuple(builder, result, ends) if halves else ends[0]
+        return result(F), code
     return function
 
 
@@ -337,3 +400,7 @@ smallest = identified("lanes", "smallest")(_extreme("<"))
 """The least of float lanes, none of them NaN, as a number."""
 largest = identified("lanes", "largest")(_extreme(">"))
 """The greatest of float lanes, none of them NaN, as a number."""
+smallest_of_halves = identified("lanes", "smallest of halves")(_extreme("<", True))
+"""The least of the first eight and of the last eight float lanes, none of them NaN."""
+largest_of_halves = identified("lanes", "largest of halves")(_extreme(">", True))
+"""The greatest of the first eight and of the last eight float lanes, none of them NaN."""

@@ -18,7 +18,17 @@ import numpy as np
 
 from ...field.marching import sh_basis
 from ...simd.decorators import identified, lean, lean_kernel
-from ...simd.interleaved import largest, make_look_up, prefetch, smallest, store_half
+from ...simd.interleaved import (
+    has_near_look_up,
+    largest,
+    largest_of_halves,
+    make_look_up,
+    make_near_look_up,
+    prefetch,
+    smallest,
+    smallest_of_halves,
+    store_half,
+)
 from ...simd.vectors import LANES
 
 LINES = 13
@@ -241,33 +251,98 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
     """
     floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum
-    look_up = make_look_up(permutes)
     one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
+    near_way = has_near_look_up() if permutes is None else False
+    iota = LANES.iota
 
-    @identified("slice point", permutes)
+    def make_group(name, look_up):
+        """The function that follows rays through a group of planes, with one way to look up."""
+        @identified("slice point", name)
+        @lean
+        def point(slab, place, other, offset, part):
+            """A row's values at the rays' places."""
+            before, after = look_up(slab, np.uintp(place), np.uintp(other), offset)
+            return before + part * (after - before)
+
+        @identified("slice shade", count, name)
+        @lean
+        def shade(slab, place, other, pitch, offset, part, cosine, sine, mixed):
+            """A channel's color, from the rows that begin at a place."""
+            color = point(slab, place, other, offset, part)
+            if count > 1:
+                color = color + cosine * point(slab, place + pitch, other + pitch, offset, part)
+                color = color + sine * point(slab, place + 2 * pitch, other + 2 * pitch, offset,
+                                             part)
+            if count > 4:
+                color = color + mixed * point(slab, place + 3 * pitch, other + 3 * pitch, offset,
+                                              part)
+            return maximum(color + half, zero)
+
+        @identified("slice group", count, name, colors)
+        @lean
+        def follow(slab, marks, way, nx, front, back, stride, low, rise, other_low, other_rise,
+                   most, active, start, slope, delta, cosine, sine, mixed, line, threshold, stop,
+                   through, first, second, third, end_plane):
+            pitch = pitch_of(nx)
+            for k in range(front, back - 1, -stride):
+                if marks[k] & way == 0:
+                    continue
+                away = np.float32(front - k)
+                base, other = bounded(low + rise * away, nx), bounded(
+                    other_low + other_rise * away, nx)
+                x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
+                origin = floats(np.float32(base)) if name != "near" else where(iota() < np.int32(8), floats(np.float32(base)),
+                               floats(np.float32(other)))
+                x = minimum(maximum(x - origin, zero), most)
+                offset = ints(x)
+                part = x - floats(offset)
+                row = k * LINES * pitch + AHEAD
+                place, other = row + base, row + other
+                sigma = point(slab, place, other, offset, part)
+                shown = active & (sigma > threshold)
+                if bits(shown) == 0:
+                    continue
+                fade = where(shown, exp(-(sigma * delta)), one)
+                place, other = place + line * pitch, other + line * pitch
+                weight = through * (one - fade)
+                first = first + weight * shade(slab, place, other, pitch, offset, part, cosine,
+                                               sine, mixed)
+                if colors == 3:
+                    second = second + weight * shade(
+                        slab, place + 4 * pitch, other + 4 * pitch, pitch, offset, part, cosine,
+                        sine, mixed)
+                    third = third + weight * shade(
+                        slab, place + 8 * pitch, other + 8 * pitch, pitch, offset, part, cosine,
+                        sine, mixed)
+                after = through * fade
+                crossed = shown & (through >= half) & (after < half)
+                if bits(crossed) != 0:
+                    # A plane stands for what lies half a step before and behind it.
+                    part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
+                    end_plane = where(crossed, np.float32(k) - part * np.float32(stride),
+                                      end_plane)
+                through = after
+                active = active & (through > stop)
+                if bits(active) == 0:
+                    break
+            return through, first, second, third, end_plane
+        return follow
+
+    wide_look_up = make_look_up(permutes)
+
+    @identified("slice wide look up", permutes)
     @lean
-    def point(slab, place, offset, part):
-        """A row's values at the rays' places."""
-        before, after = look_up(slab, np.uintp(place), offset)
-        return before + part * (after - before)
+    def wide(slab, place, other, offset):
+        return wide_look_up(slab, place, offset)
 
-    @identified("slice shade", count, permutes)
-    @lean
-    def shade(slab, place, pitch, offset, part, cosine, sine, mixed):
-        """A channel's color, from the rows that begin at a place."""
-        color = point(slab, place, offset, part)
-        if count > 1:
-            color = color + cosine * point(slab, place + pitch, offset, part)
-            color = color + sine * point(slab, place + 2 * pitch, offset, part)
-        if count > 4:
-            color = color + mixed * point(slab, place + 3 * pitch, offset, part)
-        return maximum(color + half, zero)
+    follow = make_group(permutes, wide)
+    follow_near = make_group("near", make_near_look_up(2)) if near_way else follow
+    NEAR = 15
 
-    @identified("slice cast", count, permutes, colors)
+    @identified("slice cast", count, permutes, colors, near_way)
     @lean
     def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
              line, threshold, stop):
-        pitch = pitch_of(nx)
         first, second, third = floats(zero), floats(zero), floats(zero)
         through, end_plane = floats(one), floats(zero)
         alive = through > zero
@@ -294,6 +369,27 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
             whole = min(most, np.float32(nx)) < np.float32(base + 62)
             if group_marks[group] & stripes(base, bounded(most, nx), shift) == 0:
                 continue
+            if near_way:
+                at_front = start + slope * np.float32(front)
+                at_back = start + slope * np.float32(back)
+                left, other_left = smallest_of_halves(at_front)
+                right, other_right = largest_of_halves(at_front)
+                left_end, other_left_end = smallest_of_halves(at_back)
+                right_end, other_right_end = largest_of_halves(at_back)
+                wide_by = max(max(right - left, right_end - left_end),
+                              max(other_right - other_left, other_right_end - other_left_end))
+                if wide_by < np.float32(NEAR - 1):
+                    run = np.float32(1.0) / np.float32(max(front - back, 1))
+                    way = stripes(base, bounded(most, nx), shift)
+                    through, first, second, third, end_plane = follow_near(
+                        slab, marks, way, nx, front, back, stride, left, (left_end - left) * run,
+                        other_left, (other_left_end - other_left) * run,
+                        np.float32(NEAR), alive, start, slope, delta, cosine, sine, mixed, line,
+                        threshold, stop, through, first, second, third, end_plane)
+                    alive = through > stop
+                    if bits(alive) == 0:
+                        break
+                    continue
             while bits(todo) != 0:
                 active = todo
                 if not whole:
@@ -307,39 +403,10 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
                     most = largest(where(active, far, -one))
                 todo = todo & ~active
                 way = stripes(base, bounded(most, nx), shift)
-                for k in range(front, back - 1, -stride):
-                    if marks[k] & way == 0:
-                        continue
-                    x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
-                    x = minimum(maximum(x - np.float32(base), zero), np.float32(62.0))
-                    offset = ints(x)
-                    part = x - floats(offset)
-                    place = k * LINES * pitch + AHEAD + base
-                    sigma = point(slab, place, offset, part)
-                    shown = active & (sigma > threshold)
-                    if bits(shown) == 0:
-                        continue
-                    fade = where(shown, exp(-(sigma * delta)), one)
-                    place += line * pitch
-                    weight = through * (one - fade)
-                    first = first + weight * shade(slab, place, pitch, offset, part, cosine, sine,
-                                                   mixed)
-                    if colors == 3:
-                        second = second + weight * shade(slab, place + 4 * pitch, pitch, offset,
-                                                         part, cosine, sine, mixed)
-                        third = third + weight * shade(slab, place + 8 * pitch, pitch, offset,
-                                                       part, cosine, sine, mixed)
-                    after = through * fade
-                    crossed = shown & (through >= half) & (after < half)
-                    if bits(crossed) != 0:
-                        # A plane stands for what lies half a step before and behind it.
-                        part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
-                        end_plane = where(crossed, np.float32(k) - part * np.float32(stride),
-                                          end_plane)
-                    through = after
-                    active = active & (through > stop)
-                    if bits(active) == 0:
-                        break
+                through, first, second, third, end_plane = follow(
+                    slab, marks, way, nx, front, back, stride, np.float32(base), zero,
+                    np.float32(base), zero, np.float32(62.0), active, start, slope, delta, cosine, sine, mixed, line,
+                    threshold, stop, through, first, second, third, end_plane)
             alive = through > stop
             if bits(alive) == 0:
                 break
