@@ -25,6 +25,7 @@ from lfportrait.lightfield.kernels.slices import slice_kernel
 from lfportrait.metrics import psnr
 from lfportrait.simd import interleaved
 from lfportrait.simd import vectors as lanes
+from lfportrait.simd.processor import features
 from tests.fields import shell_field
 from tests.reference.raycast import sh_basis
 from tests.reference.slices import cast
@@ -85,13 +86,22 @@ def test_every_sub_pixel_equals_the_twin(field, panel, options):
     assert lit > 20 or field.links.size < 200
 
 
-def test_reading_by_gathers_codes_the_same(monkeypatch):
+# The test's own processor need not read as others do; all x86 processors of today have AVX2.
+OTHER_WAYS = [way for way in (
+    ["gathered", "near"] if features().get("avx2") and features().get("f16c") else ["gathered"])
+    if way != interleaved.look_up_way()]
+
+
+@pytest.mark.parametrize("way", OTHER_WAYS)
+def test_reading_otherwise_codes_the_same(way, monkeypatch):
     # What is read so are values, whatever they are coefficients of: the smallest kernel will do.
+    # Of a packet of the wider panel, rays lie within sixteen columns in some places, not in others.
     field = shell_field(size=24, basis=1)
-    image = coded(field, SMALL)
-    gathering = functools.partial(slice_kernel, permutes=False)
-    monkeypatch.setattr(encode_module, "slice_kernel", gathering)
-    assert np.abs(coded(field, SMALL).astype(int) - image).max() <= 1
+    wide = dataclasses.replace(SMALL, width=180, cone=80)
+    images = [coded(field, panel) for panel in (SMALL, wide)]
+    monkeypatch.setattr(encode_module, "slice_kernel", functools.partial(slice_kernel, way=way))
+    for panel, image in zip((SMALL, wide), images, strict=True):
+        assert np.abs(coded(field, panel).astype(int) - image).max() <= 1
 
 
 def test_wide_packets_go_in_parts():
@@ -203,9 +213,9 @@ def test_harmonics_in_a_plane(count, tolerance):
         assert np.abs(table[:, :4] @ terms - sh_basis(direction, count)).max() < tolerance
 
 
-@pytest.mark.parametrize("permutes", [None, False])
-def test_neighbours_are_looked_up(permutes):
-    look_up = interleaved.make_look_up(permutes)
+@pytest.mark.parametrize("way", [None, "gathered"])
+def test_neighbours_are_looked_up(way):
+    look_up = interleaved.make_look_up(way)
 
     @njit
     def fetch(array, start, places, out):
@@ -220,6 +230,26 @@ def test_neighbours_are_looked_up(permutes):
         out = np.zeros(32, np.float32)
         fetch(values.view(np.uint16), start, places.astype(np.float32), out)
         assert np.array_equal(out, values[start + np.concatenate([places, places + 1])])
+
+
+@pytest.mark.skipif(not (features().get("avx2") and features().get("f16c")),
+                    reason="its instructions are those of AVX2")
+def test_neighbours_of_two_short_stretches_are_looked_up():
+    look_up = interleaved.make_near_look_up()
+
+    @njit
+    def fetch(array, start, other, places, out):
+        a, b = look_up(array, np.uintp(start), np.uintp(other), lanes.ints(lanes.load(places, 0)))
+        lanes.store(out, 0, a)
+        lanes.store(out, 16, b)
+    random = np.random.default_rng(2)
+    values = random.standard_normal(60).astype(np.float16)
+    for start, other in ((0, 43), (43, 5), (7, 7)):
+        places = random.permutation(16)
+        out = np.zeros(32, np.float32)
+        fetch(values.view(np.uint16), start, other, places.astype(np.float32), out)
+        at = places + np.repeat([start, other], 8)
+        assert np.array_equal(out, values[np.concatenate([at, at + 1])])
 
 
 @pytest.mark.parametrize(("wide", "basis"), [(9, 1), (17, 4), (33, 9), (1030, 1)])
@@ -248,13 +278,15 @@ def round_trip(values, halves, extremes):
     x = lanes.load(values, 0)
     interleaved.store_half(halves, np.uintp(3), x)
     extremes[0], extremes[1] = interleaved.smallest(x), interleaved.largest(x)
+    extremes[2], extremes[3] = interleaved.smallest_of_halves(x)
+    extremes[4], extremes[5] = interleaved.largest_of_halves(x)
 
 
 def test_lanes_are_stored_as_halves_and_their_extremes_found():
     values = np.linspace(-7, 9, 16).astype(np.float32)
     values[5], values[9] = -1e4, 3e4
-    halves, extremes = np.zeros(24, np.float16), np.zeros(2, np.float32)
+    halves, extremes = np.zeros(24, np.float16), np.zeros(6, np.float32)
     round_trip(values, halves.view(np.uint16), extremes)
     assert np.array_equal(halves[3:19], values.astype(np.float16))
     assert not halves[:3].any() and not halves[19:].any()
-    assert extremes.tolist() == [-1e4, 3e4]
+    assert extremes.tolist() == [-1e4, 3e4, -1e4, values[8], values[7], 3e4]

@@ -72,6 +72,21 @@ def exponential(a, out):
         lanes.store(out, start, lanes.exp(lanes.load(a, start)))
 
 
+@njit
+def faded(a, out):
+    for start in range(0, len(a), 16):
+        lanes.store(out, start, lanes.fading(lanes.load(a, start)))
+
+
+def test_light_fades_by_half_for_each_unit():
+    y = np.concatenate([np.linspace(0, 20, 4080), np.linspace(120, 1e4, 16)]).astype(np.float32)
+    out = np.zeros_like(y)
+    faded(y, out)
+    assert np.abs(out - np.exp2(-y.astype(np.float64))).max() < 3e-6
+    # What lets all light pass changes none of it.
+    assert out[0] == 1 and (out[-16:] > 0).all()
+
+
 def test_exp_is_exact_to_single_precision():
     x = np.linspace(-87, 88, 4096).astype(np.float32)
     out = np.zeros_like(x)

@@ -250,18 +250,26 @@ def store_half(typing, array, start, value):  # type: ignore[no-untyped-def]
     return types.none(array, start, value), code
 
 
-def _has_permutes() -> bool:
-    """Whether this processor picks 16-bit values from two registers in one step (AVX-512 BW)."""
-    return bool(features().get("avx512bw"))
+def look_up_way() -> str:
+    """How this processor reads a stretch of a row quickest.
+
+    Returns
+    -------
+    way : ``"permuted"``: picked from two registers in one step (AVX-512 BW); ``"near"``: gathered,
+        but for stretches of 16 places `make_near_look_up` is quicker (AVX2); or ``"gathered"``.
+    """
+    found = features()
+    if found.get("avx512bw"):
+        return "permuted"
+    return "near" if found.get("avx2") and found.get("f16c") else "gathered"
 
 
-def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
+def make_look_up(way: str | None = None) -> Callable[..., Any]:
     """Neighbouring values of a short stretch of a row, as linear interpolation wants them.
 
     Parameters
     ----------
-    permutes : Whether to pick values in registers (AVX-512 BW) or gather them; what the processor
-        can by default.
+    way : One of those of `look_up_way`; by default what that says.
 
     Returns
     -------
@@ -269,7 +277,7 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
         array[start + index + 1] lane by lane, as two float lanes. The array is C-contiguous uint16
         and holds 64 values from ``start`` on; int lanes ``index`` lie in 0..62.
     """
-    if not (_has_permutes() if permutes is None else permutes):
+    if (way or look_up_way()) != "permuted":
         @identified("look up", False)
         @lean
         def gathered(array, start, index):  # type: ignore[no-untyped-def]
@@ -315,30 +323,24 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
     return look_up
 
 
-def has_near_look_up() -> bool:
-    """Whether `make_near_look_up` works here and is quicker than `make_look_up`: AVX2 alone."""
-    found = features()
-    return bool(found.get("avx2") and found.get("f16c")) and not _has_permutes()
+NEAR = 15
+"""Greatest index of `make_near_look_up`."""
 
 
-def make_near_look_up(tables: int) -> Callable[..., Any]:
-    """`make_look_up` of two short stretches, picked in the registers of AVX2.
-
-    Parameters
-    ----------
-    tables : 1 or 2 registers to a stretch: 8 or 16 places.
+def make_near_look_up() -> Callable[..., Any]:
+    """`make_look_up` of two stretches of 16 places, picked in the registers of AVX2.
 
     Returns
     -------
     look_up : ``look_up(array, start, other, index)`` as `make_look_up` has it, but for the first
-        eight lanes the stretch begins at ``start``, for others at ``other``. ``index`` lies in
-        0..7 or 0..15, and the array holds 9 or 17 values from either start on.
+        eight lanes the stretch begins at ``start``, for the last eight at ``other``. ``index`` lies
+        in 0..`NEAR`, and the array holds 17 values from either start on.
     """
     pair = types.UniTuple(F, 2)
-    eight, eight_ints = ir.VectorType(ir.FloatType(), 8), ir.VectorType(_I32, 8)
-    words = ir.VectorType(ir.IntType(16), 8)
+    eight, places = ir.VectorType(ir.FloatType(), 8), ir.VectorType(_I32, 8)
+    words, halves = ir.VectorType(ir.IntType(16), 8), ir.VectorType(ir.HalfType(), 8)
 
-    @identified("near look up", tables)
+    @identified("near look up")
     @intrinsic
     def look_up(typing, array, start, other, index):  # type: ignore[no-untyped-def]
         if not isinstance(array, types.Array) or array.dtype != types.uint16 or index is not I:
@@ -346,31 +348,28 @@ def make_near_look_up(tables: int) -> Callable[..., Any]:
 
         def code(context, builder, sig, args):  # type: ignore[no-untyped-def]
             pick = cgutils.get_or_insert_function(
-                builder.module, ir.FunctionType(eight, [eight, eight_ints]),
-                "llvm.x86.avx2.permps")
-            seven = ir.Constant(eight_ints, [7] * 8)
-            parts = [[], []]
+                builder.module, ir.FunctionType(eight, [eight, places]), "llvm.x86.avx2.permps")
+
+            def picked(place, at):  # type: ignore[no-untyped-def]
+                """Of eight values from a place on, those at the lowest three bits of ``at``."""
+                address = _place_of(context, builder, sig.args[0], args[0], place, types.uintp,
+                                    words)
+                table = builder.bitcast(builder.load(address, align=2), halves)
+                return builder.call(pick, [builder.fpext(table, eight), at])
+
+            found: list[list[Any]] = [[], []]
             for side in range(2):
-                order = ir.Constant(eight_ints, list(range(8 * side, 8 * side + 8)))
+                order = ir.Constant(places, list(range(8 * side, 8 * side + 8)))
                 at = builder.shuffle_vector(args[3], args[3], order)
-                start = context.cast(builder, args[1 + side], sig.args[1 + side], types.uintp)
+                second = builder.icmp_signed(">", at, ir.Constant(places, [7] * 8))
+                begin = context.cast(builder, args[1 + side], sig.args[1 + side], types.uintp)
                 for ahead in range(2):
-                    picked = []
-                    for table in range(tables):
-                        place = builder.add(start, ir.Constant(_I64, ahead + 8 * table))
-                        address = _place_of(context, builder, sig.args[0], args[0], place,
-                                            types.uintp, words)
-                        halves = builder.bitcast(builder.load(address, align=2),
-                                                 ir.VectorType(ir.HalfType(), 8))
-                        picked.append(builder.call(pick, [builder.fpext(halves, eight), at]))
-                    value = picked[0]
-                    if tables == 2:
-                        value = builder.select(builder.icmp_signed(">", at, seven), picked[1],
-                                               value)
-                    parts[ahead].append(value)
+                    low, high = (picked(builder.add(begin, ir.Constant(_I64, ahead + away)), at)
+                                 for away in (0, 8))
+                    found[ahead].append(builder.select(second, high, low))
             every = ir.Constant(_VI, list(range(WIDTH)))
             return context.make_tuple(builder, pair, [
-                builder.shuffle_vector(low, high, every) for low, high in parts])
+                builder.shuffle_vector(*sides, every) for sides in found])
         return pair(array, start, other, index), code
     return look_up
 

@@ -19,9 +19,10 @@ import numpy as np
 from ...field.marching import sh_basis
 from ...simd.decorators import identified, lean, lean_kernel
 from ...simd.interleaved import (
-    has_near_look_up,
+    NEAR,
     largest,
     largest_of_halves,
+    look_up_way,
     make_look_up,
     make_near_look_up,
     prefetch,
@@ -233,13 +234,106 @@ def stripes(left, right, shift):
         (np.uint64(1) << np.uint64(max(left, 0) >> shift)) - np.uint64(1))
 
 
-def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..., Any]:
+def _make_follow(count: int, colors: int, name: str, look_up: Callable[..., Any],
+                 near: bool) -> Callable[..., Any]:
+    """The function that follows rays through a group of planes.
+
+    Parameters
+    ----------
+    count, colors : As for `make_cast`.
+    name : Of the way to look up.
+    look_up : ``look_up(array, start, other, index)``, see `make_near_look_up`.
+    near : Whether the last eight rays have a stretch of their own, and all rays go together.
+    """
+    floats, ints, where, bits = LANES.floats, LANES.ints, LANES.where, LANES.bits
+    minimum, maximum, fading, iota = LANES.minimum, LANES.maximum, LANES.fading, LANES.iota
+    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
+    farthest = np.float32(NEAR if near else 62)
+
+    @identified("slice point", name)
+    @lean
+    def point(slab, place, other, offset, part):
+        """A row's values at the rays' places."""
+        before, after = look_up(slab, np.uintp(place), np.uintp(other), offset)
+        return before + part * (after - before)
+
+    @identified("slice shade", count, name)
+    @lean
+    def shade(slab, place, other, pitch, offset, part, cosine, sine, mixed):
+        """A channel's color, from the rows that begin at a place."""
+        color = point(slab, place, other, offset, part)
+        if count > 1:
+            color = color + cosine * point(slab, place + pitch, other + pitch, offset, part)
+            color = color + sine * point(slab, place + 2 * pitch, other + 2 * pitch, offset, part)
+        if count > 4:
+            color = color + mixed * point(slab, place + 3 * pitch, other + 3 * pitch, offset, part)
+        return maximum(color + half, zero)
+
+    @identified("slice follow", count, name, colors)
+    @lean
+    def follow(slab, marks, way, nx, front, back, stride, low, slant, low_of_last, slant_of_last,
+               active, start, slope, delta, cosine, sine, mixed, line, threshold, stop, through,
+               first, second, third, end_plane):
+        pitch = pitch_of(nx)
+        for k in range(front, back - 1, -stride):
+            if marks[k] & way == 0:
+                continue
+            x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
+            base = bounded(low + slant * np.float32(front - k), nx)
+            if near:
+                other = bounded(low_of_last + slant_of_last * np.float32(front - k), nx)
+                x = x - where(iota() < np.int32(8), floats(np.float32(base)),
+                              floats(np.float32(other)))
+            else:
+                other = base
+                x = x - np.float32(base)
+            x = minimum(maximum(x, zero), farthest)
+            offset = ints(x)
+            part = x - floats(offset)
+            place = k * LINES * pitch + AHEAD
+            place, other = place + base, place + other
+            sigma = point(slab, place, other, offset, part)
+            if near:
+                shown = (sigma > threshold) & (through > stop)
+            else:
+                shown = (sigma > threshold) & active
+            if bits(shown) == 0:
+                continue
+            fade = where(shown, fading(sigma * delta), one)
+            place, other = place + line * pitch, other + line * pitch
+            weight = through * (one - fade)
+            first = first + weight * shade(slab, place, other, pitch, offset, part, cosine, sine,
+                                           mixed)
+            if colors == 3:
+                second = second + weight * shade(slab, place + 4 * pitch, other + 4 * pitch, pitch,
+                                                 offset, part, cosine, sine, mixed)
+                third = third + weight * shade(slab, place + 8 * pitch, other + 8 * pitch, pitch,
+                                               offset, part, cosine, sine, mixed)
+            after = through * fade
+            crossed = (through >= half) & (after < half)
+            if bits(crossed) != 0:
+                # A plane stands for what lies half a step before and behind it.
+                part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
+                end_plane = where(crossed, np.float32(k) - part * np.float32(stride), end_plane)
+            through = after
+            # Masks that live from plane to plane are packed and unpacked: none where it can be.
+            active = active & (through > stop)
+            if near:
+                if bits(through > stop) == 0:
+                    break
+            elif bits(active) == 0:
+                break
+        return through, first, second, third, end_plane
+    return follow
+
+
+def make_cast(count: int, way: str | None, colors: int = 1) -> Callable[..., Any]:
     """The function that sends one packet of rays through a slice.
 
     Parameters
     ----------
     count : Coefficients a channel of the field's colors.
-    permutes : See `make_look_up`.
+    way : How values are looked up, see `look_up_way`.
     colors : Channels that it follows: 1, the one whose first row is ``line``, or 3.
 
     Returns
@@ -249,97 +343,24 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
         returns three colors (of one channel, the first), the transmittance, and the plane (a
         fraction) on which half the light is gone.
     """
-    floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
+    floats, where, bits = LANES.floats, LANES.where, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum
-    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
-    near_way = has_near_look_up() if permutes is None else False
-    iota = LANES.iota
+    one, zero = np.float32(1.0), np.float32(0.0)
+    way = way or look_up_way()
+    nears = way == "near"
+    look_up = make_look_up(way)
 
-    def make_group(name, look_up):
-        """The function that follows rays through a group of planes, with one way to look up."""
-        @identified("slice point", name)
-        @lean
-        def point(slab, place, other, offset, part):
-            """A row's values at the rays' places."""
-            before, after = look_up(slab, np.uintp(place), np.uintp(other), offset)
-            return before + part * (after - before)
-
-        @identified("slice shade", count, name)
-        @lean
-        def shade(slab, place, other, pitch, offset, part, cosine, sine, mixed):
-            """A channel's color, from the rows that begin at a place."""
-            color = point(slab, place, other, offset, part)
-            if count > 1:
-                color = color + cosine * point(slab, place + pitch, other + pitch, offset, part)
-                color = color + sine * point(slab, place + 2 * pitch, other + 2 * pitch, offset,
-                                             part)
-            if count > 4:
-                color = color + mixed * point(slab, place + 3 * pitch, other + 3 * pitch, offset,
-                                              part)
-            return maximum(color + half, zero)
-
-        @identified("slice group", count, name, colors)
-        @lean
-        def follow(slab, marks, way, nx, front, back, stride, low, rise, other_low, other_rise,
-                   most, active, start, slope, delta, cosine, sine, mixed, line, threshold, stop,
-                   through, first, second, third, end_plane):
-            pitch = pitch_of(nx)
-            for k in range(front, back - 1, -stride):
-                if marks[k] & way == 0:
-                    continue
-                away = np.float32(front - k)
-                base, other = bounded(low + rise * away, nx), bounded(
-                    other_low + other_rise * away, nx)
-                x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
-                origin = floats(np.float32(base)) if name != "near" else where(iota() < np.int32(8), floats(np.float32(base)),
-                               floats(np.float32(other)))
-                x = minimum(maximum(x - origin, zero), most)
-                offset = ints(x)
-                part = x - floats(offset)
-                row = k * LINES * pitch + AHEAD
-                place, other = row + base, row + other
-                sigma = point(slab, place, other, offset, part)
-                shown = active & (sigma > threshold)
-                if bits(shown) == 0:
-                    continue
-                fade = where(shown, exp(-(sigma * delta)), one)
-                place, other = place + line * pitch, other + line * pitch
-                weight = through * (one - fade)
-                first = first + weight * shade(slab, place, other, pitch, offset, part, cosine,
-                                               sine, mixed)
-                if colors == 3:
-                    second = second + weight * shade(
-                        slab, place + 4 * pitch, other + 4 * pitch, pitch, offset, part, cosine,
-                        sine, mixed)
-                    third = third + weight * shade(
-                        slab, place + 8 * pitch, other + 8 * pitch, pitch, offset, part, cosine,
-                        sine, mixed)
-                after = through * fade
-                crossed = shown & (through >= half) & (after < half)
-                if bits(crossed) != 0:
-                    # A plane stands for what lies half a step before and behind it.
-                    part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
-                    end_plane = where(crossed, np.float32(k) - part * np.float32(stride),
-                                      end_plane)
-                through = after
-                active = active & (through > stop)
-                if bits(active) == 0:
-                    break
-            return through, first, second, third, end_plane
-        return follow
-
-    wide_look_up = make_look_up(permutes)
-
-    @identified("slice wide look up", permutes)
+    @identified("slice look up", way)
     @lean
-    def wide(slab, place, other, offset):
-        return wide_look_up(slab, place, offset)
+    def one_stretch(slab, place, _other, offset):
+        return look_up(slab, place, offset)
 
-    follow = make_group(permutes, wide)
-    follow_near = make_group("near", make_near_look_up(2)) if near_way else follow
-    NEAR = 15
+    follow = _make_follow(count, colors, way, one_stretch, False)
+    follow_near = follow
+    if nears:
+        follow_near = _make_follow(count, colors, "apart", make_near_look_up(), True)
 
-    @identified("slice cast", count, permutes, colors, near_way)
+    @identified("slice cast", count, way, colors)
     @lean
     def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
              line, threshold, stop):
@@ -347,8 +368,10 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
         through, end_plane = floats(one), floats(zero)
         alive = through > zero
         mixed = np.float32(2.0) * sine * cosine
+        # Light fades by half where it faded to 1 / e.
+        delta = delta * np.float32(1.4426950408889634)
         low = high = low_slope = high_slope = zero
-        begin = 0
+        begin, crosses = 0, False
         for group in range(len(group_marks)):
             front = planes - 1 - group * GROUP * stride
             back = max(front - (GROUP - 1) * stride, 0)
@@ -362,34 +385,41 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
                 high, high_end = largest(at_begin), largest(at_end)
                 run = np.float32(1.0) / np.float32(max(begin - end, 1))
                 low_slope, high_slope = (low_end - low) * run, (high_end - high) * run
+                marked = np.uint64(0)
+                for other in range(group, min(group + 8, len(group_marks))):
+                    marked |= group_marks[other]
+                crosses = marked & stripes(bounded(min(low, low_end), nx),
+                                           bounded(max(high, high_end), nx), shift) != 0
+            if not crosses:
+                continue
             ahead, behind = np.float32(begin - front), np.float32(begin - back)
             base = bounded(min(low + low_slope * ahead, low + low_slope * behind), nx)
             most = max(high + high_slope * ahead, high + high_slope * behind)
-            todo = alive
-            whole = min(most, np.float32(nx)) < np.float32(base + 62)
-            if group_marks[group] & stripes(base, bounded(most, nx), shift) == 0:
+            way = stripes(base, bounded(most, nx), shift)
+            if group_marks[group] & way == 0:
                 continue
-            if near_way:
+            if nears:
                 at_front = start + slope * np.float32(front)
                 at_back = start + slope * np.float32(back)
-                left, other_left = smallest_of_halves(at_front)
-                right, other_right = largest_of_halves(at_front)
-                left_end, other_left_end = smallest_of_halves(at_back)
-                right_end, other_right_end = largest_of_halves(at_back)
-                wide_by = max(max(right - left, right_end - left_end),
-                              max(other_right - other_left, other_right_end - other_left_end))
-                if wide_by < np.float32(NEAR - 1):
+                left, left_of_last = smallest_of_halves(at_front)
+                right, right_of_last = largest_of_halves(at_front)
+                left_end, left_end_of_last = smallest_of_halves(at_back)
+                right_end, right_end_of_last = largest_of_halves(at_back)
+                if max(max(right - left, right_end - left_end),
+                       max(right_of_last - left_of_last,
+                           right_end_of_last - left_end_of_last)) < np.float32(NEAR - 1):
                     run = np.float32(1.0) / np.float32(max(front - back, 1))
-                    way = stripes(base, bounded(most, nx), shift)
                     through, first, second, third, end_plane = follow_near(
                         slab, marks, way, nx, front, back, stride, left, (left_end - left) * run,
-                        other_left, (other_left_end - other_left) * run,
-                        np.float32(NEAR), alive, start, slope, delta, cosine, sine, mixed, line,
-                        threshold, stop, through, first, second, third, end_plane)
+                        left_of_last, (left_end_of_last - left_of_last) * run, alive, start, slope,
+                        delta, cosine, sine, mixed, line, threshold, stop, through, first, second,
+                        third, end_plane)
                     alive = through > stop
                     if bits(alive) == 0:
                         break
                     continue
+            todo = alive
+            whole = min(most, np.float32(nx)) < np.float32(base + 62)
             while bits(todo) != 0:
                 active = todo
                 if not whole:
@@ -401,11 +431,11 @@ def make_cast(count: int, permutes: bool | None, colors: int = 1) -> Callable[..
                     base = bounded(smallest(where(todo, near, np.float32(nx))), nx)
                     active = todo & (far < np.float32(base + 62))
                     most = largest(where(active, far, -one))
+                    way = stripes(base, bounded(most, nx), shift)
                 todo = todo & ~active
-                way = stripes(base, bounded(most, nx), shift)
                 through, first, second, third, end_plane = follow(
                     slab, marks, way, nx, front, back, stride, np.float32(base), zero,
-                    np.float32(base), zero, np.float32(62.0), active, start, slope, delta, cosine, sine, mixed, line,
+                    np.float32(base), zero, active, start, slope, delta, cosine, sine, mixed, line,
                     threshold, stop, through, first, second, third, end_plane)
             alive = through > stop
             if bits(alive) == 0:

@@ -41,10 +41,10 @@ _WINDOW = 768
 
 
 @functools.cache
-def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]:
+def slice_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
     """The kernel for colors of ``count`` coefficients a channel.
 
-    ``permutes`` chooses between two ways to read a slice (see `make_look_up`).
+    ``way`` is how a slice is read (see `look_up_way`).
 
     Returns
     -------
@@ -56,9 +56,9 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
         world, ``stride`` is the number of lattice planes to a sample and ``workers`` the number of
         threads. Where ``background`` is below 0, ``out`` holds what is behind the field.
     """
-    build, cast = make_build(count), make_cast(count, permutes)
+    build, cast = make_build(count), make_cast(count, way)
     load, store, floats = LANES.load, LANES.store, LANES.floats
-    sqrt, bits = LANES.sqrt, LANES.bits
+    sqrt, bits, minimum, maximum = LANES.sqrt, LANES.bits, LANES.minimum, LANES.maximum
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
 
     @identified("slice order", count)
@@ -67,27 +67,32 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
         """Every third sub-pixel of a window in the order of their views; returns their number."""
         across = len(mask)
         many = (end - begin + 2) // 3
-        continuous = panel[6] > 0.5
+        continuous = panel[6] > 0.5 and fixed < 0
+        # Two neighbouring pixels may have their sub-pixels elsewhere; all others are as these.
+        scale, column = 2.0 * panel[0] / across, begin // 3 % 2
+        even = side_of(begin, y, across, panel) - scale * begin
+        odd = even + scale * (panel[37 + 6 * (y % 4) + 3 * (1 - column) + begin % 3]
+                              - panel[37 + 6 * (y % 4) + 3 * column + begin % 3])
         tally[:] = 0
         if fixed < 0:
             for place in range(begin, end, 3):
-                tally[mask[place] + 1] += 1
+                tally[np.uintp(mask[place]) + np.uintp(1)] += 1
             for view in range(1, len(tally)):
                 tally[view] += tally[view - 1]
-        for place in range(begin, end, 3):
-            view = fixed if fixed >= 0 else np.int64(mask[place])
-            entry = tally[view]
+        for number in range(many):
+            place = begin + 3 * number
+            view = np.uintp(fixed if fixed >= 0 else mask[place])
+            entry = np.uintp(tally[view])
             tally[view] += 1
             place_at[entry] = place
-            x_at[entry] = np.float32(side_of(place, y, across, panel))
-            eye_at[entry] = np.float32(
-                eye_of(place, y, eyes, panel) if continuous and fixed < 0 else eyes[view])
+            x_at[entry] = np.float32(scale * place + (odd if number & 1 else even))
+            eye_at[entry] = np.float32(eye_of(place, y, eyes, panel) if continuous else eyes[view])
         for entry in range(many, (many + 15) // 16 * 16):
             eye_at[entry], x_at[entry] = eye_at[many - 1], x_at[many - 1]
         return many
 
     @shared("workers")
-    @identified("slice encode", count, permutes)
+    @identified("slice encode", count, way)
     @kernel
     def encode(since, until, places, occupied, values, table, cells, charts, texels, lattice,
                matrix, axes, mask, fixed, eyes, panel, stride, threshold, stop, background,
@@ -191,6 +196,8 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
                                 delta, np.float32(norm) / length,
                                 floats(np.float32(0.0)) - sideways / length, 1 + 4 * channel,
                                 np.float32(threshold), np.float32(stop))
+                            if bits(through < np.float32(1.0)) == 0:
+                                continue  # nothing but what is behind
                             share = texture_share(through)
                             wanted = share > np.float32(0.0)
                             if textured and bits(wanted) != 0:
@@ -201,17 +208,17 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
                                     * x + np.float32(plane[2]) * depth_plane, depth_plane, wanted,
                                     np.int32(channel))
                                 value = value + share * detail
-                            grey = np.float32(0.0) if backed else background
-                            store(lane, np.uintp(0), value + through * grey)
-                            store(lane, np.uintp(16), through)
-                            for i in range(min(16, many - entry)):
-                                shown = lane[i]
-                                if backed:
-                                    shown += lane[16 + i] * np.float32(1.0 / 255.0) * np.float32(
-                                        row[place_at[entry + i]])
-                                shown = min(max(shown, np.float32(0.0)), np.float32(1.0))
-                                row[place_at[entry + i]] = np.uint8(
-                                    shown * np.float32(255.0) + np.float32(0.5))
+                            used = min(16, many - entry)
+                            behind = floats(background)
+                            if backed:
+                                for i in range(used):
+                                    lane[i] = row[place_at[entry + i]]
+                                behind = load(lane, np.uintp(0)) * np.float32(1.0 / 255.0)
+                            shown = minimum(maximum(value + through * behind, np.float32(0.0)),
+                                            np.float32(1.0))
+                            store(lane, np.uintp(0), shown * np.float32(255.0) + np.float32(0.5))
+                            for i in range(used):
+                                row[place_at[entry + i]] = np.uint8(lane[i])
 
     return encode
 
@@ -232,10 +239,10 @@ def _columns(camera, lattice, low, high, back, front, width):
 
 
 @functools.cache
-def view_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]:
+def view_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
     """The kernel for colors of ``count`` coefficients a channel.
 
-    ``permutes`` chooses between two ways to read a slice (see `make_look_up`).
+    ``way`` is how a slice is read (see `look_up_way`).
 
     Returns
     -------
@@ -249,11 +256,11 @@ def view_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]:
         without background, ``alpha`` [V, H, W] and ``depth`` [V, H, W] (along the optical axis,
         infinite where half the light passes).
     """
-    build, cast = make_build(count), make_cast(count, permutes, 3)
+    build, cast = make_build(count), make_cast(count, way, 3)
     store, iota, floats = LANES.store, LANES.iota, LANES.floats
     sqrt, where = LANES.sqrt, LANES.where
 
-    @identified("view row", count, permutes)
+    @identified("view row", count, way)
     @lean
     def _row(slab, marks, group_marks, nx, nz, shift, stride, camera, lattice, norm, begin, end,
              threshold, stop, lane, color, alpha, depth):
@@ -289,7 +296,7 @@ def view_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]:
                 depth[x + i] = lane[64 + i]
 
     @shared("workers")
-    @identified("view render", count, permutes)
+    @identified("view render", count, way)
     @kernel
     def render(since, until, places, occupied, values, lattice, cameras, least, stride, threshold,
                stop, workers, color, alpha, depth):
