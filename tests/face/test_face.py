@@ -25,7 +25,6 @@ from lfportrait.face import (
     write_landmarks,
 )
 from lfportrait.face.landmarks import FROM_MEDIAPIPE
-from lfportrait.face.segmentation import Spares
 from lfportrait.media.pictures import read_image
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 
@@ -301,7 +300,7 @@ def test_the_whole_mesh_is_in_pixels(monkeypatch):
     points = [SimpleNamespace(x=0.25, y=0.5)] * 478
     faces = [[points], []]
     detector = SimpleNamespace(detect=lambda _: SimpleNamespace(face_landmarks=faces.pop(0)))
-    monkeypatch.setattr(module, "_landmarkers", lambda path, most: Spares(lambda: detector))
+    monkeypatch.setattr(module, "_landmarker", lambda path, most: detector)
     monkeypatch.setattr(module.models, "fetch", lambda name: name)
     monkeypatch.setattr(module, "picture", lambda image: image)
     image = np.zeros((40, 80, 3), np.uint8)

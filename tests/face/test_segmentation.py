@@ -231,6 +231,6 @@ def test_a_picture_that_was_seen_before_is_not_looked_at_again(shared_data, shar
     picture = read_image(shared_data / "faceblit_reference" / "target1.png")[..., :3]
     segmentation._output.cache_clear()
     first = segmentation.mattes(picture, size=256)
-    monkeypatch.setattr(segmentation, "_segmenters", lambda path, size: pytest.fail("looked again"))
+    monkeypatch.setattr(segmentation, "_segmenter", lambda path, size: pytest.fail("looked again"))
     for before, after in zip(first, segmentation.mattes(picture.copy(), size=256)):
         np.testing.assert_array_equal(before, after)

@@ -73,7 +73,7 @@ def test_a_few_photos_that_do_not_belong_together_go_by_the_face(tmp_path, monke
                                                                placed):
     found, _, _ = photos(0.0)
 
-    def apart(*_, **__):
+    def apart(*_):
         if placed == 0:
             raise PhotosError("the photos do not overlap enough", {})
         return replace(found, figures={"photos": 2 * COUNT, "blurred": [], "left_out": []})
@@ -87,7 +87,7 @@ def test_a_few_photos_that_do_not_belong_together_go_by_the_face(tmp_path, monke
 def test_what_can_be_placed_is_and_a_line_says_so(tmp_path, monkeypatch, fitted):
     found, _, boxes = photos(0.0)
     placed = replace(found, cameras=boxes, figures={"photos": COUNT, "blurred": [], "left_out": []})
-    monkeypatch.setattr(prepare, "calibrate", lambda *_, **__: placed)
+    monkeypatch.setattr(prepare, "calibrate", lambda *_: placed)
     points = np.random.default_rng(0).normal(size=(68, 3))
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture",
                         lambda capture, progress: (points, {"views": 5, "outliers": 0.1}))
@@ -105,7 +105,7 @@ def test_what_can_be_placed_is_and_a_line_says_so(tmp_path, monkeypatch, fitted)
 
 def test_where_both_fail_both_are_named(tmp_path, monkeypatch):
     def fail(error):
-        def run(*_, **__):
+        def run(*_):
             raise error
         return run
     monkeypatch.setattr(prepare, "calibrate", fail(PhotosError("the photos do not overlap", {})))

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -156,7 +155,7 @@ class _Placed:
 
 
 def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
-                 work: Path, aside: Callable[[], None]) -> tuple[_Placed, list[str]]:
+                 work: Path) -> tuple[_Placed, list[str]]:
     """The cameras, and the names of photos that were left out because they add nothing."""
     import pycolmap
 
@@ -180,11 +179,8 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
         pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)])
         folder = work / f"of{len(some)}"
         folder.mkdir()
-        # What fails aside fails again, and is said, where it is needed.
-        with ThreadPoolExecutor(1, "aside") as thread:
-            thread.submit(aside)
-            return _place(pycolmap, [photos[i] for i in some], [turns[i] for i in some],
-                          [features[i] for i in some], pairs, config, folder, say, announce)
+        return _place(pycolmap, [photos[i] for i in some], [turns[i] for i in some],
+                      [features[i] for i in some], pairs, config, folder, say, announce)
 
     every = np.arange(len(photos))
     some = every if alike is None or config.every_photo else worth_placing(alike)
@@ -282,8 +278,7 @@ def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int
 
 
 def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
-              progress: Progress | None = None, *,
-              aside: Callable[[], None] = lambda: None) -> Capture:
+              progress: Progress | None = None) -> Capture:
     """Find the cameras of photos or of a video.
 
     Parameters
@@ -294,8 +289,6 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
         Parameters.
     progress
         Progress line.
-    aside
-        Called in a thread of its own while the photos are placed, for which COLMAP takes one core.
 
     Returns
     -------
@@ -327,7 +320,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
         raise UserError(f"{path} has only {len(loaded)} usable "
                         f"{'photo' if len(loaded) == 1 else 'photos'}; {_ADVICE}")
     with temporary_folder(room_for(len(loaded))) as work:
-        placed, spare = _reconstruct(loaded, config, progress, work, aside)
+        placed, spare = _reconstruct(loaded, config, progress, work)
     found, figures = placed.cameras, placed.figures
     loaded = [photo for photo in loaded if photo.name not in spare]
     left_out = [photo.name for photo in loaded if photo.name not in found]

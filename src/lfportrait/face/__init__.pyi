@@ -1,12 +1,5 @@
 from .capture_head import fit_to_surface
-from .detect import (
-    detect_faces,
-    detect_landmarks,
-    detectors_key,
-    face_mesh,
-    face_yaw,
-    prepare_face,
-)
+from .detect import detect_faces, detect_landmarks, detectors_key, face_mesh, face_yaw
 from .face_cameras import capture_from_faces
 from .landmarks import (
     GENERIC_LANDMARKS,
@@ -28,5 +21,5 @@ __all__ = ["GENERIC_LANDMARKS", "MOST_TURNED", "PORTRAIT_CONE", "FacePose", "cap
            "detect_faces", "detect_landmarks", "detectors_key", "face_mask", "face_mesh",
            "face_pose", "face_yaw", "fit_to_surface", "frontal_order", "generic_depth", "hair_mask",
            "is_portrait", "landmarks_of_capture", "mattes", "parts", "person_matte",
-           "portrait_capture", "portrait_field", "prepare_face", "read_landmarks",
-           "symmetric_landmarks", "triangulate", "write_landmarks"]
+           "portrait_capture", "portrait_field", "read_landmarks", "symmetric_landmarks",
+           "triangulate", "write_landmarks"]

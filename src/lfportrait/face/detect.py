@@ -23,9 +23,8 @@ from safetensors.numpy import load_file
 from .. import models
 from ..arrays import Float32, Float64, UInt8
 from ..cache import key_of
-from .head_prior import head_prior
 from .landmarks import FROM_MEDIAPIPE, centred
-from .segmentation import Spares, made, picture, prepare_segmenters
+from .segmentation import made, picture
 
 _AROUND = 1.5
 _MANY = 8
@@ -39,8 +38,8 @@ def detectors_key() -> str:
 
 
 @functools.lru_cache(maxsize=4)
-def _landmarkers(path: str, faces: int) -> Spares:
-    """MediaPipe's detectors of up to ``faces`` faces."""
+def _landmarker(path: str, faces: int) -> Any:
+    """MediaPipe's detector of up to ``faces`` faces, one per process."""
     def make() -> Any:
         from mediapipe.tasks.python import BaseOptions, vision
 
@@ -48,30 +47,7 @@ def _landmarkers(path: str, faces: int) -> Spares:
             base_options=BaseOptions(model_asset_path=path), num_faces=faces,
             min_face_detection_confidence=0.4))
 
-    return Spares(lambda: made(
-        make, lambda task: task.detect(picture(np.zeros((64, 64, 3), np.uint8)))))
-
-
-def _found(image: UInt8, faces: int) -> list[Any]:
-    """MediaPipe's meshes of up to ``faces`` faces, the surest first."""
-    with _landmarkers(str(models.fetch("face-landmarker")), faces).one() as detector:
-        return list(detector.detect(picture(image)).face_landmarks)
-
-
-def prepare_face(many: int) -> None:
-    """Read what finds landmarks and persons, and the head prior, into memory.
-
-    It takes a second, which can pass while something else is computed.
-
-    Parameters
-    ----------
-    many
-        Pictures that will be looked at at a time.
-    """
-    if models.available("face-landmarker"):
-        _landmarkers(str(models.fetch("face-landmarker")), 1).prepare(many)
-    prepare_segmenters(many)
-    head_prior()
+    return made(make, lambda task: task.detect(picture(np.zeros((64, 64, 3), np.uint8))))
 
 
 def face_mesh(image: UInt8) -> Float64 | None:
@@ -88,18 +64,20 @@ def face_mesh(image: UInt8) -> Float64 | None:
         float64 [478, 2] in pixels, in MediaPipe's order (468 to 472 the iris on the picture's left,
         473 to 477 the other one), or None if no face was found.
     """
-    found = _found(image, 1)
-    if not found:
+    found = _landmarker(str(models.fetch("face-landmarker")), 1).detect(picture(image))
+    if not found.face_landmarks:
         return None
     height, width = image.shape[:2]
-    return np.array([(point.x * width, point.y * height) for point in found[0]])
+    return np.array([(point.x * width, point.y * height) for point in found.face_landmarks[0]])
 
 
 def _meshes(image: UInt8, most: int = 1) -> list[Float64]:
     """MediaPipe's points of ``most`` faces mapped to 68 landmarks [68, 2], the largest first."""
+    detector = _landmarker(str(models.fetch("face-landmarker")), most)
+    found = detector.detect(picture(image))
     height, width = image.shape[:2]
     faces: list[Float64] = []
-    for mesh in _found(image, most):
+    for mesh in found.face_landmarks:  # the surest first
         points = np.array([(point.x * width, point.y * height) for point in mesh])[FROM_MEDIAPIPE]
         if not _among(points, faces):
             faces.append(points)

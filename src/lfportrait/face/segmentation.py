@@ -17,10 +17,8 @@ from __future__ import annotations
 import atexit
 import functools
 import os
-import queue
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +34,11 @@ from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from ..labels import SEGMENTS
 
-_MULTICLASS, _PERSON = "multiclass-segmentation", "person-segmentation"
+_MULTICLASS = "multiclass-segmentation"
 
 
 @functools.lru_cache(maxsize=4)
-def _segmenters(path: Path, size: int) -> Spares:
+def _segmenter(path: Path, size: int) -> Any:
     """A network for pictures of ``size`` x ``size`` pixels."""
     content, channels = _described(path.read_bytes(), size)
 
@@ -50,15 +48,8 @@ def _segmenters(path: Path, size: int) -> Spares:
         return vision.ImageSegmenter.create_from_options(vision.ImageSegmenterOptions(
             base_options=BaseOptions(model_asset_buffer=content), output_confidence_masks=True))
 
-    return Spares(lambda: made(make, lambda task: task.segment(
-        picture(np.zeros((size, size, channels), np.uint8)))))
-
-
-def prepare_segmenters(many: int) -> None:
-    """Read the network of `person_matte` into memory, for so many pictures at a time."""
-    name = _MULTICLASS if models.available(_MULTICLASS) else _PERSON
-    if models.available(name):
-        _segmenters(models.fetch(name), 256).prepare(many)
+    return made(make, lambda task: task.segment(
+        picture(np.zeros((size, size, channels), np.uint8))))
 
 
 def _described(content: bytes, size: int) -> tuple[bytes, int]:
@@ -112,8 +103,7 @@ def _run(name: str, frame: UInt8) -> Float32:
 def _output(path: Path, content: bytes, side: int) -> Float32:
     """The output [h, w, c] of the network in a file for a picture's bytes; the last are kept."""
     frame = np.frombuffer(content, np.uint8).reshape(side, side, -1)
-    with _segmenters(path, side).one() as segmenter:
-        found = segmenter.segment(picture(frame))
+    found = _segmenter(path, side).segment(picture(frame))
     out = np.stack([mask.numpy_view().reshape(side, side) for mask in found.confidence_masks],
                    axis=-1)
     out.setflags(write=False)
@@ -245,7 +235,7 @@ def _person(image: UInt8, turns: int) -> Float32:
         shares, shape = _shares(image, turns)
         return _full_size(1 - shares[..., 0], shape, turns)
     upright = _upright(image, turns)
-    matte = _run(_PERSON, _resized(upright, 256))
+    matte = _run("person-segmentation", _resized(upright, 256))
     return _full_size(matte[..., 0], upright.shape[:2], turns)
 
 
@@ -257,36 +247,6 @@ def _hair(image: UInt8, turns: int, size: int) -> Float32:
     # The fourth channel is the hair of the frame before, of which nothing is known.
     frame = np.dstack([_resized(upright, size), np.zeros((size, size), np.uint8)])
     return _full_size(_softmax(_run("hair-segmentation", frame))[..., 1], upright.shape[:2], turns)
-
-
-class Spares:
-    """Tasks of one kind, as many as are used at the same time.
-
-    Parameters
-    ----------
-    make : Makes one.
-    """
-
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self._make = make
-        self._idle: queue.SimpleQueue[Any] = queue.SimpleQueue()
-
-    @contextmanager
-    def one(self) -> Iterator[Any]:
-        """A task that nobody else uses meanwhile."""
-        try:
-            task = self._idle.get_nowait()
-        except queue.Empty:
-            task = self._make()
-        try:
-            yield task
-        finally:
-            self._idle.put(task)
-
-    def prepare(self, many: int) -> None:
-        """Make tasks until so many are idle."""
-        while self._idle.qsize() < many:
-            self._idle.put(self._make())
 
 
 _LOCK = threading.Lock()

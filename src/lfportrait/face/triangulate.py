@@ -14,7 +14,6 @@ import numpy as np
 from ..arrays import Bool, Float64, Int64
 from ..capture import Camera, Capture, focus_point
 from ..progress import Progress
-from ..simd.threads import side_by_side
 from .detect import detect_landmarks, face_yaw
 
 _SPREAD = 24
@@ -164,16 +163,15 @@ def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> di
     tried: set[tuple[int, bool]] = set()
 
     def look(views: Int64, thorough: bool = False) -> None:
-        left = [view for view in map(int, views)
-                if (view, thorough) not in tried and view not in detected]
-        tried.update((view, thorough) for view in left)
-        for start in range(0, len(left), 8):
-            some = left[start:start + 8]
+        for view in (int(v) for v in views):
+            if (view, thorough) in tried or view in detected:
+                continue
+            tried.add((view, thorough))
             if progress is not None:
                 progress.update(progress.done, f"looking for the face: {len(detected)} views found")
-            found = side_by_side(lambda view: _detect(capture, view, thorough), some, 2)
-            detected.update((view, points) for view, points in zip(some, found, strict=True)
-                            if points is not None)
+            points = _detect(capture, view, thorough)
+            if points is not None:
+                detected[view] = points
 
     look(order[::max(1, len(order) // _SPREAD)])
     if not detected:

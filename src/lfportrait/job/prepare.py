@@ -180,19 +180,12 @@ def _marks(calibration: dict[str, Any]) -> dict[str, str]:
             | dict.fromkeys(calibration["left_out"], "not placed"))
 
 
-def _prepare_face() -> None:
-    from ..face import prepare_face
-
-    prepare_face(2)
-
-
 def _placed_photos(photos: Path, config: CalibrateConfig, few: bool, progress: Progress | None,
                    sheet: Path | None) -> tuple[Capture, dict[str, Any]]:
     """Photos with the cameras that structure from motion finds, or else the face; figures."""
     figures: dict[str, Any] = {"source": "photos"}
     try:
-        capture = (_few_placed(photos, config, progress) if few
-                   else calibrate(photos, config, progress, aside=_prepare_face))
+        capture = (_few_placed if few else calibrate)(photos, config, progress)
     except PhotosError as error:
         found = _by_the_face(photos, config, progress, figures, 3)
         if found is not None:
@@ -421,13 +414,11 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
     from ..face import person_matte
 
     matte_of = network or person_matte
-    soft: list[Float32] = []
-    while len(soft) < len(capture):
-        soft += side_by_side(
-            lambda view: matte_of(capture.images[view], _up_in_image(capture, view)),
-            range(len(soft), min(len(soft) + 8, len(capture))), 2)
+    soft = []
+    for view, image in enumerate(capture.images):
+        soft.append(matte_of(image, _up_in_image(capture, view)))
         if progress is not None:
-            progress.update(0, f"cutting out the person: {len(soft)} of {len(capture)}")
+            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
     return soft
 
 
