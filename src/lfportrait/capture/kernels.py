@@ -13,20 +13,30 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ..simd.decorators import kernel, lean_kernel
+from ..simd.decorators import lean, lean_kernel
 from ..simd.threads import shared
+from ..simd.vectors import LANES
 
 
-@njit(cache=True, inline="always")
-def _project(camera, x, y, z):  # type: ignore[no-untyped-def]
-    """Column, row and depth of a point."""
-    dx, dy, dz = x - camera[3], y - camera[7], z - camera[11]
-    depth = camera[2] * dx + camera[6] * dy + camera[10] * dz
-    if depth <= 1e-9:
-        return -1.0, -1.0, depth
-    u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / depth
-    v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / depth
-    return u * camera[12] + camera[14], v * camera[13] + camera[15], depth
+@lean
+def _along_row(camera, first, spacing, j, k, line):
+    """A row of the lattice in a picture: column and row times depth, and depth, at its first point.
+
+    ``line`` float32 [6] is filled: these three, and what each point adds to them.
+    """
+    dx, dy, dz = first[0] - camera[3], first[1] + spacing * j - camera[7], (
+        first[2] + spacing * k - camera[11])
+    for axis in range(3):
+        at = camera[axis] * dx + camera[4 + axis] * dy + camera[8 + axis] * dz
+        step = spacing * camera[axis]
+        if axis == 2:
+            line[2], line[5] = at, step
+            line[0] += camera[14] * at
+            line[1] += camera[15] * at
+            line[3] += camera[14] * step
+            line[4] += camera[15] * step
+        else:
+            line[axis], line[3 + axis] = camera[12 + axis] * at, camera[12 + axis] * step
 
 
 def vote_lattice(  # type: ignore[no-untyped-def]
@@ -36,7 +46,7 @@ def vote_lattice(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     cameras
-        float64 [V, 16], a row a view (see above).
+        float64 [V, 16], a row a view: pose (camera-to-world, three rows), focal, center.
     mattes
         float32, the V mattes in [0, 1] one after the other, each in scan order.
     shapes
@@ -52,55 +62,89 @@ def vote_lattice(  # type: ignore[no-untyped-def]
         float32 [size, size, size] (z, y, x), the mean matte over the views that have the point in
         the picture; 0 where it was given up, 1 where no picture shows it.
     """
-    share = np.ones((size, size, size), np.float32)
+    wide = (size + 15) // 16 * 16
+    share = np.empty((size, size, wide), np.float32)
     starts = np.concatenate([[0], np.cumsum(shapes[:, 0] * shapes[:, 1])])
-    _vote(cameras, mattes, shapes, starts, first, spacing, tolerance * len(cameras), share)
-    return share
+    lines = np.empty((size, len(cameras), 6), np.float32)
+    _vote(cameras, mattes, shapes, starts, first, spacing, np.float32(tolerance * len(cameras)),
+          lines, share)
+    return np.ascontiguousarray(share[..., :size])
+
+
+_load, _store, _floats, _ints, _iota = (LANES.load, LANES.store, LANES.floats, LANES.ints,
+                                        LANES.iota)
+_where, _bits, _gather = LANES.where, LANES.bits, LANES.gather
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 @shared("share")
 @lean_kernel
-def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, share):
-    """Fill what `vote_lattice` gives; each view's matte begins at ``starts``."""
-    count, size = len(cameras), len(share)
+def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, lines, share):
+    """Fill what `vote_lattice` gives, sixteen points of a row at a time.
+
+    Each view's matte begins at ``starts``; ``lines`` [size, V, 6] is scratch.
+    """
+    count, size, wide = len(cameras), share.shape[1], share.shape[2]
     for k in range(since, until):
         for j in range(size):
-            for i in range(size):
-                seen = 0
-                against = np.float32(0.0)
+            for view in range(count):
+                _along_row(cameras[view], first, spacing, j, k, lines[k, view])
+            for i in range(0, wide, 16):
+                place = _floats(_iota() + np.int32(i))
+                seen, against = _floats(_ZERO), _floats(_ZERO)
                 for view in range(count):
-                    height, width = shapes[view, 0], shapes[view, 1]
-                    column, row, depth = _project(
-                        cameras[view], first[0] + spacing * i, first[1] + spacing * j,
-                        first[2] + spacing * k)
-                    if depth > 1e-9 and 0.0 <= column < width and 0.0 <= row < height:
-                        seen += 1
-                        against += np.float32(1.0) - mattes[
-                            starts[view] + int(row) * width + int(column)]
-                        if against > limit:
-                            break
-                if against > limit:
-                    share[k, j, i] = 0.0
-                elif seen > 0:
-                    share[k, j, i] = np.float32(1.0) - against / np.float32(seen)
+                    line = lines[k, view]
+                    depth = line[2] + line[5] * place
+                    inverse = _ONE / depth
+                    column = (line[0] + line[3] * place) * inverse
+                    row = (line[1] + line[4] * place) * inverse
+                    inside = ((depth > np.float32(1e-9)) & (column >= _ZERO) & (row >= _ZERO)
+                              & (column < np.float32(shapes[view, 1]))
+                              & (row < np.float32(shapes[view, 0])))
+                    if _bits(inside) == 0:
+                        continue
+                    pixel = (_ints(_where(inside, row, _ZERO)) * np.int32(shapes[view, 1])
+                             + _ints(_where(inside, column, _ZERO)) + np.int32(starts[view]))
+                    seen = seen + _where(inside, _floats(_ONE), _ZERO)
+                    against = against + _where(inside, _ONE - _gather(mattes, pixel), _ZERO)
+                    if _bits(against <= limit) == 0:
+                        break
+                mean = _where(seen > _ZERO, _ONE - against / seen, _ONE)
+                _store(share[k, j], np.uintp(i), _where(against <= limit, mean, _ZERO))
 
 
-@kernel
 def cover_views(camera, points, first, spacing, height, width):  # type: ignore[no-untyped-def]
     """Pixels, bool [height, width], in which one of the lattice's ``points`` lies.
 
     ``points`` is bool [Z, Y, X].
     """
     covered = np.zeros((height, width), np.bool_)
+    _cover(camera, points, first, spacing, np.empty(6, np.float32), covered)
+    return covered
+
+
+@lean_kernel
+def _cover(camera, points, first, spacing, line, covered):
+    """`cover_views`; ``line`` is scratch."""
+    height, width = covered.shape
     for k in range(points.shape[0]):
         for j in range(points.shape[1]):
+            ready = False
             for i in range(points.shape[2]):
-                if points[k, j, i]:
-                    column, row, depth = _project(camera, first[0] + spacing * i,
-                                                  first[1] + spacing * j, first[2] + spacing * k)
-                    if depth > 1e-9 and 0.0 <= column < width and 0.0 <= row < height:
-                        covered[int(row), int(column)] = True
-    return covered
+                if not points[k, j, i]:
+                    continue
+                if not ready:
+                    _along_row(camera, first, spacing, j, k, line)
+                    ready = True
+                place = np.float32(i)
+                depth = line[2] + line[5] * place
+                if depth <= np.float32(1e-9):
+                    continue
+                inverse = _ONE / depth
+                column = (line[0] + line[3] * place) * inverse
+                row = (line[1] + line[4] * place) * inverse
+                if _ZERO <= column < np.float32(width) and _ZERO <= row < np.float32(height):
+                    covered[int(row), int(column)] = True
 
 
 MOMENTS = 10

@@ -343,7 +343,8 @@ class _Votes:
         # Small pictures in which a step of the lattice is about one pixel.
         factors = np.maximum(1, np.floor(self.spacing * cameras.focal.min(1) / distance))
         self.factors = [int(factor) for factor in factors]
-        self.small = [_small(matte, factor) for matte, factor in zip(mattes, self.factors)]
+        self.small = side_by_side(lambda view: _small(mattes[view], self.factors[view]),
+                                  range(len(mattes)))
         self.rows = np.concatenate([
             cameras.pose[:, :3].reshape(-1, 12), cameras.focal / factors[:, None],
             cameras.center / factors[:, None]], axis=1)
@@ -370,19 +371,28 @@ def _corrected(votes: _Votes, view: int, matte: Float32) -> Float32:
 
     def full(mask: Bool) -> Float32:
         large = np.repeat(np.repeat(mask.astype(np.float32), factor, 0), factor, 1)
-        smooth: Float32 = ndimage.uniform_filter(
-            large[:matte.shape[0], :matte.shape[1]], 2 * factor + 1)
-        return smooth
+        return np.asarray(cv2.blur(large[:matte.shape[0], :matte.shape[1]], (2 * factor + 1,) * 2,
+                                   borderType=cv2.BORDER_REFLECT), np.float32)
 
     cross = ndimage.generate_binary_structure(2, 2)
     # The lattice's points leave gaps between them; closing joins them, one more step is margin.
     result = matte * full(ndimage.binary_dilation(_closed(votes.cover(view)), cross))
     person = result > 0.5
-    holes = ndimage.binary_fill_holes(person) & ~person
+    holes = _holes(person)
     if holes.any():
         certain = full(_closed(votes.cover(view, certain=True)))
         result = np.where(holes, np.maximum(result, certain), result)
     return np.clip(result, 0, 1)
+
+
+def _holes(person: Bool) -> Bool:
+    """What is not the person, but surrounded by it."""
+    _, pieces = cv2.connectedComponents((~person).astype(np.uint8), connectivity=4)
+    border = np.zeros(pieces.max() + 1, bool)
+    for rim in (pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]):
+        border[rim] = True
+    border[0] = True
+    return np.asarray(~border[pieces])
 
 
 def _closed(mask: Bool) -> Bool:
