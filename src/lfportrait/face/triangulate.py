@@ -26,14 +26,16 @@ _MOST_TURNED = 0.9
 """`face_yaw` beyond which a view says little about the hidden half of the face."""
 
 
-def _linear(cameras: Camera, points: Float64, weights: Float64) -> Float64:
-    """Point nearest to the viewing rays of one landmark, [3]."""
+def _across(cameras: Camera, points: Float64) -> tuple[Float64, Float64]:
+    """What the viewing rays of one landmark say of its place x: A x = b, [V, 3, 3] and [V, 3].
+
+    The point nearest to some of the rays solves the sum of theirs.
+    """
     local = np.column_stack([(points - cameras.center) / cameras.focal, np.ones(len(points))])
     directions = np.einsum("vij,vj->vi", cameras.pose[:, :3, :3], local)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    across = weights[:, None, None] * (np.eye(3) - directions[:, :, None] * directions[:, None])
-    return np.linalg.solve(across.sum(0) + 1e-12 * np.eye(3),
-                           np.einsum("vij,vj->i", across, cameras.position))
+    across = np.eye(3) - directions[:, :, None] * directions[:, None]
+    return across, np.einsum("vij,vj->vi", across, cameras.position)
 
 
 def _refine(cameras: Camera, points: Float64, start: Float64,
@@ -115,18 +117,18 @@ def triangulate(cameras: Camera, points: Float64, *, tolerance: float | None = N
 def _best_start(cameras: Camera, points: Float64, views: Int64, tolerance: float,
                 ) -> Float64:
     """The linear solution, from all views or from the pair that most others agree with."""
-    everyone = np.ones(len(views))
-    candidates = [_linear(cameras[views], points[views], everyone)]
+    across, along = _across(cameras[views], points[views])
+    left, right = across.sum(0)[None], along.sum(0)[None]
     if len(views) > 2:
-        for a in range(min(len(views), 12)):
-            for b in range(a + 1, min(len(views), 12)):
-                pair = views[[a, b]]
-                candidates.append(_linear(cameras[pair], points[pair], np.ones(2)))
-    pixels, depth = cameras[views].project(np.array(candidates))
+        one, other = np.triu_indices(min(len(views), 12), 1)
+        left = np.concatenate([left, across[one] + across[other]])
+        right = np.concatenate([right, along[one] + along[other]])
+    candidates = np.linalg.solve(left + 1e-12 * np.eye(3), right[..., None])[..., 0]
+    pixels, depth = cameras[views].project(candidates)
     error = np.linalg.norm(pixels - points[views][:, None], axis=-1)
     error[depth <= 0] = np.inf
     cost = np.minimum(error, 3 * tolerance).sum(axis=0)
-    return candidates[int(cost.argmin())]
+    return np.asarray(candidates[int(cost.argmin())])
 
 
 def frontal_order(cameras: Camera) -> Int64:

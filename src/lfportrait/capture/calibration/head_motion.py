@@ -130,8 +130,9 @@ def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
 
 def _scene(capture: Capture, mattes: list[NDArray[np.float32]], work: Path, seed: int) -> Scene:
     features = side_by_side(lambda view: _seen(capture, view, mattes[view]), range(len(mattes)))
-    matches = {(i, j): match_features(features[i].descriptors, features[j].descriptors)
-               for i, j in likely_pairs(likeness(features))}
+    pairs = likely_pairs(likeness(features))
+    matches = dict(zip(pairs, side_by_side(
+        lambda pair: match_features(*(features[view].descriptors for view in pair)), pairs, 4)))
     cameras = capture.cameras
     return Scene([(int(w), int(h)) for w, h in zip(cameras.width, cameras.height)],
                  [float(focal) for focal in cameras.focal[:, 0]], features,
