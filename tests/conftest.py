@@ -1,5 +1,6 @@
 """Fixtures that several test files share, and how the two test processes share the cores."""
 
+import gc
 import importlib
 import os
 import sys
@@ -27,6 +28,16 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
+
+# What is made while tests are collected stays: nothing of it is garbage, then or later.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """From now on garbage is looked for, among what tests make."""
+    gc.freeze()
+    gc.enable()
+
 
 FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_portrait.py",
          "job/batch/test_ray.py", "share/page/test_in_browser.py",
