@@ -1,7 +1,10 @@
 """Fixtures that several test files share, and how the two test processes share the cores."""
 
+import gc
+import importlib
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import hypothesis
@@ -25,6 +28,16 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
+
+# What is made while tests are collected stays: nothing of it is garbage, then or later.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """From now on garbage is looked for, among what tests make."""
+    gc.freeze()
+    gc.enable()
+
 
 FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_portrait.py",
          "job/batch/test_ray.py", "share/page/test_in_browser.py",
@@ -236,12 +249,30 @@ def plain_browser(playwright):
         yield running
 
 
+def import_from_the_end(config: pytest.Config) -> None:
+    """Import the test files, the last one first.
+
+    In a new checkout each is rewritten for its asserts, which takes longer than all else before the
+    tests. Of two processes each so does half: what the other has written is read.
+    """
+    for folder in config.getini("testpaths"):
+        for path in sorted((config.rootpath / folder).rglob("test_*.py"), reverse=True):
+            # Whatever is wrong with one, or missing for it, is told when it is collected.
+            with suppress(Exception, pytest.skip.Exception):
+                importlib.import_module(".".join(
+                    path.relative_to(config.rootpath).with_suffix("").parts))
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the stages' kernels once, on all cores, before the test processes begin.
 
     Each would compile for itself what both need. A run of one process compiles what it comes by.
     """
-    if not getattr(session.config.option, "numprocesses", None):
+    config = session.config
+    if (os.environ.get("PYTEST_XDIST_WORKER") == "gw1"
+            and config.args_source is pytest.Config.ArgsSource.TESTPATHS):
+        import_from_the_end(config)
+    if not getattr(config.option, "numprocesses", None):
         return
     from lfportrait.job.warmup import FUNCTIONS, Warmup
     from lfportrait.progress import Progress

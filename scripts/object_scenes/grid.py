@@ -10,8 +10,8 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from lfportrait.simd.decorators import kernel, lean
 from lfportrait.simd.threads import share_out
 
 from .design import Design
@@ -39,7 +39,7 @@ class Baked(NamedTuple):
     glassy: bool
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def search(first, last, solids, profiles, extent, grid, starts, listed, fill):
     """In some layers of blocks: distances at cells' middles, and what may be nearest in a cell.
 
@@ -103,7 +103,7 @@ def bake(design: Design) -> Baked:
                  bool((design.materials[:, CLEAR] > 0).any()))
 
 
-@njit(cache=True, error_model="numpy")
+@lean
 def smooth_distance(grid, extent, x, y, z):
     """The grid's distance, interpolated: continuous, but blind to what is thinner than a cell."""
     cells = len(grid)
@@ -121,7 +121,7 @@ def smooth_distance(grid, extent, x, y, z):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def march(baked, origin, direction, start, reach, softness, through_glass):
     """Walk along a ray: (distance or -1, solid, how much of a soft light passes by, and by glass).
 

@@ -7,6 +7,7 @@ it is the same in every picture.
 
 from __future__ import annotations
 
+from functools import partial
 from math import atan2, floor, pi, sin
 
 import numpy as np
@@ -16,7 +17,7 @@ from .solids import BLADE, BOX, CASE, CLOTH, CYLINDER, LEAF
 
 __all__ = ["BANDS", "BOARDS", "BRICKS", "CHECKS", "CLEAR", "CLOUDS", "FREQUENCY", "GLOSS", "GLOW",
            "METAL", "PAPER", "POSTER", "PRINT", "ROUGH", "SHARPNESS", "SPECKLES", "SPINE",
-           "STRIPES", "THIN", "VEINS", "WEAVE", "material", "noise", "paint"]
+           "STRIPES", "THIN", "VEINS", "WEAVE", "material", "noise", "paint", "part"]
 
 STRIPES, BANDS, CHECKS, BRICKS, BOARDS, CLOUDS, WEAVE, PAPER, POSTER, VEINS, SPINE, SPECKLES, \
     PRINT = range(13)
@@ -56,7 +57,13 @@ def material(color, gloss: float = 0.1, sharpness: float = 20, second=None, patt
     return row
 
 
-@njit("float64(float64, float64, float64)", cache=True, error_model="numpy")
+part = partial(njit, cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True,
+               no_cpython_wrapper=True)
+"""Compile a part of kernels without entrances from elsewhere, which are half of the work."""
+_of_three = part("float64(float64, float64, float64)")
+
+
+@_of_three
 def hashed(a, b, c):
     """A number in [0, 1) that looks random, from three whole ones."""
     low = np.uint64(0xFFFFFFFF)
@@ -69,7 +76,7 @@ def hashed(a, b, c):
     return float(mixed & np.uint64(0xFFFFFF)) / 16777216.0
 
 
-@njit("float64(float64, float64, float64)", cache=True, error_model="numpy")
+@_of_three
 def noise(x, y, z):
     """Two octaves of smooth noise in [0, 1]."""
     total, weight = 0.0, 0.67
@@ -85,7 +92,7 @@ def noise(x, y, z):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def chart(solid, place, normal):
     """Two coordinates along the surface; the second one is the height where there is one."""
     kind = int(solid[0])
@@ -103,13 +110,13 @@ def chart(solid, place, normal):
     return atan2(place[1], place[0]) * solid[13], place[2]
 
 
-@njit("float64(float64, float64, float64)", cache=True, error_model="numpy")
+@_of_three
 def step(low, high, value):
     t = min(max((value - low) / (high - low), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def blend_of(pattern, often, solid, number, place, p, q):
     """(share of the second color, brightness) of a pattern at a point."""
     if pattern == STRIPES:
@@ -179,7 +186,7 @@ def blend_of(pattern, often, solid, number, place, p, q):
     return (0.85 if inked and letter else 0.0), 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def paint(row, solid, number, place, normal, color):
     """The color, before light, at ``place`` (in the solid's axes) of solid ``number``."""
     pattern, often = int(row[PATTERN]), row[FREQUENCY]
@@ -196,7 +203,7 @@ def paint(row, solid, number, place, normal, color):
         color[channel] = tone * (row[channel] * (1.0 - share) + row[SECOND + channel] * share)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def poster(often, solid, number, p, q, color):
     """A framed picture: sky, hills and discs in colors of its own, like a modern print."""
     border = min(solid[13] - abs(p), solid[14] - abs(q))

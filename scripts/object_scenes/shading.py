@@ -9,11 +9,10 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
 from .design import INDOORS, STUDIO
 from .grid import march, smooth_distance
-from .materials import GLOSS, GLOW, ROUGH, SHARPNESS, THIN, paint
+from .materials import GLOSS, GLOW, ROUGH, SHARPNESS, THIN, paint, part
 from .solids import distance, dot
 
 __all__ = ["environment", "normal_of", "occlusion_at", "passing", "shade"]
@@ -29,13 +28,13 @@ BOXES = np.array([
 ])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def inside(value, size, edge):
     t = min(max(0.5 + 0.5 * (size - abs(value)) / edge, 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def environment(surroundings, ray, rough, color):
     """Add what lies in a direction, blurred by ``rough`` radians."""
     x, y, z = ray[0], ray[1], ray[2]
@@ -75,7 +74,7 @@ def environment(surroundings, ray, rough, color):
             color[channel] += share * BOXES[box, 5 + channel]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def normal_of(solids, number, profiles, point):
     """Gradient of the distance, by the corners of a tetrahedron."""
     nx, ny, nz, h = 0.0, 0.0, 0.0, 3e-4
@@ -89,7 +88,7 @@ def normal_of(solids, number, profiles, point):
     return np.array([nx / length, ny / length, nz / length])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def occlusion_at(baked, point, normal):
     """How open the surroundings of a point are."""
     occlusion = 1.0
@@ -101,14 +100,14 @@ def occlusion_at(baked, point, normal):
     return max(occlusion, 0.15)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def passing(baked, point, direction, reach, softness):
     """How much light arrives from a direction; glass dims it a little."""
     _, _, light, dimmed = march(baked, point, direction, 2e-3, reach, softness, baked.glassy)
     return max(light, 0.0) * (0.62 + 0.38 * dimmed)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def shade(baked, point, ray, normal, nearest, color):
     """Add the light, linear, that a point on a solid sends back along ``ray``."""
     solid = baked.solids[nearest]

@@ -11,8 +11,9 @@ from itertools import pairwise
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import PchipInterpolator
+
+from lfportrait.simd.decorators import kernel, lean
 
 __all__ = ["ACROSS", "ARC", "BLADE", "BOX", "CASE", "CLOTH", "CYLINDER", "LATHE", "LEAF", "ROD",
            "SPINDLE", "TUBE", "Model", "about_y", "about_z", "distance", "dot", "moved",
@@ -22,12 +23,12 @@ BOX, CYLINDER, TUBE, LEAF, LATHE, SPINDLE, ARC, BLADE, CLOTH, CASE, ROD = range(
 CONTROLS = 24  # of the spline that is a turned vase's radius
 
 
-@njit(cache=True, error_model="numpy")
+@lean
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def radius_at(controls, share):
     """Radius of what a lathe turned, at a share of its height: a uniform cubic B-spline."""
     place = min(max(share, 0.0), 1.0) * (CONTROLS - 3)
@@ -38,7 +39,7 @@ def radius_at(controls, share):
             + t**3 * controls[i + 3]) / 6.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wave(p, q, radius, height):
     """How far a cloth of that radius is lifted at (p, q): folds that grow towards the rim."""
     rim = min((p * p + q * q) / radius**2, 1.3)
@@ -48,7 +49,7 @@ def wave(p, q, radius, height):
                      + rim * rim * sin(9.0 * turn + 1.5 * sin(2.0 * turn)))
 
 
-@njit(cache=True, error_model="numpy")
+@lean
 def pointed(u, v, length, width):
     """Distance in the plane to the lens between two circles, from a point with u, v >= 0."""
     below = (length * length - width * width) / (2.0 * width)  # the circle's middle is at (0, -)
@@ -57,7 +58,7 @@ def pointed(u, v, length, width):
     return sqrt(u * u + (v + below)**2) - below - width
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@lean(inline="always")
 def combined(u, v, w, rounding):
     """Distance to what has these distances along three axes."""
     u, v, w = u + rounding, v + rounding, w + rounding
@@ -65,7 +66,7 @@ def combined(u, v, w, rounding):
             - rounding)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel
 def distance(solids, s, profiles, x, y, z):
     """Signed distance to solid ``s``, or a lower bound."""
     kind = int(solids[s, 0])
@@ -89,7 +90,7 @@ def distance(solids, s, profiles, x, y, z):
     return combined(u, -1.0, w, solids[s, 16])
 
 
-@njit(cache=True, error_model="numpy")
+@lean
 def bent(solids, s, profiles, kind, p, q, w):
     """The distance in the solid's own axes to a solid of the less simple kinds."""
     u, v = abs(p), abs(q)

@@ -10,14 +10,14 @@ from __future__ import annotations
 from math import exp, pi, sqrt
 
 import numpy as np
-from numba import njit
 
 from lfportrait.capture import Camera
+from lfportrait.simd.decorators import kernel
 from lfportrait.simd.threads import share_out
 
 from .design import Design
 from .grid import bake, march
-from .materials import CLEAR, COLOR, METAL, ROUGH, noise
+from .materials import CLEAR, COLOR, METAL, ROUGH, noise, part
 from .shading import environment, normal_of, occlusion_at, passing, shade
 from .solids import CYLINDER, LATHE, distance, dot
 
@@ -26,7 +26,7 @@ __all__ = ["Scene"]
 EVENTS, MIRRORS = 16, 2  # walls of glass and mirrors that a ray meets, mirrors among them
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def cross_glass(solids, number, profiles, origin, ray, start):
     """Walk on through a glass wall: (where it is left, how long the way inside was)."""
     t, inner, before, step = start, 0.0, 0.0, 0.0
@@ -44,7 +44,7 @@ def cross_glass(solids, number, profiles, origin, ray, start):
     return t, inner
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def brushed(baked, solid, point, ray, normal, rough, color):
     """What metal turned on a lathe mirrors: a streak across its grooves."""
     axis = solid[10:13]
@@ -64,7 +64,7 @@ def brushed(baked, solid, point, ray, normal, rough, color):
     color += total / 7.0
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def trace(baked, origin, ray, start, out):
     """Color (coded, premultiplied), opacity and a number that tells solids apart, of one ray."""
     through, color = np.ones(3), np.zeros(3)
@@ -136,7 +136,7 @@ def trace(baked, origin, ray, start, out):
     out[3] = alpha
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def cast(first, last, baked, camera, focal, rays, start, out):
     """Cast rays through picture points [K, 2]: out [K, 5] is color, opacity and the solid."""
     for number in range(first, last):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch  # noqa: F401 - for `jobs`: what it forks would import it once more each
 
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.errors import UserError

@@ -15,6 +15,7 @@ code is there: the next run starts no process.
 from __future__ import annotations
 
 import functools
+import gc
 import importlib
 import math
 import os
@@ -120,8 +121,10 @@ def run_stage(name: str, told: Callable[[str], None] = print) -> None:
 def serve() -> None:
     """Compile the stages that are asked for; what is said without a name ends each one's."""
     pipe = Pipe()
+    gc.disable()  # to look for garbage while Numba compiles takes a sixth of its time
     while True:
         run_stage(pipe.requests.get(), pipe.tell)
+        gc.collect()
         pipe.tell()
 
 
