@@ -31,6 +31,7 @@ from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing.colors import with_steady_colors
+from .closing.fins import without_fins
 from .closing.fitted_head import FitHead
 from .closing.grazed import with_even_colors
 from .closing.sides import close_back, close_sides
@@ -264,7 +265,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     if surface is not None:
         figures["geometry"] = _geometry(surface, progress)
         # What is closed goes on in these colors.
-        field = with_steady_colors(field, cameras, middle)
+        field = without_fins(with_steady_colors(field, cameras, middle), landmarks)
     if config.fill_back:
         if surface is not None:
             field, closed = close_sides(field, surface, capture, cut, fit_head)

@@ -107,6 +107,24 @@ def test_what_no_photo_saw_below_the_chin_is_dressed_as_what_is_around(skin, poi
     assert (dressed()[sleeve] > 0.5).mean() > 0.9
 
 
+def test_shade_below_a_chin_is_worn_by_nobody(skin, points):
+    """A collar as dark and brown is, as it goes on further down."""
+    x, y, z = points.T
+    plain = skin.atlas.color.reshape(-1, 3)[skin.index]
+    depth = (skin.plane.origin[1] - y) / skin.plane.height
+    hollow = (np.abs(x) < 0.15) & (y < CHIN - 0.02) & (y > CHIN - 0.12) & (z > 0)
+    cheeks = plain[np.abs(points - HEAD_LANDMARKS[30]).sum(axis=1) < 0.3].mean(axis=0)
+
+    def dressed(dark, colors):
+        colors = colors.copy()
+        colors[dark] = 0.3 * cheeks
+        return _clothes(skin.plane, colors, np.float32(points), skin.flat,
+                        np.ones(len(points), np.float32), depth, None)[hollow & (depth > 1.1)]
+
+    assert dressed(hollow, plain).max() < 0.1
+    assert np.median(dressed(y < CHIN - 0.02, plain)) > 0.6
+
+
 def test_what_no_photo_shows_is_unseen(field, skin, points):
     assert (skin.seen == 1).all()
     front = Camera.arc(np.linspace(-40, 40, 90), distance=4.0, width=60, height=60, focal=90.0)

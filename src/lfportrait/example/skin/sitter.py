@@ -53,6 +53,8 @@ from .hair import (
 
 SIDE = 512
 """Side in pixels of the picture that the features are drawn in."""
+COLLAR = 1.4
+"""Down to here (brows 0, chin 1) a chin throws its shade; what is worn there goes on below."""
 
 
 def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,
@@ -322,14 +324,42 @@ def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, 
     face = (depth > 0.3) & (depth < 0.95) & (points[:, 2] > 0)
     face &= np.abs(points[:, 0]) < np.ptp(points[face, 0]) * 0.25 if face.any() else face
     chosen = below | face
-    away = skin_distance(colors[chosen], face[chosen])
-    out[chosen] = 1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30)))
+    out[chosen] = _unlike_skin(colors[chosen], face[chosen])
+    cells = Cells.over(flat, 0.03 * plane.height)
+    out = _without_shade(out, colors, face, depth, cells)
     # Of what no photo saw, as below a chin, colors say little: it is as what is around.
     known, unseen = below & (seen > 0.5), below & (seen <= 0.5)
-    around = Cells.over(flat, 0.03 * plane.height).extrapolated(4 * out - 2, known, 1.0, 20.0)
+    around = cells.extrapolated(4 * out - 2, known, 1.0, 20.0)
     out[unseen] = np.clip(out[unseen] + around[unseen], 0, 1)
     out *= np.clip((depth - 1.0) / 0.15, 0, 1).astype(np.float32)
     return out if hair is None else out * (1 - hair)
+
+
+def _unlike_skin(colors: Float32, face: Bool) -> Float32:
+    """How far colors [N, 3] are none of those of a face, bool [N], float32 [N] in [0, 1]."""
+    away = skin_distance(colors, face)
+    return np.asarray(1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30))), np.float32)
+
+
+def _without_shade(clothes: Float32, colors: Float32, face: Bool, depth: Float64, cells: Cells,
+                   ) -> Float32:
+    """Clothes [N] without the shade below a chin.
+
+    Shade has the skin's hue. A brown collar has, too, but it hangs together with what is worn
+    further down.
+    """
+    asked = np.flatnonzero((clothes > 0.05) & (depth < COLLAR) & (depth > 1.0))
+    if not face.any() or not len(asked):
+        return clothes
+    worn = cells.joined(clothes, (clothes > 0.5) & (depth > COLLAR))[asked]
+    luma = grey(colors[None])[0]
+    gain = np.maximum(float(np.median(luma[face])) / np.maximum(luma[asked], 1e-3), 1)
+    some = np.flatnonzero(face)[::max(1, int(face.sum()) // 20000)]
+    lit = np.concatenate([colors[asked] * gain[:, None], colors[some]])
+    hue = _unlike_skin(lit, np.arange(len(lit)) >= len(asked))[:len(asked)]
+    out = clothes.copy()
+    out[asked] = np.minimum(clothes[asked], np.maximum(hue, worn))
+    return out
 
 
 def _facing(points: Float32, normals: Float32, cameras: Camera | None) -> Float32:
