@@ -3,7 +3,8 @@
 The baselines: a flat card, the matte inflated as a whole, the generic head, the statistical head's
 mean. Fields and true photos are aligned by the landmarks of brows, eyes, nose and mouth; the true
 head down to the chin counts, on white, at one gain a channel, moved by a few pixels where that fits
-better.
+better. A head that is too large loses nothing by that, so PSNR is printed over both outlines, too,
+white where a head is not.
 
 Run: python scripts/measure_one_photo.py PHOTO TRUTH [RESOLUTION]
          PHOTO: a photo (or a folder of a few), TRUTH: a capture of many photos of the same person
@@ -65,8 +66,8 @@ def chosen_views(true: Capture) -> dict[int, float]:
             if abs(yaw[view] - angle) < 6}
 
 
-def compared(true: Capture, view: int, drawn: Drawn) -> tuple[float, float]:
-    """PSNR in dB and the overlap of the outlines, of a picture and a true photo."""
+def compared(true: Capture, view: int, drawn: Drawn) -> tuple[float, float, float]:
+    """PSNR in dB, overlap of the outlines, and PSNR over both, of a picture and a true photo."""
     assert true.alphas is not None and true.landmarks is not None
     camera = true.cameras[view]
     alpha = true.alphas[view].astype(np.float32) / 255
@@ -97,11 +98,16 @@ def _moved(photo: NDArray[np.float32], color: NDArray[np.float32], cover: NDArra
 
 
 def _compared(photo: NDArray[np.float32], head: NDArray[np.bool_], color: NDArray[np.floating],
-              cover: NDArray[np.floating]) -> tuple[float, float]:
+              cover: NDArray[np.floating]) -> tuple[float, float, float]:
     gain = (color * photo)[head].sum(axis=0) / np.maximum((color ** 2)[head].sum(axis=0), 1e-6)
-    error = float((((color * gain) - photo)[head] ** 2).mean())
+    error = ((color * gain) - photo) ** 2
     solid = cover > 0.5
-    return -10 * float(np.log10(error)), float((head & solid).sum() / (head | solid).sum())
+    # Beside the head a photo is white, and so is a picture, whatever the gain is.
+    share = np.asarray(cover, np.float32)[..., None]
+    over = (color - 1 + share) * gain + 1 - share - photo
+    inner, both = float(error[head].mean()), float((over[head | solid] ** 2).mean())
+    overlap = float((head & solid).sum() / (head | solid).sum())
+    return -10 * float(np.log10(inner)), overlap, -10 * float(np.log10(both))
 
 
 def fitted(prior: HeadPrior | None, resolution: int | None,
@@ -195,12 +201,13 @@ def measure(photo: Path, truth: Capture, resolution: int | None) -> None:
             pose[0, :3, :3] = rotation @ pose[0, :3, :3]
             pose[0, :3, 3] = scale * rotation @ pose[0, :3, 3] + shift
             found[yaw] = compared(truth, view, draw(replace(camera, pose=pose)))
-        by_angle = ", ".join(f"{yaw:.0f}: {found[yaw][0]:.1f} {found[yaw][1]:.3f}"
-                             for yaw in sorted(found))
+        by_angle = ", ".join(f"{yaw:.0f}: {found[yaw][0]:.1f} {found[yaw][1]:.3f} "
+                             f"{found[yaw][2]:.1f}" for yaw in sorted(found))
         near, far = ([value for yaw, value in found.items() if (abs(yaw) <= NEAR) == inner]
                      for inner in (True, False))
         means = "; ".join(f"{what} {np.mean([one[0] for one in part]):.2f} dB "
-                          f"{np.mean([one[1] for one in part]):.3f}"
+                          f"{np.mean([one[1] for one in part]):.3f}, over both outlines "
+                          f"{np.mean([one[2] for one in part]):.2f} dB"
                           for what, part in (("near", near), ("beyond", far)) if part)
         print(f"{name}: {means} ({by_angle})", flush=True)
 

@@ -1,8 +1,14 @@
 """Pieces of a person's solid: where they are, and where their surfaces only lead out of sight."""
 
+import cv2
 import numpy as np
+import pytest
 
-from lfportrait.face.one_photo.solid import EDGE, Piece
+from lfportrait.capture import Camera
+from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.solid import EDGE, METRES, Piece, _one_neck, solid_of
 
 
 def test_hair_is_only_a_little_beyond_where_it_grows():
@@ -22,3 +28,55 @@ def test_hair_is_only_a_little_beyond_where_it_grows():
 def test_without_parts_a_piece_is_anywhere():
     piece = Piece(*(np.ones((4, 4)) for _ in range(3)))
     assert piece.covers(np.zeros((2, 3)), np.array([0.5, 1.0, 2.0])).all()
+
+
+@pytest.fixture(scope="module")
+def bust():
+    """The generic head, with a thick neck, on drawn shoulders."""
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] = 1.5 * (points[:, 2] - points[:, 2].mean())
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=320, height=320, focal=560.0,
+                        target=(0, -0.25, 0), pitch=0.0)
+    matte = np.zeros((320, 320), np.uint8)
+    for corners in np.rint(camera.project(points)[0][0][prior.triangles]).astype(np.int32):
+        cv2.fillConvexPoly(matte, corners, 1)
+    shoulders = np.array([(-0.24, -0.62, 0), (0.24, -0.62, 0), (0.9, -0.95, 0), (0.95, -2, 0),
+                          (-0.95, -2, 0), (-0.9, -0.95, 0)])
+    cv2.fillPoly(matte, [np.rint(camera.project(shoulders)[0][0]).astype(np.int32)], 1)
+    parts = parts_of(camera, matte.astype(np.float32), np.zeros(matte.shape, np.float32), 4.0)
+    return solid_of(parts, MeshSamples.of(points, prior.outer, prior.rest))
+
+
+@pytest.mark.parametrize("across", [-0.2, 0.0, 0.2])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_neck_runs_into_the_shoulders_without_a_ledge(bust, across, side):
+    heights = np.arange(-0.6, -1.0, -0.02)
+    depths = np.arange(0.0, 1.2, 0.005)
+    found = []
+    for height in heights:
+        points = np.stack([np.full(len(depths), across), np.full(len(depths), height),
+                           side * depths[::-1]], axis=1)
+        distance = bust.distance(points, 0.1)[0]
+        found.append(depths[::-1][int(np.argmax(distance < 0))])  # from outside, the first within
+    steps = np.diff(found)
+    assert np.abs(steps).max() < 0.05  # at most two and a half times as far as down
+    assert np.abs(np.diff(steps)).max() < 0.025  # and round
+
+
+def test_shoulders_lie_behind_a_neck(bust):
+    middle = bust.body.middle
+    row, column = np.unravel_index(np.argmin(middle), middle.shape)
+    assert middle[-1, column] > middle[row, column] + 0.25
+    assert min(middle[row, 0], middle[row, -1]) > middle[row, column] + 0.25
+
+
+def test_what_lies_beside_a_neck_stays():
+    way = np.array([0.0, 0.01, 0.5, 0.99, 1.0])
+    above = -0.1 * way
+    head, body = np.full(5, 0.5), np.full(5, -0.05)
+    joined, of_body = _one_neck(head, body, way, above)
+    assert (joined[2:] < 0).all() and of_body[2:].all()
+    # The neck itself goes over from one to the other.
+    joined, _ = _one_neck(np.full(5, 0.02), np.full(5, -0.02), way, above)
+    assert joined == pytest.approx([0.02, 0.02, 0.0, -0.02, -0.02], abs=1e-3)

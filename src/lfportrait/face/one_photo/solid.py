@@ -39,17 +39,19 @@ NAPE, BACK = -0.36, 0.05
 behind than a scalp ears and a neck may lie."""
 NECK_TOP, NECK_END = -0.006, -0.015
 """Heights above the model's chin (metres) between which its neck goes over into the body's."""
-NECK_OVERLAP = 0.05
-"""How far the body goes up into the model's neck, portrait units."""
-SOFT_NECK, SOFT_HAIR = 0.03, 0.008
-"""Widths of the joints, portrait units."""
-TAPER, RECEDING = 0.12, 0.05
-"""Height from which on the model's neck, downwards, and the body's, upwards, recede behind, and by
-how much at their ends: else each would stand out from the other's nape as a ledge."""
+JOINT, AROUND = 0.018, 0.25
+"""How far down from there (metres) the model's neck goes over into the body, which it does within
+this height of the joint's upper end, portrait units."""
+ALIKE = 0.10
+"""How far apart, at most, the two are where one goes over into the other; what lies twice so far
+from the model's neck is no neck, but a collar or a shoulder beside it, portrait units."""
+SOFT_HAIR = 0.008
+"""Width of the joint of head and hair, portrait units."""
 BAND = 0.06
 """How far from the outline the model says how thick the neck is, portrait units."""
-LEANING, SHOULDERS = 1.1, 0.33
-"""How far the body recedes below the neck, over the way down, and at most, portrait units."""
+SHOULDERS, SLOPE = 0.30, 0.35
+"""How far behind the neck's middle the shoulders' lies, and how far from it it does, portrait
+units: a neck leans forward, and runs out to the shoulders behind."""
 LOWEST = -1.35
 """Nothing lies lower."""
 HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.105),
@@ -162,23 +164,24 @@ class Solid:
         asked = np.ones(len(points), bool) if near is None else near
         places, depth = self.parts.places(points)
         above = points @ self.neck[:3] - self.neck[3]
-        receding = np.zeros(len(points))
-        if self.body is not None:
-            receding = RECEDING * np.clip((depth - self.body.middle.min()) / TAPER, 0, 1)
-        head[asked] = np.maximum(
-            self.head.distance(points[asked], reach)
-            + receding[asked] * np.clip(1 - above[asked] / TAPER, 0, 1) ** 2, -above[asked])
+        head[asked] = self.head.distance(points[asked], reach)
+        owner = np.full(len(points), HEAD, np.uint8)
+        if self.body is None:
+            head = np.maximum(head, -above)
+        else:
+            joint = asked & (np.abs(above) < AROUND)
+            head[joint] = self.head.distance(points[joint], 2 * ALIKE)
+            joint &= np.isfinite(head)
+            # How far down the model's own neck a place lies, from 0 to 1.
+            way = (above < 0).astype(np.float64)
+            rest = self.head.at_rest(points[joint])[:, 1]
+            way[joint] = np.clip((NECK_END - rest) / JOINT, 0, 1)
+            body = self.body.distance(self.parts, places, depth)
+            head, of_body = _one_neck(head, body, way, above)
+            owner[of_body] = BODY
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
-        owner = np.full(len(points), HEAD, np.uint8)
         out = head
-        if self.body is not None:
-            # It goes on into the neck, up to a plane.
-            above -= NECK_OVERLAP
-            body = np.maximum(self.body.distance(self.parts, places, depth)
-                              + receding * np.clip(1 + above / TAPER, 0, 1) ** 2, above)
-            owner[body < out] = BODY
-            out = _joined(out, body, SOFT_NECK)
         if self.hair is not None:
             hair = self.hair.distance(self.parts, places, depth)
             owner[(hair < out) & self.hair.covers(places, depth)] = HAIR
@@ -195,6 +198,33 @@ def _joined(one: Float64, two: Float64, width: float) -> Float64:
     return out
 
 
+def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tuple[Float64, Bools]:
+    """The distance of a head whose neck goes over into a body's, and what is body's, [N].
+
+    Each would end there with a ledge, as both are only about as thick as a neck: over a joint the
+    surface goes over from one to the other instead. A collar or a shoulder beside it stays.
+
+    Parameters
+    ----------
+    head, body
+        Signed distances.
+    way
+        0 where the head is all there is, 1 where the body is, in the joint in between.
+    above
+        Heights over the joint's upper end.
+    """
+    out = np.where(way > 0, body, head)
+    within = (way > 0) & (way < 1)
+    one, two, share = head[within], body[within], way[within]
+    share = share * share * (3 - 2 * share)
+    apart = np.maximum(two, above[within])
+    both = np.isfinite(one) & np.isfinite(two)
+    alike = np.clip(2 - np.abs(one[both] - two[both]) / ALIKE, 0, 1)
+    apart[both] += alike * (one[both] + share[both] * (two[both] - one[both]) - apart[both])
+    out[within] = apart
+    return out, (way >= 0.5) | (within & (body < head - ALIKE))
+
+
 def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -> Solid:
     """The solid of a person.
 
@@ -209,15 +239,16 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     """
     near, far = depth_maps(samples, parts)
     height = samples.rest[:, 1]
-    band = (height < NECK_TOP) & (height > NECK_END)
-    neck = _plane(samples.points[np.abs(height - NECK_END) < 0.0015])
+    band = (height < NECK_TOP) & (height > NECK_END - 1.2 * JOINT)
+    end = samples.points[np.abs(height - NECK_END) < 0.0015]
+    neck = _plane(end)
     hair = None
     if parts.hair.any():
         grown = depth_maps(samples, parts, scalp(samples.rest))[1]
         ears = np.isfinite(depth_maps(samples, parts, _ears(samples.rest))[0])
         # Where the back of the head, or what lies just before it, is scalp.
         hair = _hair(parts, near, far, (grown > far - BACK) & ~ears, sensed)
-    body = _body(parts, near, depth_maps(samples, parts, band), neck, sensed)
+    body = _body(parts, near, depth_maps(samples, parts, band), end, sensed)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before)
 
@@ -324,7 +355,7 @@ def _behind(parts: Parts, hair: Bools, grown: Bools) -> Bools:
     return np.asarray(out)
 
 
-def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Float64,
+def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float64,
           sensed: Sensed | None) -> Piece | None:
     """Neck and shoulders as a piece that begins at the model's neck."""
     cell = parts.cell
@@ -342,17 +373,25 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Flo
     if shoulders.any():
         domain |= convex_hull_image(shoulders | known) & person & parts.hair & (rows > top)
     domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
-    middle = float(np.nanmean(0.5 * (band[0] + band[1])))
-    # Shoulders lie farther back than a neck, which leans forward.
-    below = np.maximum(rows - np.flatnonzero(known.any(axis=1))[-1], 0) * cell
-    middles = np.full(person.shape, middle) + np.minimum(LEANING * below, SHOULDERS)
+    # From the model's nape on it recedes: downwards and to both sides.
+    places, depths = parts.places(end)
+    middle = 0.5 * float(depths.min() + depths.max())
+    row, column = np.rint(places[:, depths > middle]).astype(int)
+    height, width = person.shape
+    nape = np.zeros(person.shape, bool)
+    nape[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] = True
+    away = ndimage.distance_transform_edt(~convex_hull_image(nape)) * cell / SLOPE
+    away = np.clip(away, 0, 1)
+    middles = middle + SHOULDERS * away * (2 - away)
     inside = np.where(known, np.maximum(parts.inside, 0.5), parts.inside)
     squares = []
     for side in range(2):
         # Seen from above or below, a cell may show one side of the neck alone.
-        thickness = (middle - band[0], band[1] - middle)[side]
+        thickness = (middles - band[0], band[1] - middles)[side]
         sure = (thickness > 0) & (parts.inside * cell > BAND)
-        given = np.where(sure, thickness ** 2, np.nan)
+        # The neck stays as thick as it is when all is bounded below.
+        share = np.minimum(np.where(sure, thickness, 0.0) / CHEST, 0.95)
+        given = np.where(sure, (CHEST * share) ** 2 * (1 - share ** 4) ** -0.5, np.nan)
         q = inflated(domain, inside, cell, source=2.0, given=given, free=person & ~domain)
         thick = np.sqrt(np.maximum(q, 0))
         q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2
@@ -363,12 +402,16 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Flo
 
 
 def _end(parts: Parts, body: Piece | None) -> float:
-    """The height of the photo's lower border, at the body's depth."""
+    """The height of the photo's lower border, at the depth of the body's front there."""
     camera = parts.camera
     pixel = np.array([[camera.center[0, 0], parts.bottom - 1.0]])
     origin, ray = camera.rays(0, pixel)
-    depth = float(np.nanmean(body.middle)) if body is not None else float(
-        np.linalg.norm(origin[0]))
+    depth = float(np.linalg.norm(origin[0]))
+    if body is not None:
+        row = int(np.clip(parts.bottom - 2, 0, len(body.front) - 1))
+        front, middle = body.front[row], body.middle[row]
+        if (front > 0).any():
+            depth = float(np.median((middle - np.sqrt(np.maximum(front, 0)))[front > 0]))
     forward = camera.pose[0, :3, 2]
     end = origin[0] + ray[0] * depth / float(ray[0] @ forward)
     return max(float(end[1]), LOWEST)
