@@ -104,14 +104,18 @@ def _agreed(atlas: Atlas, hair: Float32) -> bool:
 
 def hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
                  ears: Float32, known: Float32) -> Float32:
-    """Hair [N] where it is not ``known`` (NaN): what looks like the hair that is, not like skin."""
+    """Hair [N] where it is not ``known`` (NaN): what looks like the hair that is, not like skin.
+
+    Along the outline of its picture the network takes hair for ground: there color decides, too.
+    """
     up = -flat[:, 1] / plane.height
     hairy, bare = known > 0.7, (known < 0.2) & (up < 0.3) & (up > -0.9)
     # Down to where hair hangs at the sides.
     lowest = min(LOWEST, float(np.percentile(up[hairy], 2))) if hairy.any() else LOWEST
     parted = _classified_hair(plane, colors, flat, seen, ears, hairy & (seen > 0.5),
                          bare & (seen > 0.5), lowest)
-    return np.asarray(np.where(np.isnan(known), parted, known), np.float32)
+    unknown = np.isnan(known) | ((known < 0.5) & (seen < 0.5))
+    return np.asarray(np.where(unknown, parted, known), np.float32)
 
 
 def hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
