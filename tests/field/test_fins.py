@@ -9,7 +9,7 @@ from lfportrait.field import VoxelField
 from lfportrait.field.closing.fins import CHIN, CORNERS, MOUTH, NOSE, without_fins
 from tests.portraits import HEAD_LANDMARKS
 
-SIZE = 128
+SIZE = 160
 FULL = VoxelField(np.arange(SIZE ** 3, dtype=np.int32).reshape(SIZE, SIZE, SIZE),
                   np.zeros(SIZE ** 3, np.float32), np.zeros((SIZE ** 3, 3, 1), np.float32))
 X, Y, Z = FULL.lattice_points().T
@@ -46,6 +46,8 @@ def test_a_sheet_that_stands_out_of_the_lips_goes():
     (LIPS[1], 0.25 * TALL),  # lips
     (HEAD_LANDMARKS[NOSE, 1] + 0.3 * TALL, 0.06 * TALL),  # a rim of spectacles
     (HEAD_LANDMARKS[CHIN, 1] - 0.3 * TALL, 0.06 * TALL),  # a collar's edge
+    (HEAD_LANDMARKS[NOSE, 1] + 0.24 * TALL, 0.6 * TALL),  # a nose that hangs below its landmark
+    (HEAD_LANDMARKS[CHIN, 1] - 0.25 * TALL, 0.6 * TALL),  # a beard
 ])
 def test_what_is_thick_or_elsewhere_stays(height, tall):
     field = of(FACE, bar(height, tall))

@@ -58,6 +58,7 @@ def test_a_neck_runs_into_the_shoulders_without_a_ledge(bust, across, side):
         points = np.stack([np.full(len(depths), across), np.full(len(depths), height),
                            side * depths[::-1]], axis=1)
         distance = bust.distance(points, 0.1)[0]
+        assert (distance < 0).any()
         found.append(depths[::-1][int(np.argmax(distance < 0))])  # from outside, the first within
     steps = np.diff(found)
     assert np.abs(steps).max() < 0.05  # at most two and a half times as far as down

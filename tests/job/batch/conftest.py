@@ -17,7 +17,6 @@ from lfportrait.lightfield import Display
 
 PANEL = Display(96, 64, views=9, pitch=6.3, slant=0.15, cone=40, quilt=(3, 2),
                 quilt_size=(96, 64), name="tiny")
-# Without refinement no process imports torch; `test_pipeline` has that.
 JOBS = """
 [defaults]
 sweep_size = 48
@@ -29,7 +28,7 @@ sh_degree = 0
 [defaults.stylize]
 pixels = 48.0
 fit_iterations = 1
-steps = 0
+steps = 1
 content_network = "embedded"
 style_network = "embedded"
 

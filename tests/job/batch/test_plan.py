@@ -48,7 +48,7 @@ def test_one_capture_field_and_skin_serve_all_styles(studio, jobs_text):
 
 
 @pytest.mark.parametrize("old, new, stages", [
-    ('steps = 0', 'steps = 2', {"stylize", "encode", "page"}),
+    ('steps = 1', 'steps = 2', {"stylize", "encode", "page"}),
     ('encode.size = 0.6', 'encode.size = 0.7', {"encode"}),
     ('sh_degree = 0', 'sh_degree = 1', set(STAGES) - {"capture", "sweep", "share"}),
     ('[defaults]', '[defaults]\npage.title = "She"', {"page"}),

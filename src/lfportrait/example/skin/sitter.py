@@ -351,7 +351,10 @@ def _without_shade(clothes: Float32, colors: Float32, face: Bool, depth: Float64
     asked = np.flatnonzero((clothes > 0.05) & (depth < COLLAR) & (depth > 1.0))
     if not face.any() or not len(asked):
         return clothes
-    worn = cells.joined(clothes, (clothes > 0.5) & (depth > COLLAR))[asked]
+    further_down = (clothes > 0.5) & (depth > COLLAR)
+    if not further_down.any():
+        return clothes
+    worn = cells.joined(clothes, further_down)[asked]
     luma = grey(colors[None])[0]
     gain = np.maximum(float(np.median(luma[face])) / np.maximum(luma[asked], 1e-3), 1)
     some = np.flatnonzero(face)[::max(1, int(face.sum()) // 20000)]

@@ -408,6 +408,7 @@ def _end(parts: Parts, body: Piece | None) -> float:
     origin, ray = camera.rays(0, pixel)
     depth = float(np.linalg.norm(origin[0]))
     if body is not None:
+        depth = float(np.nanmean(body.middle))
         row = int(np.clip(parts.bottom - 2, 0, len(body.front) - 1))
         front, middle = body.front[row], body.middle[row]
         if (front > 0).any():

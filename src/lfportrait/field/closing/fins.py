@@ -61,9 +61,17 @@ def without_fins(field: VoxelField, landmarks: NDArray[np.floating]) -> VoxelFie
                            ).astype(int) for end in (low, high))
     if (last - first < 3).any():
         return field
-    links = field.links[first[2]:last[2], first[1]:last[1], first[0]:last[0]]
+    unit = tall / field.spacing
+    lowest = round(THIN * float(unit[1]))
+    if lowest < 2:  # on so coarse a lattice lips would be sheets
+        return field
+    # What goes on above or below is as thick as it is there.
+    above, below = first[1] - max(first[1] - lowest, 0), min(last[1] + lowest, shape[1]) - last[1]
+    links = field.links[first[2]:last[2], first[1] - above:last[1] + below, first[0]:last[0]]
     solid = np.append(field.density > OPAQUE, False)[links]
-    rows = links[_fins(solid, tall / field.spacing)]
+    thick = ndimage.binary_opening(solid, np.ones((1, lowest, 1)))
+    inner = np.s_[:, above:links.shape[1] - below]
+    rows = links[inner][_fins(solid[inner], thick[inner], unit)]
     rows = rows[rows >= 0]
     if not len(rows):
         return field
@@ -72,13 +80,12 @@ def without_fins(field: VoxelField, landmarks: NDArray[np.floating]) -> VoxelFie
     return replace(field, density=density)
 
 
-def _fins(solid: Bool, tall: NDArray[np.floating]) -> Bool:
-    """Which points are to be emptied, bool [z, y, x]; ``tall`` [3] is the unit in points (x, y)."""
-    thick = ndimage.binary_opening(solid, np.ones((1, max(2, round(THIN * tall[1])), 1)))
+def _fins(solid: Bool, thick: Bool, unit: NDArray[np.floating]) -> Bool:
+    """Which points are to be emptied, bool [z, y, x]; ``unit`` [3] in points (x, y, z)."""
     depth = len(solid)
     # Where nothing is thick nothing stands out.
     front = np.where(thick.any(axis=0), depth - 1 - np.argmax(thick[::-1], axis=0), depth)
-    around = [max(3, round(part * size)) for part, size in zip(AROUND, tall[1::-1])]
+    around = [max(3, round(part * size)) for part, size in zip(AROUND, unit[1::-1])]
     front = ndimage.median_filter(front, around, mode="nearest")
     before = np.arange(depth)[:, None, None] - front
     fins = solid & ~thick & (before > OUT)

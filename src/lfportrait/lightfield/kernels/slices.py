@@ -134,7 +134,7 @@ def slice_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
             plane, along = np.zeros(3), np.zeros(3, np.float32)
             side = axes[0].astype(np.float32)
             eye_at, x_at = np.zeros(_WINDOW, np.float32), np.zeros(_WINDOW, np.float32)
-            place_at, lane = np.zeros(_WINDOW, np.int64), np.zeros(32, np.float32)
+            place_at, lane = np.zeros(_WINDOW, np.int64), np.zeros(16, np.float32)
             tally = np.zeros(views + 1, np.int64)
             for y in range(worker, height, workers):
                 row = out[y]
