@@ -46,10 +46,8 @@ class Teller:
 
     Attributes
     ----------
-    tell
-        Sends a message.
-    pictures
-        Folder for the stages' pictures.
+    tell : Sends a message.
+    pictures : Folder for the stages' pictures.
     """
 
     tell: Callable[..., None]
@@ -74,10 +72,8 @@ class Teller:
 
         Parameters
         ----------
-        name
-            Of the stage.
-        draw
-            Draws an intermediate result.
+        name : Of the stage.
+        draw : Draws an intermediate result.
         """
         begun = time.perf_counter()
         self.tell("begin", name)
@@ -159,13 +155,10 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
 
     Parameters
     ----------
-    field
-        The head.
-    cameras
-        (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer than all of
-        the head.
-    size
-        Of the pictures in pixels.
+    field : The head.
+    cameras : (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer than
+        all of the head.
+    size : Of the pictures in pixels.
     """
     from ...share import sweep_cameras
 
@@ -196,8 +189,7 @@ def cameras_picture(capture: Capture, size: int = 480) -> UInt8:
 
     Returns
     -------
-    picture
-        uint8 [size, 2 * size, 3].
+    picture : uint8 [size, 2 * size, 3].
     """
     sheet = Image.new("RGB", (2 * size, size), _PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -288,10 +280,8 @@ class EarlyPicture(FirstLook):
 
     Parameters
     ----------
-    order
-        Of the head.
-    teller
-        Sends the picture.
+    order : Of the head.
+    teller : Sends the picture.
     """
 
     STAGE = "surface"
