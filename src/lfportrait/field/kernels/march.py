@@ -1,6 +1,6 @@
 """Casting packets of rays through bricks: one loop, written once over a lane namespace.
 
-A packet is 16 rays (or one, with the one-lane namespace). Positions are in lattice units: lattice
+A packet is 16 rays. Positions are in lattice units: lattice
 point i lies at coordinate i. A ray's samples lie on the comb t = start + k step, whatever space is
 skipped, so that skipping changes no result. At each sample the density is interpolated trilinearly
 in lanes, 16 rays at once; color is evaluated ray by ray with the coefficients in lanes, by the

@@ -22,6 +22,7 @@ from PIL import Image, ImageDraw
 
 from ...arrays import UInt8
 from ...capture import Camera, Capture, font
+from ...color import to_uint8
 from ...field import VoxelField
 from ...files import write_image
 from ...job import STAGES, FirstLook, Tools
@@ -238,7 +239,7 @@ def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:
     chosen = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 16)).astype(int))]
     cell = size // columns
     for number, view in enumerate(chosen):
-        image = (np.clip(capture.image_float(int(view)), 0, 1) * 255 + 0.5).astype(np.uint8)
+        image = to_uint8(capture.image_float(int(view)))
         small = Image.fromarray(image)
         small.thumbnail((cell - 6, cell - 6))
         column, row = number % columns, number // columns
