@@ -215,6 +215,17 @@ def write_json(path: str | os.PathLike[str], data: Any) -> None:
         stream.write((json.dumps(data, indent=1, default=plain) + "\n").encode())
 
 
+def plain_json(value: Any) -> Any:
+    """Dictionaries and lists as JSON takes them: paths as text, numbers of NumPy as plain ones."""
+    if isinstance(value, dict):
+        return {str(key): plain_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_json(one) for one in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.item() if hasattr(value, "item") else value
+
+
 def script_json(data: Any) -> str:
     """JSON that can stand in a script element: no ``</script>`` ends it early."""
     return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")

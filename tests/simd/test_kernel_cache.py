@@ -126,4 +126,4 @@ def test_every_kernel_has_the_same_key_in_every_process(tmp_path):
                      for seed in ("1", "2"))
     assert str(tmp_path) in first
     assert first == second
-    assert len(set(first.splitlines())) == 7
+    assert len(set(first.splitlines())) == 6

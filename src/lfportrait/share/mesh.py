@@ -248,7 +248,7 @@ def write_textured_glb(stream: BinaryIO, place: Float32, normals: Float32,
     glb = Glb([_UNLIT])
     attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
                   "TEXCOORD_0": glb.add(mesh.places)}
-    texture = glb.add_picture(jpeg(mesh.picture), "image/jpeg")
+    texture = glb.add_jpeg(jpeg(mesh.picture))
     _finish(glb, attributes, mesh.faces, {"baseColorTexture": {"index": texture}})
     glb.write(stream)
 
