@@ -28,6 +28,11 @@ _KNEE = 0.9
 """Light above this part of white is compressed: highlights keep their shape."""
 
 
+def to_uint8(values: NDArray[np.floating[Any]]) -> UInt8:
+    """Values in [0, 1] of any shape as uint8, rounded; beyond it is cut off."""
+    return (np.clip(values, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
 def linear_light(values: NDArray[np.floating[Any]]) -> Float64:
     """Light, in [0, 1], of sRGB values in [0, 1] of any shape, float64."""
     value = np.asarray(values, np.float64)

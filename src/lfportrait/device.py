@@ -119,11 +119,6 @@ def used_device(figures: Mapping[str, Mapping[str, Any]]) -> str:
     return next((device for device in devices if device != "cpu"), "cpu")
 
 
-def computing_device(choice: str = "auto") -> str:
-    """The name, for the figures, of where WebGPU's part is computed: `gpu_adapter`'s."""
-    return device_name(gpu_adapter(choice))
-
-
 @functools.lru_cache(maxsize=1)
 def torch_devices() -> tuple[TorchDevice, ...]:
     """The GPUs that torch can use here, in its order; torch is imported only if there may be one.

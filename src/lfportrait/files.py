@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from .color import to_uint8
 from .errors import UserError
 from .png import write_png
 from .temporary import moved_name, part_folder, part_name, remove_part, sweep_once, temporary_place
@@ -214,6 +215,22 @@ def write_json(path: str | os.PathLike[str], data: Any) -> None:
         stream.write((json.dumps(data, indent=1, default=plain) + "\n").encode())
 
 
+def plain_json(value: Any) -> Any:
+    """Dictionaries and lists as JSON takes them: paths as text, numbers of NumPy as plain ones."""
+    if isinstance(value, dict):
+        return {str(key): plain_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_json(one) for one in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.item() if hasattr(value, "item") else value
+
+
+def script_json(data: Any) -> str:
+    """JSON that can stand in a script element: no ``</script>`` ends it early."""
+    return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+
+
 def read_json(path: str | os.PathLike[str]) -> Any:
     """Read a JSON file.
 
@@ -266,7 +283,7 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
     """
     array = np.asarray(image)
     if array.dtype != np.uint8:
-        array = (np.clip(array, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        array = to_uint8(array)
     kind = picture_format(path)
     buffer = io.BytesIO()
     if kind == "PNG" and fast:

@@ -149,8 +149,7 @@ def usable_cores(system: Path = Path("/")) -> int:
 
     Parameters
     ----------
-    system
-        Root of the file system in which Linux keeps its accounts.
+    system : Root of the file system in which Linux keeps its accounts.
     """
     quota = core_quota(system)
     return _cores_to_run_on() if quota is None else min(_cores_to_run_on(), quota)

@@ -104,14 +104,11 @@ class StageFolder:
 
         Parameters
         ----------
-        name
-            Stage name, also the name of its record.
-        key
-            Hash of everything that the outputs depend on (`key_of`).
+        name : Stage name, also the name of its record.
+        key : Hash of everything that the outputs depend on (`key_of`).
         outputs
             Names of the files or folders, relative to the job's folder, that the stage writes.
-        function
-            Writes the outputs and returns the stage's figures for ``--json``.
+        function : Writes the outputs and returns the stage's figures for ``--json``.
         """
         record = self.records / f"{name}.json"
         done = finished_record(self.folder, name, key, outputs)

@@ -10,7 +10,6 @@ from lfportrait.field.kernels.bricks import brick_table, bright_table, build_bri
 from lfportrait.field.kernels.descent import descend, smooth, total_variation
 from lfportrait.field.kernels.march import sh_basis as kernel_basis
 from lfportrait.field.kernels.packet import Records, make_pad
-from lfportrait.field.kernels.render import render_kernel_one_lane
 from lfportrait.field.kernels.train import train_kernel
 from tests.fields import shell_field
 from tests.reference.raycast import cast, sh_basis
@@ -81,25 +80,6 @@ def test_an_empty_field_renders_the_background():
                        np.zeros((0, 3, 1), np.float32))
     camera = Camera.arc([0.0], distance=4.0, width=8, height=8, focal=10.0)
     assert np.allclose(field.render(camera, background=0.25).color, 0.25)
-
-
-def test_the_one_lane_twin_sees_the_same(camera):
-    field = shell_field()
-    bricks = field.bricks
-    rendering = field.render(camera, 0, background=0.0)
-    kernel = render_kernel_one_lane(bricks.width)
-    lattice = field.lattice
-    origins, directions = camera.rays(0)
-    for pixel in range(0, 340, 17):
-        origin = (origins[pixel] * lattice[3:6] + lattice[6:9]).astype(np.float32)
-        along = directions[pixel] * lattice[3:6]
-        norm = np.linalg.norm(along)
-        basis = sh_basis(directions[pixel], 9).astype(np.float32)
-        got = kernel(bricks.table, bricks.links, bricks.density, bricks.rows, lattice, 9, origin,
-                     (along / norm).astype(np.float32), basis, 0.5, 0.5 / norm, 1e-2, 1e-3)
-        row, column = divmod(pixel, 20)
-        assert np.abs(np.array(got[:3]) - rendering.color[row, column]).max() < 2e-5
-        assert abs(1 - got[3] - rendering.alpha[row, column]) < 2e-5
 
 
 def test_basis_order_is_that_of_svox2():

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from lfportrait.errors import UserError
-from lfportrait.field.kernels.bricks import build_stretches
+from lfportrait.field.kernels.bricks import fill_stretches, place_stretches
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,
@@ -255,7 +255,7 @@ def test_neighbours_of_two_short_stretches_are_looked_up():
 @pytest.mark.parametrize(("wide", "basis"), [(9, 1), (17, 4), (33, 9), (1030, 1)])
 def test_stretches_hold_every_lattice_point(wide, basis):
     field = shell_field(shape=(5, 4, wide), basis=basis)
-    kept = build_stretches(field.links, field.density, field.sh)
+    kept = fill_stretches(place_stretches(field.links), field.links, field.density, field.sh)
     lines = 1 + 3 * basis
     values = kept.values.view(np.float16).astype(np.float32).reshape(-1, lines, 16)
     assert not values[-1].any()

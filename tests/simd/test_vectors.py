@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-from lfportrait.simd import vectors
 from lfportrait.simd import vectors as lanes
 
 EDGES = np.array([0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1e-30, -1e-30, 1e30, 88.0, -87.0, 3.999, -3.999,
@@ -140,18 +139,3 @@ def test_masks_and_their_bits():
     word, found = mask_bits(a)
     assert word == found == sum(1 << i for i in range(0, 16, 3))
     assert mask_bits(-np.ones(16, np.float32)) == (0, 0)
-
-
-def test_half_precision_decodes_exactly_in_the_one_lane_twin():
-    words = np.arange(65536, dtype=np.uint16)
-    pair = vectors.SCALAR.gather_pair
-
-    @njit
-    def decode(words, out):
-        for i in range(len(words) - 1):
-            out[i], _ = pair(words, i)
-
-    out = np.zeros(65536, np.float32)
-    decode(words, out)
-    wanted = words.view(np.float16).astype(np.float32)
-    assert np.array_equal(out[:-1], wanted[:-1], equal_nan=True)

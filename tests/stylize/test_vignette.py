@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field import VoxelField
-from lfportrait.stylize.vignette import _Low, _thickness, cut_ends, vignetted
+from lfportrait.stylize.vignette import _Low, _thickness, vignetted
 
 POINTS = 80
 LOWEST = -1.0
@@ -108,12 +108,12 @@ def test_a_person_who_goes_on_is_cut_off_wherever_the_photos_end(cut):
     capture = photographed(field, 1.8)
     mattes = [np.maximum(matte, np.where(np.arange(96)[:, None] > 70, matte[70], 0))
               for matte in capture.alphas]
-    assert [end.name for end in cut_ends(field, replace(capture, alphas=mattes))] == ["below"]
+    assert [end.name for end in vignetted(field, replace(capture, alphas=mattes))[1]] == ["below"]
 
 
 def test_shoulders_beyond_the_photos_end_in_strokes_too():
     field = bust(1.6)
-    ends = cut_ends(field, photographed(field, 1.25))
+    _, ends = vignetted(field, photographed(field, 1.25))
     assert [end.name for end in ends] == ["left", "right"]
     left, right = ends
     assert left.normal[0] > 0.9 and right.normal[0] < -0.9
@@ -128,7 +128,7 @@ def test_strokes_follow_the_seed(cut):
 def test_without_a_face_nothing_is_done(cut):
     field, capture = cut
     shown, ends = vignetted(field, replace(capture, landmarks=None))
-    assert shown is field and ends == [] == cut_ends(field, replace(capture, landmarks=None))
+    assert shown is field and ends == []
 
 
 def test_a_sheet_is_as_thick_as_its_density_says():

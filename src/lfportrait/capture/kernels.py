@@ -45,22 +45,16 @@ def vote_lattice(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    cameras
-        float64 [V, 16], a row a view: pose (camera-to-world, three rows), focal, center.
-    mattes
-        float32, the V mattes in [0, 1] one after the other, each in scan order.
-    shapes
-        int64 [V, 2], height and width of each matte.
-    first, spacing, size
-        The lattice: float64 [3], a step, and points along an edge.
-    tolerance
-        A point is given up once the background has more than this share of all V votes.
+    cameras : float64 [V, 16], a row a view: pose (camera-to-world, three rows), focal, center.
+    mattes : float32, the V mattes in [0, 1] one after the other, each in scan order.
+    shapes : int64 [V, 2], height and width of each matte.
+    first, spacing, size : The lattice: float64 [3], a step, and points along an edge.
+    tolerance : A point is given up once the background has more than this share of all V votes.
 
     Returns
     -------
-    share
-        float32 [size, size, size] (z, y, x), the mean matte over the views that have the point in
-        the picture; 0 where it was given up, 1 where no picture shows it.
+    share : float32 [size, size, size] (z, y, x), the mean matte over the views that have the point
+        in the picture; 0 where it was given up, 1 where no picture shows it.
     """
     wide = (size + 15) // 16 * 16
     share = np.empty((size, size, wide), np.float32)
@@ -174,12 +168,9 @@ def block_moments(since, until, image, weight, cell, moments):  # type: ignore[n
 
     Parameters
     ----------
-    image, weight
-        float32 [H, W, 3] and [H, W].
-    cell
-        Pixels along a side; blocks at the right and lower border are smaller.
-    moments
-        float32 [h, w, `MOMENTS`], filled.
+    image, weight : float32 [H, W, 3] and [H, W].
+    cell : Pixels along a side; blocks at the right and lower border are smaller.
+    moments : float32 [h, w, `MOMENTS`], filled.
     """
     height, width = weight.shape
     for row in range(since, until):
@@ -241,18 +232,12 @@ def pixel_likelihood(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    image
-        float32 [H, W, 3].
-    terms
-        float32 [h, w, `TERMS`] of the blocks (`gaussians`).
-    cell
-        Pixels along a block.
-    wanted
-        uint8 [H, W], zero where nothing is asked and nothing is written.
-    scratch
-        float32 [H, w, `TERMS`], overwritten.
-    likelihood, near
-        float32 [H, W] each: without the constant, and the weight near a pixel.
+    image : float32 [H, W, 3].
+    terms : float32 [h, w, `TERMS`] of the blocks (`gaussians`).
+    cell : Pixels along a block.
+    wanted : uint8 [H, W], zero where nothing is asked and nothing is written.
+    scratch : float32 [H, w, `TERMS`], overwritten.
+    likelihood, near : float32 [H, W] each: without the constant, and the weight near a pixel.
     """
     high, wide = terms.shape[0], terms.shape[1]
     width = image.shape[1]
@@ -303,16 +288,12 @@ def window_functions(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    image, plane
-        float32 [H, W, 3] and [H, W].
-    wanted
-        uint8 [H, W], zero where no function is asked and nothing is written.
+    image, plane : float32 [H, W, 3] and [H, W].
+    wanted : uint8 [H, W], zero where no function is asked and nothing is written.
     radius, epsilon
         Half the window's side in pixels, and the variance of a color that counts as an edge.
-    scratch
-        float32 [H, W, 16], overwritten.
-    functions
-        float32 [H, W, 4], filled: slopes by the colors, offset.
+    scratch : float32 [H, W, 16], overwritten.
+    functions : float32 [H, W, 4], filled: slopes by the colors, offset.
     """
     height, width = plane.shape
     share = np.float32(1.0 / (2 * radius + 1) ** 2)

@@ -12,6 +12,7 @@ import numpy as np
 import tyro
 
 from ..capture import CalibrateConfig, Capture
+from ..color import to_uint8
 from ..errors import UserError
 from ..field import ReconstructConfig, VoxelField
 from ..files import write_exr, write_image
@@ -218,7 +219,7 @@ class Render(Common):
                 rendering = voxels.render(views, view, background=behind,
                                           device=self.device)
                 if video:
-                    frames.append((np.clip(rendering.color, 0, 1) * 255 + 0.5).astype(np.uint8))
+                    frames.append(to_uint8(rendering.color))
                 else:
                     write_image(self.out / f"{view:04d}.png", rendering.color)
                     if self.depth:

@@ -97,11 +97,6 @@ class Picture:
         """Distance of the outer corners of the eyes in pixels."""
         return float(np.linalg.norm(self.landmarks[45] - self.landmarks[36]))
 
-    @property
-    def face_width(self) -> float:
-        """Distance of the jaw's ends in pixels."""
-        return float(np.linalg.norm(self.landmarks[16] - self.landmarks[0]))
-
 
 @dataclass(frozen=True)
 class Found:

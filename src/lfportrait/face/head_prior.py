@@ -61,25 +61,17 @@ class HeadPrior:
 
     Attributes
     ----------
-    name
-        Of the model.
-    mean
-        float32 [N, 3].
-    triangles
-        int32 [T, 3], a surface that is open at the neck alone; seen from outside, vertices run
-        counter-clockwise.
-    part
-        uint8 [N]: `FACE`, `HEAD`, `SOCKETS`, `EYES`.
+    name : Of the model.
+    mean : float32 [N, 3].
+    triangles : int32 [T, 3], a surface that is open at the neck alone; seen from outside, vertices
+        run counter-clockwise.
+    part : uint8 [N]: `FACE`, `HEAD`, `SOCKETS`, `EYES`.
     landmarks
         int64 [68], vertices in iBUG order; the jaw's lie on the outline seen from the front.
-    identity
-        float32 [K, N, 3], one standard deviation each, the most important first.
-    expression
-        float32 [M, N, 3], full expressions.
-    expressions
-        Their names.
-    lean
-        float64 [68, 3] or None: how far detectors put landmarks from these vertices, over the
+    identity : float32 [K, N, 3], one standard deviation each, the most important first.
+    expression : float32 [M, N, 3], full expressions.
+    expressions : Their names.
+    lean : float64 [68, 3] or None: how far detectors put landmarks from these vertices, over the
         distance of the outer corners of the eyes, along their line, across (down), and outwards.
     """
 
@@ -173,8 +165,7 @@ def read_ict(path: Path, identities: int = IDENTITIES) -> HeadPrior:
     path
         ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``, ``landmarks68``;
         ``identity`` and ``expression`` int16 with a float32 scale a mode, ``expression_names``.
-    identities
-        Modes to keep.
+    identities : Modes to keep.
 
     Raises
     ------

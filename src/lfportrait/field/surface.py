@@ -23,6 +23,7 @@ from scipy.sparse import linalg
 from scipy.spatial import cKDTree
 
 from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
+from ..color import to_uint8
 from ..errors import UserError
 from .grid import VoxelField
 from .kernels.march import C0, lattice_of_world
@@ -69,10 +70,6 @@ class Mesh:
     normals: Float32
     faces: Int32
     colors: UInt8
-
-
-def _eight_bit(color: NDArray[Any]) -> UInt8:
-    return (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 def _unit(vectors: NDArray[Any], instead: NDArray[Any]) -> NDArray[Any]:
@@ -128,7 +125,7 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
         bases = np.empty((len(rows), field.basis), np.float32)
         sh_bases(_gaze(normals), bases)
         shown = np.einsum("kcb,kb->kc", field.sh[rows], bases) + 0.5
-    return PointCloud(positions.astype(np.float32), normals.astype(np.float32), _eight_bit(shown),
+    return PointCloud(positions.astype(np.float32), normals.astype(np.float32), to_uint8(shown),
                       taken[rows].astype(np.float32))
 
 
@@ -232,7 +229,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
     vertices = field.center + field.radius * (2.0 * (place + 0.5) / size - 1.0)
     normals = _unit(normals[used][:, ::-1] / spacing, _FRONT)
     return Mesh(vertices.astype(np.float32), normals.astype(np.float32), faces,
-                _eight_bit(_seen(field, vertices, normals, float(spacing.mean()))))
+                to_uint8(_seen(field, vertices, normals, float(spacing.mean()))))
 
 
 def _seen(field: VoxelField, points: Float64, normals: Float64, voxel: float) -> Float32:

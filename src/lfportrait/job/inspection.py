@@ -27,7 +27,7 @@ from ..capture import (
     video_facts,
 )
 from ..errors import UserError
-from ..files import own_output
+from ..files import own_output, plain_json
 from ..lightfield import QuiltHint, QuiltLayout, layout_of_file, quilt_part
 from ..measure import usable_cores
 from ..media.folders import Listing, is_junk
@@ -97,24 +97,15 @@ class Inspection:
 
     def figures(self) -> dict[str, Any]:
         """As JSON: ``kind``, the facts, ``quilts`` and ``notes``; paths as text."""
-        found: dict[str, Any] = _plain({"kind": self.kind, **asdict(self.facts),
+        found: dict[str, Any] = plain_json({"kind": self.kind, **asdict(self.facts),
                                         "notes": self.notes})
-        found["quilts"] = {str(path): _plain(asdict(one)) for path, one in self.quilts.items()}
+        found["quilts"] = {str(path): plain_json(asdict(one)) for path, one in self.quilts.items()}
         return found
 
 
 _KINDS: dict[type, str] = {
     PictureFacts: "a picture", VideoFacts: "a video", DataSetFacts: "a calibrated data set",
     FolderFacts: "a folder of photos", OtherFacts: "neither picture nor video"}
-
-
-def _plain(value: Any) -> Any:
-    """A value of dictionaries and lists with paths as text."""
-    if isinstance(value, dict):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    return str(value) if isinstance(value, Path) else value
 
 
 def inspect(path: Path) -> Inspection:

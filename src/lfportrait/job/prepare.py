@@ -39,6 +39,7 @@ from ..capture import (
     refine_changes,
     refine_matte,
 )
+from ..color import to_uint8
 from ..errors import UserError
 from ..files import file_state
 from ..media.depth import DepthMap
@@ -474,7 +475,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
     if nobody or (how == "network" and agree.mean() < _FEWEST):
         return capture, "none: no person was found, the room stays"
-    alphas = [(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8) for matte in mattes]
+    alphas = [to_uint8(matte) for matte in mattes]
     return replace(capture, alphas=alphas, figures={**capture.figures, "mattes": how}), how
 
 

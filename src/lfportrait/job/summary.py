@@ -20,6 +20,7 @@ from PIL import Image, ImageDraw
 
 from ..arrays import Float32, Float64, UInt8
 from ..capture import Camera, Capture
+from ..color import to_uint8
 from ..device import used_device
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
@@ -192,7 +193,7 @@ def _inputs(capture: Capture, exemplar: Exemplar) -> Section:
         frontal = int(np.argmin(np.abs(np.arctan2(capture.cameras.position[:, 0],
                                                   capture.cameras.position[:, 2]))))
         pixels, _ = capture.cameras.project(capture.landmarks)
-        image = (np.clip(capture.image_float(frontal), 0, 1) * 255 + 0.5).astype(np.uint8)
+        image = to_uint8(capture.image_float(frontal))
         pictures.append(Picture(_with_points(image, pixels[frontal]), "landmarks, from 3D",
                                 width=400))
     pictures.append(Picture(_with_points(exemplar.image, exemplar.landmarks),

@@ -18,6 +18,7 @@ import numpy as np
 from PIL import Image
 
 from ..capture import Camera, Capture
+from ..color import to_uint8
 from ..errors import UserError
 from ..example import Exemplar, Skin, load_skin, save_skin
 from ..face import fit_to_surface, is_portrait, portrait_field
@@ -311,7 +312,7 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
 
 def _write_thumbnail(path: Path, image: Any) -> None:
     """A small JPEG of a picture, [H, W, 3] floats in [0, 1]."""
-    pixels = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+    pixels = to_uint8(image)
     width = max(1, round(pixels.shape[1] * _THUMBNAIL / pixels.shape[0]))
     small = Image.fromarray(pixels).resize((width, _THUMBNAIL), Image.Resampling.LANCZOS)
     write_image(path, np.asarray(small), quality=85)

@@ -69,11 +69,11 @@ class Glb:
         self.scene["accessors"].append(accessor)
         return len(self.scene["accessors"]) - 1
 
-    def add_picture(self, content: bytes, kind: str) -> int:
-        """Add a picture file of a kind like ``image/png``, and return its texture's number."""
+    def add_jpeg(self, content: bytes) -> int:
+        """Add a picture file, and return its texture's number."""
         for name in ("images", "samplers", "textures"):
             self.scene.setdefault(name, [])
-        self.scene["images"].append({"bufferView": self._view(content), "mimeType": kind})
+        self.scene["images"].append({"bufferView": self._view(content), "mimeType": "image/jpeg"})
         # Linear, with pyramids where it is seen from far; nothing beyond the border.
         self.scene["samplers"].append({"magFilter": 9729, "minFilter": 9987, "wrapS": 33071,
                                        "wrapT": 33071})

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
-from ..color import linear_light
+from ..color import linear_light, to_uint8
 from ..errors import UserError
 from ..example import Atlas, draw_atlas
 from ..field import Mesh, PointCloud, VoxelField
@@ -148,7 +148,7 @@ def _inside(atlas: Atlas, chart: Int64, places: Float64,
 
 def _filled(atlas: Atlas) -> UInt8:
     """The charts' colors, and beside the surface those of the nearest pixel on it."""
-    color = (np.clip(atlas.color, 0, 1) * 255 + 0.5).astype(np.uint8)
+    color = to_uint8(atlas.color)
     empty = ~np.isfinite(atlas.depth)
     # What lies on the rim is mixed with what is behind: it takes its neighbour's color, too.
     rim = cv2.dilate(empty.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
@@ -248,7 +248,7 @@ def write_textured_glb(stream: BinaryIO, place: Float32, normals: Float32,
     glb = Glb([_UNLIT])
     attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
                   "TEXCOORD_0": glb.add(mesh.places)}
-    texture = glb.add_picture(jpeg(mesh.picture), "image/jpeg")
+    texture = glb.add_jpeg(jpeg(mesh.picture))
     _finish(glb, attributes, mesh.faces, {"baseColorTexture": {"index": texture}})
     glb.write(stream)
 

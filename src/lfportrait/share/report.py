@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..color import to_uint8
 from ..files import atomic_write
 from ..media.pictures import read_image
 
@@ -123,7 +124,7 @@ def _pixels(picture: Picture) -> Image.Image:
     if array.dtype == bool:
         array = array.astype(np.uint8) * 255
     elif array.dtype != np.uint8:
-        array = (np.clip(np.nan_to_num(array), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        array = to_uint8(np.nan_to_num(array))
     image = Image.fromarray(array)
     if picture.width and image.width > picture.width and not picture.exact:
         height = max(1, round(image.height * picture.width / image.width))

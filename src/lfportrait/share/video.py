@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from ..arrays import UInt8
 from ..cache import key_of
+from ..color import to_uint8
 from ..errors import UserError
 from ..field import VoxelField
 from ..files import atomic_path, read_json, write_json
@@ -58,7 +59,7 @@ def _picture(frame: NDArray[Any], even: bool) -> UInt8:
         raise ValueError(f"a frame must be [H, W, 3], not {list(frame.shape)}")
     frame = frame[..., :3]
     if frame.dtype != np.uint8:
-        frame = (np.clip(frame, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        frame = to_uint8(frame)
     if not even:
         return np.ascontiguousarray(frame)
     height, width = frame.shape[:2]

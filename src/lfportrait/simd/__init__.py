@@ -1,10 +1,9 @@
 """Sixteen numbers at once (SIMD) for kernels in Numba, and how such kernels are compiled.
 
-A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes, or plain numbers,
-which makes a scalar twin that is easy to debug. `processor` defines lanes for Numba and says which
-instructions are used; `interleaved` adds loads, stores and orders that pictures and short rows
-need; `decorators` compile kernels and keep what is compiled, `threads` share out a kernel's lines,
-`host` is about the machine.
+A kernel is a factory over a namespace of operations, which `vectors` gives it. `processor` defines
+lanes for Numba and says which instructions are used; `interleaved` adds loads, stores and orders
+that pictures and short rows need; `decorators` compile kernels and keep what is compiled, `threads`
+share out a kernel's lines, `host` is about the machine.
 
 No kernel here uses Numba's own threads, but one that a user brings may, and Numba loads them when
 it is asked how many there are: OpenMP's where there is one, because the fallback may not be entered

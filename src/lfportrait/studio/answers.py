@@ -38,12 +38,9 @@ class Refusal(Exception):
 
     Parameters
     ----------
-    code
-        One of `STATUS`.
-    message
-        One sentence: what is wrong and what to do.
-    about
-        Facts for the page.
+    code : One of `STATUS`.
+    message : One sentence: what is wrong and what to do.
+    about : Facts for the page.
     """
 
     def __init__(self, code: str, message: str, **about: Any) -> None:

@@ -31,24 +31,15 @@ class StageState:
 
     Attributes
     ----------
-    name
-        Fixed, for the page.
-    state
-        ``waiting``, ``running``, ``done``, ``failed`` or ``skipped``.
-    progress
-        0 to 1, or None where it is not known.
-    note
-        What is being done, in English.
-    seconds
-        It has taken so far.
-    need
-        It will take, as far as is known.
-    pictures
-        How often it was drawn.
-    pages
-        How often a page was written that turns the head as far as it is made.
-    begun
-        When it began, in seconds since 1970.
+    name : Fixed, for the page.
+    state : ``waiting``, ``running``, ``done``, ``failed`` or ``skipped``.
+    progress : 0 to 1, or None where it is not known.
+    note : What is being done, in English.
+    seconds : It has taken so far.
+    need : It will take, as far as is known.
+    pictures : How often it was drawn.
+    pages : How often a page was written that turns the head as far as it is made.
+    begun : When it began, in seconds since 1970.
     """
 
     name: str
@@ -78,24 +69,16 @@ class JobState:
 
     Attributes
     ----------
-    id, kind, project, version, export
-        What is done, for whom.
+    id, kind, project, version, export : What is done, for whom.
     state
         ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or ``stopped``.
-    order
-        What the process needs to know beside that.
-    after
-        Id of the job whose end it waits for, or None.
-    created, started, ended
-        In seconds since 1970.
-    stages
-        In their order.
-    notes
-        Warnings.
-    error
-        Code and message of a failure.
-    result
-        What the process said at its end.
+    order : What the process needs to know beside that.
+    after : Id of the job whose end it waits for, or None.
+    created, started, ended : In seconds since 1970.
+    stages : In their order.
+    notes : Warnings.
+    error : Code and message of a failure.
+    result : What the process said at its end.
     """
 
     id: str
@@ -226,14 +209,10 @@ class Jobs:
 
     Parameters
     ----------
-    folder
-        For their states, logs and pictures.
-    events
-        Told of every change.
-    order
-        Makes the order of a job (`lfportrait.studio.work.orders`).
-    changed
-        Called with a job whose stage or state has changed, for what depends on it.
+    folder : For their states, logs and pictures.
+    events : Told of every change.
+    order : Makes the order of a job (`lfportrait.studio.work.orders`).
+    changed : Called with a job whose stage or state has changed, for what depends on it.
     """
 
     ENTRY = "lfportrait.studio.work.jobs:serve"

@@ -55,10 +55,8 @@ class Previews:
 
     Parameters
     ----------
-    log
-        File for what it prints.
-    events
-        Told when it was lost.
+    log : File for what it prints.
+    events : Told when it was lost.
     """
 
     def __init__(self, log: Path, events: Events) -> None:

@@ -259,6 +259,15 @@ class Projects:
 _WRITING = threading.RLock()
 
 
+def record_in(path: Path) -> dict[str, Any] | None:
+    """What a file of JSON records; None where there is none, or it is damaged."""
+    try:
+        found = read_json(path)
+    except UserError:
+        return None
+    return found if isinstance(found, dict) else None
+
+
 def _files(place: Path) -> list[Path]:
     return [path for path in visible(place)
             if path.suffix.lower() in PHOTOS | VIDEOS and path.is_file()]

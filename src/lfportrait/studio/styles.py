@@ -18,14 +18,13 @@ import numpy as np
 from PIL import Image
 
 from ..arrays import UInt8
-from ..errors import UserError
-from ..files import atomic_path, atomic_write, file_state, read_json
+from ..files import atomic_path, atomic_write, file_state
 from ..labels import BY_HAND
 from ..media.folders import visible
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
 from .answers import Refusal, file_name, folder_name, free_name, id_of
-from .projects import OWN, Project, Projects
+from .projects import OWN, Project, Projects, record_in
 
 LARGEST = 128 << 20
 """Bytes of a painting's file."""
@@ -171,7 +170,7 @@ class Styles:
         query = f"project={project.id}&" if project is not None else ""
         stamp = style.stamp()
         address = f"/api/styles/{style.id}/picture?{query}"
-        faces = _faces(self.faces_file(style, project))
+        faces = record_in(self.faces_file(style, project))
         edited = style.path is not None and style.path.with_suffix(".landmarks.txt").is_file()
         landmarks = "file" if edited or style.path is None else (
             "found" if faces is None or faces["faces"] else "none")
@@ -193,14 +192,6 @@ def preview_file(project: Project, style: Style) -> Path:
     field = project.job / "field.npz"
     state = f"{field.stat().st_mtime_ns:x}" if field.is_file() else "0"
     return project.own / "previews" / f"{style.id}-{style.stamp()}-{state}.jpg"
-
-
-def _faces(path: Path) -> dict[str, Any] | None:
-    try:
-        found = read_json(path)
-    except UserError:
-        return None
-    return found if isinstance(found, dict) else None
 
 
 def _built_in() -> list[str]:

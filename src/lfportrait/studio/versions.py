@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError
-from ..files import read_json, write_json
+from ..files import write_json
 from ..labels import GROUPS, MOST, SURFACE_LABELS
 from .answers import Refusal, folder_name, free_name, id_of, number, text, truth
-from .projects import Project
+from .projects import Project, record_in
 
 PORTRAIT = "portrait"
 """Id of the version that `lfportrait make` wrote into the job's folder."""
@@ -93,13 +92,13 @@ class Versions:
         """All versions, the oldest first."""
         found = []
         for path in self.folder.glob("*/version.json"):
-            data = _read(path)
+            data = record_in(path)
             if data is not None:
                 found.append(Version(f"v-{id_of(path.parent.name)}", path.parent, data))
         found.sort(key=lambda version: (version.data.get("created", 0.0), version.id))
         job = self.project.job
         if (job / "styled.npz").is_file():
-            run = _read(job / "run.json") or {}
+            run = record_in(job / "run.json") or {}
             state = (job / "styled.npz").stat()
             found.insert(0, Version(PORTRAIT, job, {
                 "name": str(run.get("style") or "portrait"), "created": state.st_mtime}))
@@ -141,14 +140,6 @@ class Versions:
                 "mix": version.mix, "landmarks": None, "fine": version.fine, "job": job,
                 "thumbnail": f"/api/projects/{self.project.id}/versions/{version.id}/thumbnail"
                              f"?v={stamp}", "from_command_line": version.from_command_line}
-
-
-def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        found = read_json(path)
-    except UserError:
-        return None
-    return found if isinstance(found, dict) else None
 
 
 def make_command(project: Project, style: str | None, display: str,

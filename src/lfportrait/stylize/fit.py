@@ -107,7 +107,7 @@ def facing(points: Float64, position: Float64) -> Float32:
 
 def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transfer | None,
                  guide: SurfaceGuide | None, landmarks: Float64 | None,
-                 background: float, keep: bool = False) -> StyleView | None:
+                 background: float) -> StyleView | None:
     """Render, transfer and linearise one view; None where it shows nothing.
 
     Parameters
@@ -118,7 +118,6 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
     guide : Guide anchored to the surface; None = from the landmarks' projections in each view.
     landmarks : float64 [68, 3] in the world.
     background : Grey level behind the field.
-    keep : Keep the transfer's intermediates.
     """
     first = field.render(cameras, view, background=background)
     camera = _cropped(cameras[view], first.alpha)
@@ -141,8 +140,7 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
         example = np.where(np.isfinite(points[..., :1]), result.image, content)
         example = (example * alpha + background * (1.0 - alpha)).astype(np.float32)
     return StyleView(content, example, rendering.alpha, facing(points, camera.position[0]),
-                     field.sample_weights(camera, 0),
-                     result=result if keep else None)
+                     field.sample_weights(camera, 0), result=result)
 
 _TOGETHER = 8192
 """Rows whose moments are added up together: they fit into the cache."""

@@ -71,9 +71,8 @@ def matching_curve(source: Float64, target: Float64) -> Float32:
 
     Returns
     -------
-    float32 [BINS]
-        What values at the middle of each bin become, for `toned`; the values themselves where one
-        of the histograms is empty.
+    float32 [BINS] : What values at the middle of each bin become, for `toned`; the values
+        themselves where one of the histograms is empty.
     """
     middles = (np.arange(BINS) + 0.5) / BINS
     if source.sum() <= 0 or target.sum() <= 0:

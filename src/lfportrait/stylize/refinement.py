@@ -292,7 +292,7 @@ def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: St
     total = len(cameras) + config.refinements
     for index in range(len(cameras)):
         view = prepare_view(field, cameras, index, transfer, guide, capture.landmarks,
-                            config.background, keep=True)
+                            config.background)
         if view is not None:
             if view.result is not None:
                 for name in ("guides_seconds", "synthesis_seconds"):

@@ -119,18 +119,6 @@ def vignetted(field: VoxelField, capture: Capture, seed: int = 0) -> tuple[Voxel
     return replace(field, density=density), ends
 
 
-def cut_ends(field: VoxelField, capture: Capture) -> list[End]:
-    """Where a bust is cut off, below and at its sides.
-
-    Parameters
-    ----------
-    field, capture : As for `vignetted`.
-    """
-    if capture.landmarks is None:
-        return []
-    return _ends(_Low.of(field, capture.landmarks), capture)
-
-
 @dataclass(frozen=True)
 class _Low:
     """The part of a field below the chin.

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait import models
-from lfportrait.arrays import Bool, UInt8
+from lfportrait.arrays import Bool
 from lfportrait.capture import Camera, Capture
+from lfportrait.color import to_uint8
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
@@ -25,10 +26,6 @@ from .views import Arc, Pictures, arc_cameras, identity
 
 Wanted = Callable[[Camera, int], NDArray[Any]]
 """Cameras and a view -> what was painted seen in it, [H, W, 3], NaN where unknown."""
-
-
-def _bytes(image: NDArray[np.floating]) -> UInt8:
-    return (np.clip(image, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 def without_nan(value: Any) -> Any:
@@ -144,7 +141,7 @@ def landmarks_kept(field: VoxelField, styled: VoxelField, size: int = 384) -> di
 
     degrees = np.linspace(-45.0, 45.0, 7)
     cameras = arc_cameras(field, degrees, size)
-    pairs = [tuple(_bytes(one.render(cameras, view).color) for one in (styled, field))
+    pairs = [tuple(to_uint8(one.render(cameras, view).color) for one in (styled, field))
              for view in range(len(degrees))]
     return identity([painted for painted, _ in pairs], [photo for _, photo in pairs],
                     detect_landmarks)
@@ -179,7 +176,7 @@ def _style(painted: Pictures, masks: list[Bool], exemplar: Exemplar, crops: int,
         ours = max(painted[middle].shape[0] // 4, 16)
         theirs = max(int(0.6 * float(np.ptp(exemplar.landmarks[:, 0]))), 16)
         figures.update(style_distance(
-            spread_crops([_bytes(image) for image in painted], masks, ours, crops, seed),
+            spread_crops([to_uint8(image) for image in painted], masks, ours, crops, seed),
             spread_crops([exemplar.image], [mask], theirs, crops, seed + 1), device))
     return figures
 

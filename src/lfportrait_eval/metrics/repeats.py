@@ -448,8 +448,8 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
     shots = [np.clip(styled.render(cameras, view).color, 0, 1) for view in range(len(cameras))]
     figures = {}
     for name in (name for name in names if name in labels.names):
-        ours = [_repeat(shot, masks[name], unit) for shot, masks in zip(shots, seen)]
-        own = _repeat(painting, theirs.get(name), unit)
+        ours = [repeat_of(shot, masks[name], unit) for shot, masks in zip(shots, seen)]
+        own = repeat_of(painting, theirs.get(name), unit)
         # An exemplar without this material sets no measure but chance.
         measure = Repeat(0.0, (0, 0), 1.0) if np.isnan(own.peak) else own
         ratios = np.array([over_exemplar(one, measure) for one in ours])
@@ -460,7 +460,7 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
     return figures
 
 
-def _repeat(picture: NDArray[Any], mask: Bool | None, unit: float) -> Repeat:
+def repeat_of(picture: NDArray[Any], mask: Bool | None, unit: float) -> Repeat:
     """The strongest repeat of a region that is large enough."""
     if mask is None or mask.sum() < LEAST_AREA * unit ** 2:
         return Repeat(float("nan"), (0, 0), float("nan"))

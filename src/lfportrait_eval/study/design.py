@@ -44,7 +44,7 @@ from PIL import Image
 
 from lfportrait.arrays import UInt8
 from lfportrait.errors import UserError
-from lfportrait.files import atomic_write, read_json, write_json
+from lfportrait.files import atomic_write, read_json, script_json, write_json
 from lfportrait.media.pictures import read_image
 from lfportrait.progress import Progress
 from lfportrait.share import write_video
@@ -433,11 +433,6 @@ def study_script() -> str:
         "})();\n")
 
 
-def _json(data: Any) -> str:
-    """JSON that can stand in a script element: no ``</script>`` ends it early."""
-    return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-
-
 def _clips(entries: Sequence[Entry], progress: Progress | None) -> list[Clip]:
     """The entries' videos; those that are compared should look alike but for the method."""
     clips = []
@@ -560,7 +555,7 @@ def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None
             with atomic_write(out / media[name]) as stream:
                 stream.write(clip.data)
     parts = {"title": html.escape(config.title), "style": _text("study.css"),
-             "script": study_script(), "study": _json(data),
+             "script": study_script(), "study": script_json(data),
              "streams": _streams({**pictures, **(videos if embedded else {})})}
     # One pass: what is put in may itself hold such a mark.
     page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], _text("study.html")).encode()

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
 
@@ -41,7 +40,7 @@ from ..metrics.repeats import (
     exemplar_regions,
     gradient_energy,
     over_exemplar,
-    strongest_repeat,
+    repeat_of,
 )
 from ..metrics.views import (
     Comparison,
@@ -97,7 +96,7 @@ class Target:
         self.face = face_region(self.picture.shape, exemplar.landmarks * scale)
         self.energy = gradient_energy(self.picture, self.face)
         self.patches = PatchIndex(self.picture)
-        self.repeats = {name: _repeat(self.picture, mask, sitter.unit)
+        self.repeats = {name: repeat_of(self.picture, mask, sitter.unit)
                         for name, mask in masks.items()}
 
     @functools.cached_property
@@ -121,13 +120,6 @@ class Target:
         labels = RowLabels.joined(*row_labels(self.sitter.skin))
         return labels.masks(self.sitter.field, self.sitter.close_cameras, REGIONS,
                             MARGIN * self.sitter.unit)
-
-
-def _repeat(picture: NDArray[Any], mask: Bool, unit: float) -> Repeat:
-    """The strongest repeat of a region, NaN if the region is too small."""
-    if mask.sum() < unit ** 2:
-        return Repeat(float("nan"), (0, 0), float("nan"))
-    return strongest_repeat(picture, mask, unit)
 
 
 def measure(views: Views, target: Target, example: Views | None = None,
@@ -219,7 +211,7 @@ def _paint(views: Views, target: Target) -> Figures:
     for name in REGIONS:
         own = target.repeats.get(name, Repeat(float("nan"), (0, 0), float("nan")))
         measured = Repeat(0.0, (0, 0), 1.0) if np.isnan(own.peak) else own
-        ratios = [over_exemplar(_repeat(picture, masks[name], sitter.unit), measured)
+        ratios = [over_exemplar(repeat_of(picture, masks[name], sitter.unit), measured)
                   for picture, _, masks in shown if name in masks]
         known = [ratio for ratio in ratios if np.isfinite(ratio)]
         figures[f"repeats_{name}"] = max(known) if known else None

@@ -229,10 +229,8 @@ class Step(Task):
 
     Attributes
     ----------
-    source
-        The sitter.
-    style, method
-        Names, of a cell's tasks.
+    source : The sitter.
+    style, method : Names, of a cell's tasks.
     """
 
     source: Source

@@ -104,8 +104,8 @@ class _Mapper:
         return max(tries, key=lambda one: len(one.photos),
                    default=Placing(how, None, [], list(groups)))
 
-    def one_by_one(self, how: str, groups: Sequence[int], focal: float | None = None,
-                   weak: bool = False, start: Placing | None = None) -> Placing:
+    def one_by_one(self, how: str, groups: Sequence[int], weak: bool = False,
+                   start: Placing | None = None) -> Placing:
         """From a pair on, photo after photo; or from a model on."""
         options = self.scene.steady_options(self.pycolmap)
         options.min_model_size = 3  # COLMAP drops models of fewer than 10 photos
@@ -125,7 +125,7 @@ class _Mapper:
             options.mapper.abs_pose_min_num_inliers = 15
             options.mapper.abs_pose_min_inlier_ratio = 0.15
             options.min_num_matches = 10
-        database = self.scene.database(self.pycolmap, groups, self.model, focal)
+        database = self.scene.database(self.pycolmap, groups, self.model)
         given: dict[str, Any] = {}
         if start is not None and start.model is not None:
             given["input_path"] = self._folder()

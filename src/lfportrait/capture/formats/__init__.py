@@ -108,13 +108,12 @@ def written_views(views: Views, path: Path) -> Views:
                        None if views.alphas is None else as_read(views.alphas))
 
 
-def find_views(path: Path, holdout: int = 0) -> DataSet:
+def find_views(path: Path) -> DataSet:
     """The shots of any calibrated data set; no picture is decoded.
 
     Parameters
     ----------
     path : As in `Capture.load`.
-    holdout : Every ``holdout``-th picture becomes a test view where the format's custom says which.
 
     Raises
     ------
@@ -122,7 +121,7 @@ def find_views(path: Path, holdout: int = 0) -> DataSet:
         If ``path`` is no data set, or a damaged one.
     """
     with blamed(found := _known(path)):
-        return found.read(path, holdout)
+        return found.read(path, 0)
 
 
 def _known(path: Path) -> CaptureFormat:

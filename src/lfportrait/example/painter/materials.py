@@ -265,9 +265,8 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     ----------
     shares, tone : float32 [N, 7] and [N], the places to be painted.
     theirs : The exemplar's materials.
-    factor
-        Pixels to be painted for each place, times how much more often than evenly the exemplar's
-        may be used; one number, or one for each material.
+    factor : Pixels to be painted for each place, times how much more often than evenly the
+        exemplar's may be used; one number, or one for each material.
     reference : float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
     """
     reference = theirs.tone if reference is None else reference
@@ -325,8 +324,7 @@ def guide_agreement(guided: Float32, wanted: Float32, unit: float) -> Float32:
 
     Parameters
     ----------
-    guided, wanted
-        float32 [N, 2], the guide's places, and those of like material next to them
+    guided, wanted : float32 [N, 2], the guide's places, and those of like material next to them
         (`nearest_of_material`).
     unit : A 50th of the face, in their pixels.
     """

@@ -99,14 +99,12 @@ class PatchRequest:
     ----------
     shares : float32 [N, 7] by `MATERIALS`.
     tone, detail : float32 [N], luma and its fine part as the exemplar would have them.
-    wanted, begin
-        float32 [N, 2], places in the exemplar (in pixels of the painting's size): where the guide
-        leads, moved into like material, and where the search begins.
+    wanted, begin : float32 [N, 2], places in the exemplar (in pixels of the painting's size): where
+        the guide leads, moved into like material, and where the search begins.
     weight : float32 [N], of staying near ``wanted``, in units of a squared pixel.
     sure : float32 [N, 2], how far detail and tone are to be trusted.
-    state
-        uint8 [H, W]: `ACTIVE` is to be painted, `FIXED` is, `FOREIGN` is another's copy, `OUTSIDE`
-        is nothing.
+    state : uint8 [H, W]: `ACTIVE` is to be painted, `FIXED` is, `FOREIGN` is another's copy,
+        `OUTSIDE` is nothing.
     color : float32 [H, W, 3] in [0, 1], what is painted.
     often
         How often the exemplar's pixels may be used, against evenly: a number, or one a material.

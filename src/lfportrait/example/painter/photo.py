@@ -192,9 +192,8 @@ class PhotoPatches:
         landmarks, regions : [68, 2] in pixels, and the regions of the photo.
         result : StyleBlit's, of the same photo and exemplar.
         scale : Exemplar pixels per pixel of the photo (`Transfer.scale`).
-        turned
-            Whether the face is turned far: its side, which the exemplar shows as a narrow strip, is
-            patches, too.
+        turned : Whether the face is turned far: its side, which the exemplar shows as a narrow
+            strip, is patches, too.
 
         Returns
         -------

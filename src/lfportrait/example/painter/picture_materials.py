@@ -339,11 +339,10 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
     Parameters
     ----------
     picture, regions, labels : Painting or photo, and what is known of it.
-    strict
-        For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the more
-        so the further away, or lie in the chin's shadow; what hangs there may be hair; and paper in
-        the color of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
-        are painted of it.
+    strict : For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the
+        more so the further away, or lie in the chin's shadow; what hangs there may be hair; and
+        paper in the color of skin is skin. Else all right below the jaw is neck: for photos, whose
+        bodies are painted of it.
     """
     return _shares(SmallPicture(picture, regions, labels), regions, strict)
 

@@ -275,11 +275,6 @@ class Skin:
         return _unit(self.plane) * self.pixels
 
 
-def face_pixels(landmarks: NDArray[np.floating], pixels: float) -> float:
-    """`Skin.face` of a head with these landmarks, float64 [68, 3], before there is a skin."""
-    return _unit(HeadPlane(landmarks)) * pixels
-
-
 def _row_places(field: VoxelField, atlas: Atlas) -> Float32:
     """Place in the atlas of each lattice row, float32 [R, 2]; NaN where there is none."""
     points = np.asarray(field.lattice_points(), np.float32)

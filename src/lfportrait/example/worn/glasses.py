@@ -68,13 +68,11 @@ class Spectacles:
     curves : float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen
         (open).
     width, unsure : Of the lines, and how far off they may be.
-    score : Product of the three measures, in [0, 1].
     """
 
     curves: tuple[Float64, ...]
     width: float
     unsure: float
-    score: float
 
 
 def spectacles(image: UInt8, landmarks: NDArray[np.floating],
@@ -163,7 +161,7 @@ def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
     scale = pose.scale / UNIT
     width = max(width * scale, LEAST_WIDTH * pose.scale)
     return Spectacles(tuple(face.back(one) for one in curves), width,
-                      UNSURE * pose.scale, best)
+                      UNSURE * pose.scale)
 
 
 def _cross_sections(grey: Float32, rims: list[Rim]) -> tuple[float, float]:

@@ -49,10 +49,8 @@ class Sensed:
 
     Attributes
     ----------
-    depth
-        float64 [h, w], along the camera's axis, portrait units; NaN where it is not known.
-    off
-        Median distance from the face's own depth, portrait units.
+    depth : float64 [h, w], along the camera's axis, portrait units; NaN where it is not known.
+    off : Median distance from the face's own depth, portrait units.
     """
 
     depth: Float64
@@ -64,19 +62,14 @@ def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -
 
     Parameters
     ----------
-    depth
-        What the photo's file keeps.
-    camera
-        One view, the photo's.
-    parts
-        The photo's maps.
-    near
-        float64 [h, w], depth of the fitted head's front on their grid, NaN beside it.
+    depth : What the photo's file keeps.
+    camera : One view, the photo's.
+    parts : The photo's maps.
+    near : float64 [h, w], depth of the fitted head's front on their grid, NaN beside it.
 
     Returns
     -------
-    sensed
-        None where it does not fit the face.
+    sensed : None where it does not fit the face.
     """
     inverse = _inverse(depth, camera, parts)
     sure = parts.inside * parts.cell > RIM
@@ -170,16 +163,11 @@ def hair_squares(sensed: Sensed, middle: Float64, hair: Bools, given: Float64, c
 
     Parameters
     ----------
-    sensed
-        The photo's depth.
-    middle
-        float64 [h, w], depth of the piece's middle.
-    hair
-        bool [h, w].
-    given
-        float64 [h, w], squares that are given already, NaN elsewhere.
-    cell
-        Width of a cell, portrait units.
+    sensed : The photo's depth.
+    middle : float64 [h, w], depth of the piece's middle.
+    hair : bool [h, w].
+    given : float64 [h, w], squares that are given already, NaN elsewhere.
+    cell : Width of a cell, portrait units.
     """
     thick = np.maximum(middle - sensed.depth, 0.1 * RIM)
     # Next to the skin it goes over into that, as all hair does.
@@ -198,16 +186,11 @@ def middle_behind(sensed: Sensed, front: Float64, middle: Float64, neck: Bools, 
 
     Parameters
     ----------
-    sensed
-        The photo's depth.
-    front
-        float64 [h, w], squares of the half thicknesses in front.
-    middle
-        float64 [h, w], its depth without a photo's.
-    neck
-        bool [h, w], where the body meets the model's neck: there it stays.
-    cell
-        Width of a cell, portrait units.
+    sensed : The photo's depth.
+    front : float64 [h, w], squares of the half thicknesses in front.
+    middle : float64 [h, w], its depth without a photo's.
+    neck : bool [h, w], where the body meets the model's neck: there it stays.
+    cell : Width of a cell, portrait units.
     """
     wanted = sensed.depth + np.sqrt(np.maximum(front, 0)) - middle
     known = np.isfinite(wanted) & (front > 0)

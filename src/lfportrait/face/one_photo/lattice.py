@@ -33,22 +33,14 @@ class Shell:
 
     Attributes
     ----------
-    links
-        int32 [Z, Y, X], rows of the points.
-    points
-        float64 [N, 3].
-    away
-        float64 [N], signed distances, positive outside.
-    owner
-        uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`).
-    normals
-        float64 [N, 3], outward.
-    scalp
-        bool [N], what belongs to the head and lies where hair grows.
-    center, radius
-        Of the lattice's box.
-    voxel
-        Distance of points.
+    links : int32 [Z, Y, X], rows of the points.
+    points : float64 [N, 3].
+    away : float64 [N], signed distances, positive outside.
+    owner : uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`).
+    normals : float64 [N, 3], outward.
+    scalp : bool [N], what belongs to the head and lies where hair grows.
+    center, radius : Of the lattice's box.
+    voxel : Distance of points.
     """
 
     def __init__(self, solid: Solid, voxel: float) -> None:

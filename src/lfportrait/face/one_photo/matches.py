@@ -45,15 +45,12 @@ def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> l
 
     Parameters
     ----------
-    fit
-        The head so far.
-    pictures, images
-        Its photos; uint8 [H, W, 3].
+    fit : The head so far.
+    pictures, images : Its photos; uint8 [H, W, 3].
 
     Returns
     -------
-    found
-        A list for each photo. What the first one shows lies there where the head has it now.
+    found : A list for each photo. What the first one shows lies there where the head has it now.
     """
     out: list[list[Found]] = [[] for _ in pictures]
     for other in range(1, len(pictures)):

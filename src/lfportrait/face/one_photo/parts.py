@@ -36,16 +36,11 @@ class Parts:
 
     Attributes
     ----------
-    camera
-        One view, whose picture is the grid.
-    cell
-        Width of a cell at the head, portrait units.
-    inside
-        float32, signed distance from the person's outline in cells, positive in the person.
-    hair
-        bool, hair in front.
-    bottom
-        Row at which the photo ends.
+    camera : One view, whose picture is the grid.
+    cell : Width of a cell at the head, portrait units.
+    inside : float32, signed distance from the person's outline in cells, positive in the person.
+    hair : bool, hair in front.
+    bottom : Row at which the photo ends.
     """
 
     camera: Camera
@@ -88,12 +83,9 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    hair, matte
-        [H, W] in [0, 1].
-    landmarks
-        [68, 2] in pixels.
+    image : uint8 [H, W, 3].
+    hair, matte : [H, W] in [0, 1].
+    landmarks : [68, 2] in pixels.
     """
     width = float(np.linalg.norm(landmarks[16] - landmarks[0]))
     mask = ((hair > 0.5) & (matte > 0.5)).astype(np.uint8)
@@ -152,12 +144,9 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
 
     Parameters
     ----------
-    camera
-        One view.
-    matte, hair
-        [H, W] in [0, 1].
-    distance
-        Of the head from the camera, portrait units.
+    camera : One view.
+    matte, hair : [H, W] in [0, 1].
+    distance : Of the head from the camera, portrait units.
     """
     factor = min(1.0, float(distance / camera.focal[0, 0]) / CELL)
     small = camera.scaled(factor)

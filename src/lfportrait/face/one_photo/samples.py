@@ -28,12 +28,9 @@ class MeshSamples:
 
     Attributes
     ----------
-    points, normals
-        float64 [N, 3], portrait frame.
-    tree
-        Of the points.
-    rest
-        float64 [N, 3], where the samples lie on the model's mean (`HeadPrior.rest`).
+    points, normals : float64 [N, 3], portrait frame.
+    tree : Of the points.
+    rest : float64 [N, 3], where the samples lie on the model's mean (`HeadPrior.rest`).
     """
 
     points: Float64

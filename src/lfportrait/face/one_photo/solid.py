@@ -73,13 +73,10 @@ class Piece:
 
     Attributes
     ----------
-    front, back
-        float64 [h, w], squares of its half thicknesses; negative outside.
-    middle
-        float64 [h, w], depth.
-    ahead, behind
-        bool [h, w], where it lies before the middle and behind it; None: wherever its squares are
-        positive. Elsewhere the squares only lead its surface out of sight.
+    front, back : float64 [h, w], squares of its half thicknesses; negative outside.
+    middle : float64 [h, w], depth.
+    ahead, behind : bool [h, w], where it lies before the middle and behind it; None: wherever its
+        squares are positive. Elsewhere the squares only lead its surface out of sight.
     """
 
     front: Float64
@@ -131,18 +128,12 @@ class Solid:
 
     Attributes
     ----------
-    parts
-        The maps.
-    head
-        Samples of the head.
-    hair, body
-        Inflated pieces, or None.
-    neck
-        float64 [4]: a plane (normal, height) below which the head's model ends.
-    lowest
-        Height of the plane that ends the bust.
-    before
-        float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
+    parts : The maps.
+    head : Samples of the head.
+    hair, body : Inflated pieces, or None.
+    neck : float64 [4]: a plane (normal, height) below which the head's model ends.
+    lowest : Height of the plane that ends the bust.
+    before : float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     """
 
     parts: Parts
@@ -206,12 +197,9 @@ def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tup
 
     Parameters
     ----------
-    head, body
-        Signed distances.
-    way
-        0 where the head is all there is, 1 where the body is, in the joint in between.
-    above
-        Heights over the joint's upper end.
+    head, body : Signed distances.
+    way : 0 where the head is all there is, 1 where the body is, in the joint in between.
+    above : Heights over the joint's upper end.
     """
     out = np.where(way > 0, body, head)
     within = (way > 0) & (way < 1)
@@ -230,12 +218,9 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
 
     Parameters
     ----------
-    parts
-        The photo's maps.
-    samples
-        Of the head, warped to the photo.
-    sensed
-        The photo's own depth, where it has one.
+    parts : The photo's maps.
+    samples : Of the head, warped to the photo.
+    sensed : The photo's own depth, where it has one.
     """
     near, far = depth_maps(samples, parts)
     height = samples.rest[:, 1]

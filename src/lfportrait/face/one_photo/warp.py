@@ -50,17 +50,13 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
 
     Parameters
     ----------
-    prior, view
-        The model and its pose.
-    vertices
-        float64 [N, 3] in the model's frame.
-    picture
-        The photo.
+    prior, view : The model and its pose.
+    vertices : float64 [N, 3] in the model's frame.
+    picture : The photo.
 
     Returns
     -------
-    points
-        float64 [N, 3] in the camera's frame, metres.
+    points : float64 [N, 3] in the camera's frame, metres.
     """
     out = view.to_camera(vertices)
     moved = view.project(vertices) + _moves(prior, view, vertices, picture)
@@ -77,18 +73,14 @@ def warped_together(fit: HeadFit, pictures: list[Picture],
 
     Parameters
     ----------
-    fit
-        The head.
-    pictures
-        Its photos.
-    found
-        For each photo what it shows of the first one's places (`found_again`): there its
+    fit : The head.
+    pictures : Its photos.
+    found : For each photo what it shows of the first one's places (`found_again`): there its
         landmarks say nothing.
 
     Returns
     -------
-    points
-        float64 [N, 3], metres, in the first photo's expression.
+    points : float64 [N, 3], metres, in the first photo's expression.
     """
     if len(pictures) == 1:
         return warped(fit.prior, fit.views[0], fit.vertices(0), pictures[0])

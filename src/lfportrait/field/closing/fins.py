@@ -38,15 +38,12 @@ def without_fins(field: VoxelField, landmarks: NDArray[np.floating]) -> VoxelFie
 
     Parameters
     ----------
-    field
-        Of a head in the portrait frame, without a texture.
-    landmarks
-        [68, 3], iBUG order, of its face.
+    field : Of a head in the portrait frame, without a texture.
+    landmarks : [68, 3], iBUG order, of its face.
 
     Returns
     -------
-    field
-        The same lattice points; those of the sheets are empty.
+    field : The same lattice points; those of the sheets are empty.
     """
     ends = landmarks[[NOSE, CHIN, *CORNERS]]
     if not np.isfinite(ends).all():

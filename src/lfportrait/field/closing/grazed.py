@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
-from ..geometry.chart import Chart, continued, normals_of, read_surface, smoothed
+from ..geometry.chart import Chart, at_places, continued, normals_of, read_surface, smoothed
 from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
@@ -126,9 +126,9 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     even = without_specks(colors, told, grazed.hair)
     points = field.lattice_points()
     places, away = chart.places(points)
-    deep = (_at(grazed.distance, places) - away) * _at(cosine, places) / voxel
+    deep = (at_places(grazed.distance, places) - away) * at_places(cosine, places) / voxel
     stays = grazed.faced if grazed.hair is None else np.maximum(grazed.faced, grazed.hair)
-    share = 1.0 - _at(stays, places)
+    share = 1.0 - at_places(stays, places)
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
     if grazed.ears is not None:
         share[grazed.ears.distance(points)[0] < BESIDE * voxel] = 0.0
@@ -141,12 +141,6 @@ def _blended(sh: Float32, rows: Int64, share: Float64, even: Float64, places: Fl
     out = sh.copy()
     some = sh[rows] * (1.0 - share)[:, None, None].astype(np.float32)
     for k in range(3):
-        some[:, k, 0] += share * (_at(even[..., k], places) - 0.5) / C0
+        some[:, k, 0] += share * (at_places(even[..., k], places) - 0.5) / C0
     out[rows] = some
     return out
-
-
-def _at(values: Float64, places: Float64) -> Float64:
-    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
-    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
-    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))

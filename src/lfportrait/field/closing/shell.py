@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ...simd.threads import side_by_side
-from ..geometry.chart import Chart, normals_of, smoothed
+from ..geometry.chart import Chart, at_places, normals_of, smoothed
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from ..training.lattice import dilated
@@ -71,8 +71,8 @@ class Shell:
         inside = (row >= 0) & (row < rows)
         inside &= self.gap[np.clip(row, 0, rows - 1), column % columns]
         deep = np.full(len(points), -np.inf)
-        deep[inside] = ((self._at(self.distance, places[:, inside]) - away[inside])
-                        * self._at(self.cosine, places[:, inside]) / self.voxel)
+        deep[inside] = ((at_places(self.distance, places[:, inside]) - away[inside])
+                        * at_places(self.cosine, places[:, inside]) / self.voxel)
         if self.ears is not None:
             ear = -self.ears.distance(points)[0] / self.voxel
             deep = np.where(ear > -OUTWARDS, np.maximum(deep, ear), deep)
@@ -127,7 +127,7 @@ class Shell:
         """Coefficients [N, 3, B] of the colors at places: the same from all sides."""
         sh = np.zeros((places.shape[1], 3, basis), np.float32)
         for k in range(3):
-            sh[:, k, 0] = (self._at(self.colors[..., k], places) - 0.5) / C0
+            sh[:, k, 0] = (at_places(self.colors[..., k], places) - 0.5) / C0
         return sh
 
     def turn(self, places: Float64) -> Float64:
@@ -138,18 +138,12 @@ class Shell:
     def normals(self, points: Float64, places: Float64) -> Float64:
         """Outward normals [N, 3] of the surface at points [N, 3], which are at places [2, N]."""
         normal = normals_of(self.chart, smoothed(self.distance, np.ones_like(self.gap), 1.0))
-        found = np.stack([self._at(normal[..., k], places) for k in range(3)], axis=-1)
+        found = np.stack([at_places(normal[..., k], places) for k in range(3)], axis=-1)
         if self.ears is not None:
             away, sample = self.ears.distance(points)
             near = away < OUTWARDS * self.voxel
             found[near] = self.ears.normals[sample[near]]
         return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
-
-    @staticmethod
-    def _at(values: Float64, places: Float64) -> Float64:
-        """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
-        places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
-        return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
 
 
 def _density(deep: Float64, voxel: float) -> Float32:

@@ -251,6 +251,12 @@ LEAK = 0.003
 """How strongly a membrane holds together across a border, over elsewhere."""
 
 
+def at_places(values: Float64, places: Float64) -> Float64:
+    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
+    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
+    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
+
+
 def smoothed(values: Float64, known: Bool, width: float) -> Float64:
     """Values [V, U, ...] blurred, of the known ones alone."""
     sigma = (width, width, *(0,) * (values.ndim - 2))

@@ -331,18 +331,6 @@ def _fill(since, until, links, density, sh, none, places, values):
                                _load(flat, np.uintp(16 * line)))
 
 
-def build_stretches(links: Int32, density: Float32, sh: NDArray[np.floating]) -> Stretches:
-    """Lay a field out for slices.
-
-    Parameters
-    ----------
-    links : int32 [Z, Y, X], row of each lattice point or -1.
-    density : float32 [N], per world unit.
-    sh : float [N, 3, B], spherical-harmonic coefficients.
-    """
-    return fill_stretches(place_stretches(links), links, density, sh)
-
-
 def place_stretches(links: Int32) -> Places:
     """Where a lattice, int32 [Z, Y, X], has stretches."""
     depth, height, width = links.shape
@@ -359,7 +347,15 @@ def place_stretches(links: Int32) -> Places:
 
 def fill_stretches(where: Places, links: Int32, density: Float32,
                    sh: NDArray[np.floating]) -> Stretches:
-    """A field laid out in the stretches of its lattice; arguments as `build_stretches`."""
+    """Lay a field out in the stretches of its lattice, for slices.
+
+    Parameters
+    ----------
+    where : Of the lattice.
+    links : int32 [Z, Y, X], row of each lattice point or -1.
+    density : float32 [N], per world unit.
+    sh : float [N, 3, B], spherical-harmonic coefficients.
+    """
     lines = 1 + 3 * sh.shape[2]
     values = np.empty((where.count + 1) * lines * 16, np.uint16)
     values[-lines * 16:] = 0

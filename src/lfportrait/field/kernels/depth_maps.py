@@ -298,22 +298,16 @@ def places_shown(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    points
-        float64 [N, 3].
-    camera
-        float64 [16].
-    nearest, farthest
-        float32 [h, w], distances along the optical axis.
-    before, beyond
-        float32, how far before ``nearest`` and beyond ``farthest`` points may lie; below zero the
-        first asks for nothing.
+    points : float64 [N, 3].
+    camera : float64 [16].
+    nearest, farthest : float32 [h, w], distances along the optical axis.
+    before, beyond : float32, how far before ``nearest`` and beyond ``farthest`` points may lie;
+        below zero the first asks for nothing.
     cosines, square
         float32 [h, w], of which a point's must be above ``square``, unless that is zero.
-    outwards, least
-        float64 [N, 3], unit: the way to the camera has a cosine above ``least`` to it; [0, 3] asks
-        for nothing.
-    shown
-        bool [N], filled.
+    outwards, least : float64 [N, 3], unit: the way to the camera has a cosine above ``least`` to
+        it; [0, 3] asks for nothing.
+    shown : bool [N], filled.
     """
     height, width = farthest.shape
     for k in range(len(points)):
@@ -343,18 +337,12 @@ def facing_cosines(points, normals, camera, cell, scratch, nearest, cosines):
 
     Parameters
     ----------
-    points, normals
-        float64 [N, 3].
-    camera
-        float64 [16].
-    cell
-        Distance of points, world units.
-    scratch
-        float64 [3, N].
-    nearest
-        float64 [H, W], of as many blocks as there are at most.
-    cosines
-        float64 [N], filled: between the normal and the way to the camera.
+    points, normals : float64 [N, 3].
+    camera : float64 [16].
+    cell : Distance of points, world units.
+    scratch : float64 [3, N].
+    nearest : float64 [H, W], of as many blocks as there are at most.
+    cosines : float64 [N], filled: between the normal and the way to the camera.
     """
     count, mean = len(points), 0.0
     across, down, along = scratch[0], scratch[1], scratch[2]
@@ -406,20 +394,13 @@ def hull_along_rays(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    origins
-        float64 [V, 3], one a row.
-    rays
-        float64 [V, U, 3].
-    reach
-        float64 [V, U], of which ``shares`` [S] are looked at, rising; then halved.
-    cameras
-        float64 [K, 16].
-    mattes, sizes
-        float32 [K, H, W], in [0, 255], of sizes int64 [K, 2].
-    halvings
-        Times that the way between the last two shares is halved.
-    found
-        float64 [V, U], filled; NaN where nothing is ruled out.
+    origins : float64 [V, 3], one a row.
+    rays : float64 [V, U, 3].
+    reach : float64 [V, U], of which ``shares`` [S] are looked at, rising; then halved.
+    cameras : float64 [K, 16].
+    mattes, sizes : float32 [K, H, W], in [0, 255], of sizes int64 [K, 2].
+    halvings : Times that the way between the last two shares is halved.
+    found : float64 [V, U], filled; NaN where nothing is ruled out.
     """
     for v in range(since, until):
         for u in range(rays.shape[1]):
@@ -478,16 +459,13 @@ def match_planes(  # type: ignore[no-untyped-def]
         float32 [h, w]: levels in [0, 1]; their mean and variance in each window.
     pictures, sizes
         float32 [N, H, W] and int64 [N, 2]: the others, and how many rows and columns each has.
-    warps
-        float64 [P, N, 3, 3], from the reference's pixels to those of the others, by planes.
-    scratch
-        float32 [h, w], [h, w], [R, h, w], [3, w + 8], [3, w], [2, w] and [w], overwritten. R
+    warps : float64 [P, N, 3, 3], from the reference's pixels to those of the others, by planes.
+    scratch : float32 [h, w], [h, w], [R, h, w], [3, w + 8], [3, w], [2, w] and [w], overwritten. R
         pictures, one or two, count.
     top, winner
         float32 [h, w] and int32 [h, w], filled: the largest score and the first plane that has it.
-    below, above
-        float32 [h, w], filled: the scores of the planes before and after it; anything where there
-        are none.
+    below, above : float32 [h, w], filled: the scores of the planes before and after it; anything
+        where there are none.
     """
     height, width = reference.shape
     planes, others = warps.shape[:2]
@@ -527,22 +505,16 @@ def surface_agreement(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    points
-        float64 [V, U, 3], the cells in the world.
+    points : float64 [V, U, 3], the cells in the world.
     cameras, pictures, sizes
         float64 [K, 16]; float32 [K, H, W], levels in [0, 1]; int64 [K, 2], rows and columns.
-    weights
-        float32 [K, V, U], how far a picture counts in each cell.
-    beside
-        Cells from the middle of a window to its sides, at most 4.
-    scratch
-        float32 [V, U], [2, U + 8], [2, U], overwritten.
-    values
-        float32 [2, K, V, U], filled: levels less their mean; weights, 0 where a picture does not
-        show a cell.
-    score, total, own
-        float32 [V, U] each, filled: weighted sum of the correlations, sum of the weights, variance
-        of the weighted mean.
+    weights : float32 [K, V, U], how far a picture counts in each cell.
+    beside : Cells from the middle of a window to its sides, at most 4.
+    scratch : float32 [V, U], [2, U + 8], [2, U], overwritten.
+    values : float32 [2, K, V, U], filled: levels less their mean; weights, 0 where a picture does
+        not show a cell.
+    score, total, own : float32 [V, U] each, filled: weighted sum of the correlations, sum of the
+        weights, variance of the weighted mean.
     """
     mean, sums, totals = scratch
     levels, shares = values[0], values[1]

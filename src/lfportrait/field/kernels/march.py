@@ -1,6 +1,6 @@
 """Casting packets of rays through bricks: one loop, written once over a lane namespace.
 
-A packet is 16 rays (or one, with the one-lane namespace). Positions are in lattice units: lattice
+A packet is 16 rays. Positions are in lattice units: lattice
 point i lies at coordinate i. A ray's samples lie on the comb t = start + k step, whatever space is
 skipped, so that skipping changes no result. At each sample the density is interpolated trilinearly
 in lanes, 16 rays at once; color is evaluated ray by ray with the coefficients in lanes, by the
@@ -10,7 +10,7 @@ To build a kernel on it: ``march = make_march(LANES, shade)`` where ``shade(link
 weights, lane, basis, channel)`` returns the sample's (r, g, b) for one lane as float32 numbers.
 `make_rgb_shade` evaluates all three channels, `make_channel_shade` only the one that a sub-pixel
 shows (it returns it three times; use the first). `basis` is a per-thread float32 scratch of
-[lanes * BASIS_STRIDE] that `make_basis` fills for each ray's direction. ``march`` returns
+[lanes * 64] that `make_basis` fills for each ray's direction. ``march`` returns
 (r, g, b, transmittance, depth) as lanes, without the background: add transmittance * background.
 """
 
@@ -43,10 +43,6 @@ def real_harmonics(directions: NDArray[np.floating], count: int) -> Float64:
               -second * y * z, 0.31539156525252005 * (2 * z * z - x * x - y * y),
               -second * x * z, 0.5 * second * (x * x - y * y)]
     return np.stack(planes[:count], axis=1)
-
-
-BASIS_STRIDE = 64
-"""Floats of basis scratch per lane: four vectors of 16."""
 
 
 @identified("sh_basis")

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...simd.decorators import identified, kernel
 from ...simd.threads import share_out, shared, with_kernel
-from ...simd.vectors import LANES, SCALAR
+from ...simd.vectors import LANES
 from .march import enter_box, make_basis, make_march, make_rgb_shade
 
 
@@ -99,50 +99,6 @@ def render_kernel(width: int) -> Callable[..., Any]:
         share_out(render_lines, (size[1] + 3) // 4, table, links, density, rows, lattice, count,
                   camera, size, *rest)
     return with_kernel(render, render_lines)
-
-
-@functools.cache
-def render_kernel_one_lane(width: int) -> Callable[..., Any]:
-    """One ray at a time from the same marching loop: the shape that a GPU thread has.
-
-    Returns
-    -------
-    cast : ``cast(table, links, density, rows, lattice, count, origin, direction, step, delta,
-        threshold, stop)`` for one ray in lattice units with its unit world direction in
-        ``direction[3:]``; returns (r, g, b, transmittance, lattice distance of the surface).
-    """
-    half, zero = SCALAR.half, np.float32(0.0)
-
-    @identified("one-lane shade", width)
-    @kernel
-    def shade(links, rows, base, weights, lane, basis, channel):
-        count = np.int64(channel)
-        color = (zero, zero, zero)
-        sums = np.zeros(3, np.float32)
-        for corner in range(8):
-            offset = (corner >> 2) * 25 + ((corner >> 1) & 1) * 5 + (corner & 1)
-            row = links[base + offset] * width
-            for c in range(3):
-                for i in range(count):
-                    sums[c] += weights[corner] * half(rows[row + c * count + i]) * basis[i]
-        color = (max(sums[0] + np.float32(0.5), zero), max(sums[1] + np.float32(0.5), zero),
-                 max(sums[2] + np.float32(0.5), zero))
-        return color
-
-    march = make_march(SCALAR, shade)
-
-    @identified("one-lane cast", width)
-    @kernel
-    def cast(table, links, density, rows, lattice, count, origin, direction, basis, step, delta,
-             threshold, stop):
-        nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
-        start, end = enter_box(origin[0], origin[1], origin[2], direction[0], direction[1],
-                               direction[2], nx, ny, nz)
-        return march(table, links, density, rows, nx, ny, nz, origin[0], origin[1], origin[2],
-                     direction[0], direction[1], direction[2], start, end, np.float32(step),
-                     np.float32(delta), np.float32(threshold), np.float32(stop), basis,
-                     np.float32(count))
-    return cast
 
 
 CAPACITY = 96

@@ -62,14 +62,10 @@ class LocalRunner(Workers[Task]):
 
     Parameters
     ----------
-    results
-        Folder of all results.
-    cores
-        Of each task.
-    workers
-        Processes; 0: as many as there are cores for.
-    log
-        File for what workers print.
+    results : Folder of all results.
+    cores : Of each task.
+    workers : Processes; 0: as many as there are cores for.
+    log : File for what workers print.
     """
 
     def __init__(self, results: Path, cores: int, workers: int, log: Path) -> None:
@@ -88,15 +84,12 @@ def do_task(task: Task, results: Path) -> Outcome:
 
     Parameters
     ----------
-    task
-        What to do.
-    results
-        Folder of all results.
+    task : What to do.
+    results : Folder of all results.
 
     Returns
     -------
-    outcome
-        Failures of any kind are stored in it; none is raised.
+    outcome : Failures of any kind are stored in it; none is raised.
     """
     worker = f"{socket.gethostname()}:{os.getpid()}"
     before = finished(task, results)
@@ -186,15 +179,11 @@ class RayRunner(Runner[Task]):
 
     Parameters
     ----------
-    address
-        ``ray``: the cluster that runs here or that ``RAY_ADDRESS`` names, else one of this machine;
-        ``ray://HOST:PORT``: one elsewhere.
-    results
-        Folder of all results, the same on all machines.
-    cores
-        Of each task; 0: one.
-    workers
-        Tasks at once; 0: as many as there are cores for.
+    address : ``ray``: the cluster that runs here or that ``RAY_ADDRESS`` names, else one of this
+        machine; ``ray://HOST:PORT``: one elsewhere.
+    results : Folder of all results, the same on all machines.
+    cores : Of each task; 0: one.
+    workers : Tasks at once; 0: as many as there are cores for.
     """
 
     def __init__(self, address: str, results: Path, cores: int, workers: int) -> None:

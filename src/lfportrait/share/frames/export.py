@@ -21,8 +21,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64, UInt8
-from ...color import linear_light
+from ...arrays import Float64, UInt8
+from ...color import linear_light, to_uint8
 from ...errors import UserError
 from ...field import Rendering, VoxelField
 from ...files import write_json
@@ -216,7 +216,7 @@ class TwoEyes:
         """The left and the right picture, uint8 [H, W, 3], and their `parallax`."""
         ground = window_ground(field, self.window, encode)
         left, right = (self.look(field, encode, eye, ground) for eye in (-1.0, 1.0))
-        return _bytes(left.color), _bytes(right.color), self.parallax(left, encode)
+        return to_uint8(left.color), to_uint8(right.color), self.parallax(left, encode)
 
     def with_depth(self, field: VoxelField, encode: EncodeConfig,
                    ) -> tuple[UInt8, dict[str, Any]]:
@@ -232,17 +232,13 @@ class TwoEyes:
             near, far = np.quantile(shot.depth[seen], [_OUTERMOST, 1 - _OUTERMOST])
             share = (far - shot.depth[seen]) / max(far - near, 1e-6)
             depth[seen] = 1.5 + 254 * np.clip(share, 0, 1)
-        return np.hstack([_bytes(shot.color), np.repeat(depth[..., None], 3, axis=2)]), {
+        return np.hstack([to_uint8(shot.color), np.repeat(depth[..., None], 3, axis=2)]), {
             "covered": round(float(seen.mean()), 4)}
 
 
 def window_ground(field: VoxelField, window: Display, encode: EncodeConfig) -> Ground | None:
     """The ground behind a head in a window, as sharp as it is: there are no lenses to blur it."""
     return ground_of(field, window, replace(encode, ground_blur=0.0))
-
-
-def _bytes(color: Float32) -> UInt8:
-    return (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 def anaglyph_of(left: UInt8, right: UInt8) -> UInt8:
@@ -372,7 +368,7 @@ class Flat:
         ground = window_ground(field, self.window, encode)
         behind = encode.background if ground is None else ground.seen(camera)
         color = field.render(camera, 0, background=behind).color
-        frame = (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        frame = to_uint8(color)
         return np.ascontiguousarray(np.rot90(frame)) if self.turned else frame
 
 

@@ -37,7 +37,7 @@ from ...browsing import open_browser
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, Backdrop, VoxelField
-from ...files import atomic_write
+from ...files import atomic_write, script_json
 from ...lightfield import (
     Display,
     EncodeConfig,
@@ -354,11 +354,6 @@ def _presets() -> list[dict[str, Any]]:
     return found
 
 
-def _json(data: Any) -> str:
-    """JSON that can stand in a script element: no ``</script>`` ends it early."""
-    return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-
-
 def _caption(config: PageConfig, styles: list[str]) -> str:
     lines = [config.artist or ", ".join(styles), config.date]
     return "".join(f"<p>{html.escape(line)}</p>" for line in lines if line)
@@ -443,7 +438,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     parts = {
         "title": html.escape(title), "caption": _caption(config, styles),
         "style": style + tint,
-        "description": html.escape(about), "script": script, "header": _json(header),
+        "description": html.escape(about), "script": script, "header": script_json(header),
         "poster": "data:image/webp;base64," + base64.b64encode(picture).decode(),
         "streams": "\n".join(
             f'<script type="application/octet-stream" data-stream="{name}">'

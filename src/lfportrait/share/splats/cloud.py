@@ -42,16 +42,11 @@ class Splats:
 
     Attributes
     ----------
-    positions
-        float32 [N, 3], middles, in the world.
-    scales
-        float32 [N, 3], standard deviations along the splat's axes, world units, > 0.
-    turns
-        float32 [N, 4], unit quaternions (w, x, y, z): from the splat's axes to the world's.
-    opacity
-        float32 [N], at the middle, 0 to 1.
-    sh
-        float32 [N, 3, B], spherical harmonics (B = 1, 4 or 9, in the field's order); color =
+    positions : float32 [N, 3], middles, in the world.
+    scales : float32 [N, 3], standard deviations along the splat's axes, world units, > 0.
+    turns : float32 [N, 4], unit quaternions (w, x, y, z): from the splat's axes to the world's.
+    opacity : float32 [N], at the middle, 0 to 1.
+    sh : float32 [N, 3, B], spherical harmonics (B = 1, 4 or 9, in the field's order); color =
         max(0, coefficients . basis + 0.5), sRGB, for the direction from the camera to the splat.
     """
 
@@ -161,10 +156,8 @@ class SplatView:
 
     Attributes
     ----------
-    image
-        float32 [H, W, 4], color times alpha (sRGB), and alpha.
-    order
-        int64 [M], splats in the picture, from front to back.
+    image : float32 [H, W, 4], color times alpha (sRGB), and alpha.
+    order : int64 [M], splats in the picture, from front to back.
     """
 
     image: Float32
@@ -181,8 +174,7 @@ class SplatView:
 
         Parameters
         ----------
-        slope
-            float32 [H, W, 4], derivative of the loss by ``image``.
+        slope : float32 [H, W, 4], derivative of the loss by ``image``.
         """
         through = np.concatenate([self.image[..., :3], 1 - self.image[..., 3:]], axis=2)
         by_through = np.concatenate([slope[..., :3], -slope[..., 3:]], axis=2).astype(np.float32)
@@ -201,10 +193,8 @@ def splat_view(splats: Splats, cameras: Camera, view: int = 0) -> SplatView:
 
     Parameters
     ----------
-    splats
-        The splats.
-    cameras, view
-        Batch of cameras and which of them.
+    splats : The splats.
+    cameras, view : Batch of cameras and which of them.
     """
     width, height = int(cameras.width[view]), int(cameras.height[view])
     camera = cameras.row(view)
@@ -255,12 +245,9 @@ def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
 
     Parameters
     ----------
-    splats
-        In the portrait frame (+y up, +z out of the face).
-    suffix
-        Of the file's name, such as ``.ply``.
-    up
-        ``"y-up"``; ``"y-down"``: half a turn about z; ``"auto"``: what is usual for such files.
+    splats : In the portrait frame (+y up, +z out of the face).
+    suffix : Of the file's name, such as ``.ply``.
+    up : ``"y-up"``; ``"y-down"``: half a turn about z; ``"auto"``: what is usual for such files.
 
     Raises
     ------
@@ -312,15 +299,12 @@ def smallest_three(turns: Float32) -> tuple[Int64, Float32]:
 
     Parameters
     ----------
-    turns
-        float32 [N, 4].
+    turns : float32 [N, 4].
 
     Returns
     -------
-    largest
-        int64 [N], which component that is.
-    others
-        float32 [N, 3], in order, within 1 / sqrt(2) of 0.
+    largest : int64 [N], which component that is.
+    others : float32 [N, 3], in order, within 1 / sqrt(2) of 0.
     """
     largest = np.abs(turns).argmax(axis=1)
     sign = np.sign(turns[np.arange(len(turns)), largest])

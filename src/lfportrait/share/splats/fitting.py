@@ -188,12 +188,9 @@ def place_splats(field: VoxelField, count: int, degree: int | None = None) -> Sp
 
     Parameters
     ----------
-    field
-        The field.
-    count
-        How many at most.
-    degree
-        Of their spherical harmonics; by default the field's.
+    field : The field.
+    count : How many at most.
+    degree : Of their spherical harmonics; by default the field's.
 
     Raises
     ------
@@ -331,16 +328,11 @@ def fit_splats(field: VoxelField, splats: Splats, steps: int, seed: int = 0,
 
     Parameters
     ----------
-    field
-        The field.
-    splats
-        As `place_splats` lays them.
-    steps
-        How many views are looked at.
-    seed
-        Of the choice of views.
-    tell
-        Told the number of each step.
+    field : The field.
+    splats : As `place_splats` lays them.
+    steps : How many views are looked at.
+    seed : Of the choice of views.
+    tell : Told the number of each step.
     """
     width, start = splats.scales[:, 0].copy(), splats.positions
     ball = Ball.around(field)
@@ -450,10 +442,8 @@ def splat_psnr(field: VoxelField, splats: Splats, size: int = 512) -> float:
 
     Parameters
     ----------
-    field, splats
-        What is compared.
-    size
-        Of the pictures in pixels.
+    field, splats : What is compared.
+    size : Of the pictures in pixels.
     """
     cameras = orbit_cameras(CHECKED, size, field)
     errors = []

@@ -25,7 +25,7 @@ from ...errors import UserError
 from ...example import Exemplar
 from ...face import frontal_order, is_portrait
 from ...field import VoxelField
-from ...files import atomic_path, read_json, write_image, write_json
+from ...files import atomic_path, plain_json, read_json, write_image, write_json
 from ...job import (
     FULL,
     QUICK,
@@ -287,18 +287,7 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
             **placed, display=order.display, progress=progress))
     out = figures.pop("out")
     return {"export": id_of(out.name), "file": out.name, "kind": kind.name, "fine": fine,
-            "version": more.get("version"), "figures": _plain(figures)}
-
-
-def _plain(value: Any) -> Any:
-    """Figures as JSON takes them."""
-    if isinstance(value, dict):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, Path):
-        return str(value)
-    return value.item() if hasattr(value, "item") else value
+            "version": more.get("version"), "figures": plain_json(figures)}
 
 
 _KINDS: dict[str, Callable[[Order, Teller], dict[str, Any]]] = {

@@ -22,6 +22,7 @@ from PIL import Image, ImageDraw
 
 from ...arrays import UInt8
 from ...capture import Camera, Capture, font
+from ...color import to_uint8
 from ...field import VoxelField
 from ...files import write_image
 from ...job import STAGES, FirstLook, Tools
@@ -46,10 +47,8 @@ class Teller:
 
     Attributes
     ----------
-    tell
-        Sends a message.
-    pictures
-        Folder for the stages' pictures.
+    tell : Sends a message.
+    pictures : Folder for the stages' pictures.
     """
 
     tell: Callable[..., None]
@@ -74,10 +73,8 @@ class Teller:
 
         Parameters
         ----------
-        name
-            Of the stage.
-        draw
-            Draws an intermediate result.
+        name : Of the stage.
+        draw : Draws an intermediate result.
         """
         begun = time.perf_counter()
         self.tell("begin", name)
@@ -159,13 +156,10 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
 
     Parameters
     ----------
-    field
-        The head.
-    cameras
-        (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer than all of
-        the head.
-    size
-        Of the pictures in pixels.
+    field : The head.
+    cameras : (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer than
+        all of the head.
+    size : Of the pictures in pixels.
     """
     from ...share import sweep_cameras
 
@@ -196,8 +190,7 @@ def cameras_picture(capture: Capture, size: int = 480) -> UInt8:
 
     Returns
     -------
-    picture
-        uint8 [size, 2 * size, 3].
+    picture : uint8 [size, 2 * size, 3].
     """
     sheet = Image.new("RGB", (2 * size, size), _PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -246,7 +239,7 @@ def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:
     chosen = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 16)).astype(int))]
     cell = size // columns
     for number, view in enumerate(chosen):
-        image = (np.clip(capture.image_float(int(view)), 0, 1) * 255 + 0.5).astype(np.uint8)
+        image = to_uint8(capture.image_float(int(view)))
         small = Image.fromarray(image)
         small.thumbnail((cell - 6, cell - 6))
         column, row = number % columns, number // columns
@@ -288,10 +281,8 @@ class EarlyPicture(FirstLook):
 
     Parameters
     ----------
-    order
-        Of the head.
-    teller
-        Sends the picture.
+    order : Of the head.
+    teller : Sends the picture.
     """
 
     STAGE = "surface"

@@ -84,10 +84,9 @@ class Look:
 
     Parameters
     ----------
-    request
-        ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's file);
-        with ``job`` also ``style`` (a picture or a built-in name, None for the photographed head),
-        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``.
+    request : ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's
+        file); with ``job`` also ``style`` (a picture or a built-in name, None for the photographed
+        head), ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``.
         ``mix``: arguments of `StyledField.mix`.
     """
 
@@ -258,15 +257,13 @@ def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
 
     Parameters
     ----------
-    place
-        x and y in pixels.
+    place : x and y in pixels.
     width, height
         Of the picture: the face takes two fifths of the shorter side, or less near the border.
 
     Returns
     -------
-    points
-        float64 [68, 2], in the picture as far as the place allows it.
+    points : float64 [68, 2], in the picture as far as the place allows it.
     """
     nose = np.clip(place, 0, [width - 1, height - 1])
     face = (GENERIC_LANDMARKS[:, :2] - GENERIC_LANDMARKS[_NOSE, :2]) * [1, -1]
