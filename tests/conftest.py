@@ -29,8 +29,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
-# What is made while tests are collected stays: nothing of it is garbage, then or later. (The process
-# that only hands tests out to others collects none.)
+# What is made while tests are collected stays: nothing of it is garbage, then or later. A process
+# that only hands tests out to others collects none, and stays without.
 gc.disable()
 
 
