@@ -4,8 +4,8 @@ Pillow tries all five of PNG's filters on every row, then looks for strings that
 core. Pictures for panels and printers are hard to compress and hold few such strings: here each row
 is the difference to the row above, to the pixel before or to the mean of both, whichever is
 smallest, and is coded by Huffman's code alone, or with runs where most of it is zero. Pieces of the
-picture are coded side by side. A 4K picture takes a sixth of the time on one core, for a file as
-large. zlib-ng codes twice as fast as zlib.
+picture are coded side by side, by zlib-ng. A 4K picture takes a fifth of the time on one core, for
+a file as large.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 import hashlib
 import json
 import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -234,3 +236,18 @@ def test_a_picture_that_was_seen_before_is_not_looked_at_again(shared_data, shar
     monkeypatch.setattr(segmentation, "_segmenter", lambda path, size: pytest.fail("looked again"))
     for before, after in zip(first, segmentation.mattes(picture.copy(), size=256)):
         np.testing.assert_array_equal(before, after)
+
+
+def test_who_first_makes_a_task_is_let_go_of():
+    # MediaPipe keeps an error of its own import; in this process it may be imported already.
+    program = """
+import weakref
+from lfportrait.face import segmentation
+class Large: pass
+def call():
+    large = Large()
+    segmentation.made(lambda: Large(), lambda task: None)
+    return weakref.ref(large)
+assert call()() is None
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)

@@ -98,9 +98,10 @@ def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, 
                     if _bits(inside) == 0:
                         continue
                     pixel = (_ints(_where(inside, row, _ZERO)) * np.int32(shapes[view, 1])
-                             + _ints(_where(inside, column, _ZERO)) + np.int32(starts[view]))
+                             + _ints(_where(inside, column, _ZERO)))
+                    matte = mattes[starts[view]:starts[view + 1]]  # lanes count up to 2^31
                     seen = seen + _where(inside, _floats(_ONE), _ZERO)
-                    against = against + _where(inside, _ONE - _gather(mattes, pixel), _ZERO)
+                    against = against + _where(inside, _ONE - _gather(matte, pixel), _ZERO)
                     if _bits(against <= limit) == 0:
                         break
                 mean = _where(seen > _ZERO, _ONE - against / seen, _ONE)

@@ -16,9 +16,11 @@ from __future__ import annotations
 
 import atexit
 import functools
+import importlib
 import os
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,7 @@ def _described(content: bytes, size: int) -> tuple[bytes, int]:
     The files of the two small networks say nowhere what range their input has: 0 to 1. Without that
     they are refused. They also work on pictures of another size than the one that they name.
     """
+    _import_mediapipe()
     import flatbuffers
     from mediapipe.tasks.metadata import metadata_schema_py_generated as about
     from mediapipe.tasks.metadata import schema_py_generated as schema
@@ -261,8 +264,20 @@ def made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
     make : Makes the task.
     first : Runs it once: some of the chatter comes only then.
     """
+    _import_mediapipe()
     with _LOCK:
         return _made(make, first)
+
+
+@functools.cache
+def _import_mediapipe() -> None:
+    """Import MediaPipe in a thread of its own.
+
+    It keeps the error of an import that may fail (of its audio tasks), and by that the frames of
+    whoever imported it, with all that they hold: 0.8 GB of what trains a field.
+    """
+    with ThreadPoolExecutor(1, "import") as thread:
+        thread.submit(importlib.import_module, "mediapipe.tasks.python").result()
 
 
 def _made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
