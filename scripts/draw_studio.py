@@ -61,14 +61,10 @@ class Screens:
 
     Parameters
     ----------
-    browser
-        Playwright's.
-    address
-        Of the studio, with its key.
-    size
-        Width and height of the window.
-    context
-        Further choices of Playwright's context.
+    browser : Playwright's.
+    address : Of the studio, with its key.
+    size : Width and height of the window.
+    context : Further choices of Playwright's context.
     """
 
     def __init__(self, browser: Browser, address: str, size: tuple[int, int],

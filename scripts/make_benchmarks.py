@@ -40,14 +40,12 @@ class Table:
 
     Attributes
     ----------
-    title, about
-        Its heading, and what is measured, on the page of benchmarks.
-    columns
-        The head; a last one for the runs is added.
-    rows
-        Cells, in which ``{name}`` is a figure of the file, and ``{name:unit}`` in another unit.
-    documents
-        Others that show it, between the lines ``<!-- measured: KEY begin -->`` and ``end``.
+    title, about : Its heading, and what is measured, on the page of benchmarks.
+    columns : The head; a last one for the runs is added.
+    rows : Cells, in which ``{name}`` is a figure of the file, and ``{name:unit}`` in another
+        unit.
+    documents : Others that show it, between the lines ``<!-- measured: KEY begin -->`` and
+        ``end``.
     """
 
     title: str

@@ -15,12 +15,7 @@ import typing
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.example import (
-    BlitConfig,
-    SkinConfig,
-    TableConfig,
-    TransferConfig,
-)
+from lfportrait.example import BlitConfig, SkinConfig, TableConfig, TransferConfig
 from lfportrait.field import ReconstructConfig
 from lfportrait.job import MakeConfig
 from lfportrait.job.batch import BatchConfig
@@ -107,16 +102,17 @@ def own_field_docs(config: type) -> dict[str, str]:
 
 
 def attribute_docs(owner: type) -> dict[str, str]:
-    """The entries of the Attributes section of a numpy-style docstring."""
+    """The attributes that a docstring lists, several by one line where they share it."""
     text = inspect.cleandoc(owner.__doc__ or "").split("Attributes\n----------\n", 1)[1]
     docs: dict[str, str] = {}
     names: list[str] = []
     for line in text.splitlines():
-        if line and not line.startswith(" "):
-            names = [name.strip() for name in line.split(",")]
-        elif line.strip():
-            for name in names:
-                docs[name] = f"{docs.get(name, '')} {line.strip()}".strip()
+        if line.startswith(" "):
+            docs |= {name: f"{docs[name]} {line.strip()}" for name in names}
+        else:
+            shared, _, meaning = line.strip().partition(" : ")
+            names = shared.split(", ")
+            docs |= dict.fromkeys(names, meaning)
     return docs
 
 

@@ -65,16 +65,11 @@ class Example:
 
     Attributes
     ----------
-    path
-        The program.
-    title, subtitle
-        Of its first line, before and after the colon.
-    text
-        The rest of its docstring: key concepts, and what it writes.
-    run
-        The command.
-    code
-        The program without its docstring.
+    path : The program.
+    title, subtitle : Of its first line, before and after the colon.
+    text : The rest of its docstring: key concepts, and what it writes.
+    run : The command.
+    code : The program without its docstring.
     """
 
     path: Path

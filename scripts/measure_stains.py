@@ -82,14 +82,10 @@ class Stains:
 
     Attributes
     ----------
-    foreign, blotches
-        float in per cent of the looked-at skin.
-    noticed
-        Patches of both that one notices.
-    eyes
-        Contrast over the painting's better eye, picture's left eye first; NaN if it is shut.
-    where
-        bool [H / EVERY, W / EVERY] of the atlas: what was counted.
+    foreign, blotches : float in per cent of the looked-at skin.
+    noticed : Patches of both that one notices.
+    eyes : Contrast over the painting's better eye, picture's left eye first; NaN if it is shut.
+    where : bool [H / EVERY, W / EVERY] of the atlas: what was counted.
     """
 
     foreign: float
@@ -140,8 +136,7 @@ class Palette:
 
     Parameters
     ----------
-    painter
-        Of the painting.
+    painter : Of the painting.
     """
 
     def __init__(self, painter: SkinPainter) -> None:

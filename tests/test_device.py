@@ -9,13 +9,7 @@ import pytest
 
 from lfportrait import device
 from lfportrait.capture import Camera
-from lfportrait.device import (
-    TorchDevice,
-    check_device,
-    gpu_adapter,
-    torch_device,
-    torch_devices,
-)
+from lfportrait.device import TorchDevice, check_device, gpu_adapter, torch_device, torch_devices
 from lfportrait.errors import UserError
 from lfportrait.gpu import Adapter
 from lfportrait.lightfield import Display, encode

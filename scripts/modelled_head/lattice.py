@@ -34,17 +34,14 @@ def head_field(model: HeadModel = SITTER, step: int = 2, cameras: Camera | None 
 
     Parameters
     ----------
-    model
-        The head.
-    step
-        The lattice has every ``step``-th point of the 257 of the baked distances, a divisor of 256.
-    cameras
-        Where it is photographed from for its colors, by default 12 of the demo's.
+    model : The head.
+    step : The lattice has every ``step``-th point of the 257 of the baked distances, a divisor
+        of 256.
+    cameras : Where it is photographed from for its colors, by default 12 of the demo's.
 
     Returns
     -------
-    field
-        In the portrait frame, with a clear layer around the surface.
+    field : In the portrait frame, with a clear layer around the surface.
     """
     grid = distances(model)[::step, ::step, ::step]
     count = len(grid)

@@ -37,22 +37,14 @@ class _Sitting:
 
     Attributes
     ----------
-    picture
-        The photograph and its normals and surfaces.
-    coverage
-        float32 [H, W], share of the pixel that the person covers.
-    light
-        float32 [H, W], luma of the photograph in [0, 1].
-    field
-        float32 [H, W, 2], unit directions of strokes.
-    label
-        int8 [H, W], regions: -1 background, else the surface.
-    detail
-        float32 [H, W] in [0, 1]: 1 around eyes, nose and mouth.
-    points
-        float64 [68, 2], landmarks in pixels.
-    scale
-        Pixels of the picture over those of a picture 768 wide.
+    picture : The photograph and its normals and surfaces.
+    coverage : float32 [H, W], share of the pixel that the person covers.
+    light : float32 [H, W], luma of the photograph in [0, 1].
+    field : float32 [H, W, 2], unit directions of strokes.
+    label : int8 [H, W], regions: -1 background, else the surface.
+    detail : float32 [H, W] in [0, 1]: 1 around eyes, nose and mouth.
+    points : float64 [68, 2], landmarks in pixels.
+    scale : Pixels of the picture over those of a picture 768 wide.
     """
 
     picture: Picture
@@ -82,24 +74,18 @@ def painted_exemplar(name: str = "", width: int = 768, height: int = 1024, seed:
 
     Parameters
     ----------
-    name
-        One of `STYLES`; empty = the first.
-    width, height
-        Size of the picture in pixels.
-    seed
-        Seed of the painter's hand; the same seed gives the same bytes.
-    turn
-        Degrees that the face is turned to the picture's right.
+    name : One of `STYLES`; empty = the first.
+    width, height : Size of the picture in pixels.
+    seed : Seed of the painter's hand; the same seed gives the same bytes.
+    turn : Degrees that the face is turned to the picture's right.
 
     Returns
     -------
-    exemplar
-        Picture, landmarks (exact: projected from the model) and the mask of the person.
+    exemplar : Picture, landmarks (exact: projected from the model) and the mask of the person.
 
     Raises
     ------
-    UserError
-        If there is no such style.
+    UserError : If there is no such style.
     """
     names = list(_STYLES)
     name = name or names[0]

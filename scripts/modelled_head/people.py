@@ -128,13 +128,11 @@ def landmarks(model: HeadModel) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    model
-        The head.
+    model : The head.
 
     Returns
     -------
-    landmarks
-        float64 [68, 3], iBUG order, world units, on the surface of skin or eyeballs.
+    landmarks : float64 [68, 3], iBUG order, world units, on the surface of skin or eyeballs.
     """
     return _landmarks(model).copy()
 

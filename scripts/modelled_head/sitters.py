@@ -17,8 +17,7 @@ def random_person(random: np.random.Generator) -> HeadModel:
 
     Parameters
     ----------
-    random
-        Where the choices come from.
+    random : Where the choices come from.
     """
     features: dict[str, Any] = {}
     for name in SITTER._fields:

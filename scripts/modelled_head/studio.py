@@ -35,14 +35,11 @@ class Picture:
 
     Attributes
     ----------
-    image
-        uint8 [H, W, 4], sRGB with straight alpha.
-    normal
-        float32 [H, W, 3], world, zero where nothing is hit.
-    surface
-        int8 [H, W]: 0 skin, 1 hair (and beard), 2 cloth, 3 eye, 4 worn (spectacles), -1 nothing.
-    depth
-        float32 [H, W], distance along the ray; 0 where nothing is hit.
+    image : uint8 [H, W, 4], sRGB with straight alpha.
+    normal : float32 [H, W, 3], world, zero where nothing is hit.
+    surface : int8 [H, W]: 0 skin, 1 hair (and beard), 2 cloth, 3 eye, 4 worn (spectacles), -1
+        nothing.
+    depth : float32 [H, W], distance along the ray; 0 where nothing is hit.
     """
 
     image: NDArray[np.uint8]
@@ -75,15 +72,12 @@ def photograph(model: HeadModel, cameras: Camera, view: int = 0) -> Picture:
 
     Parameters
     ----------
-    model
-        The head.
-    cameras, view
-        A batch of cameras and the index of the one to use.
+    model : The head.
+    cameras, view : A batch of cameras and the index of the one to use.
 
     Returns
     -------
-    picture
-        Four rays a pixel; the same bytes for the same arguments.
+    picture : Four rays a pixel; the same bytes for the same arguments.
     """
     height, width = int(cameras.height[view]), int(cameras.width[view])
     image = np.zeros((height, width, 4), np.uint8)
@@ -105,15 +99,12 @@ def studio_cameras(size: int, views: int) -> Camera:
 
     Parameters
     ----------
-    size
-        Width and height of the pictures in pixels.
-    views
-        Number of cameras, at least 4.
+    size : Width and height of the pictures in pixels.
+    views : Number of cameras, at least 4.
 
     Returns
     -------
-    cameras
-        Arc after arc, each from yaw -100 to 100 degrees (the arc at eye level: 105).
+    cameras : Arc after arc, each from yaw -100 to 100 degrees (the arc at eye level: 105).
     """
     arcs = ((1.0, 105.0, 0.42), (18.0, 100.0, 0.25), (-15.0, 95.0, 0.20), (40.0, 90.0, 0.13))
     counts = [max(1, round(views * share)) for _, _, share in arcs]
@@ -132,17 +123,14 @@ def studio_capture(size: int = 384, views: int = 60, model: HeadModel = SITTER) 
 
     Parameters
     ----------
-    size
-        Width and height of the pictures in pixels.
-    views
-        Number of cameras; every 8th is held out.
-    model
-        Who is photographed.
+    size : Width and height of the pictures in pixels.
+    views : Number of cameras; every 8th is held out.
+    model : Who is photographed.
 
     Returns
     -------
-    capture
-        With straight alpha and the 68 landmarks; its frame is the portrait frame (identity).
+    capture : With straight alpha and the 68 landmarks; its frame is the portrait frame
+        (identity).
     """
     cameras = studio_cameras(size, views)
     images, alphas = [], []

@@ -30,27 +30,20 @@ class Design:
 
     Attributes
     ----------
-    solids, profiles, materials
-        See `solids.Model` and `materials.material`.
-    lights
-        Rows of `sun` or `lamp`.
-    ambient
-        Color of the light from everywhere [3], its part that does not depend on a surface's tilt,
-        and the part that does.
-    surroundings
-        OUTDOORS, STUDIO or INDOORS.
-    extent, cells
-        Half edge of the cube that holds the solids; cells a side of its grid, a multiple of 4.
-    angle_x
-        Horizontal field of view of the cameras.
-    distances, heights
-        Range of the cameras' distances from the origin, and of the sine of their elevation.
-    start
-        Where rays start, from the camera.
-    samples, tolerance
-        Rays along a side of a pixel whose neighbours differ by more than ``tolerance``.
-    closed
-        Whether there is something behind every pixel.
+    solids, profiles, materials : See `solids.Model` and `materials.material`.
+    lights : Rows of `sun` or `lamp`.
+    ambient : Color of the light from everywhere [3], its part that does not depend on a
+        surface's tilt, and the part that does.
+    surroundings : OUTDOORS, STUDIO or INDOORS.
+    extent, cells : Half edge of the cube that holds the solids; cells a side of its grid, a
+        multiple of 4.
+    angle_x : Horizontal field of view of the cameras.
+    distances, heights : Range of the cameras' distances from the origin, and of the sine of
+        their elevation.
+    start : Where rays start, from the camera.
+    samples, tolerance : Rays along a side of a pixel whose neighbours differ by more than
+        ``tolerance``.
+    closed : Whether there is something behind every pixel.
     """
 
     solids: np.ndarray

@@ -32,24 +32,15 @@ def material(color, gloss: float = 0.1, sharpness: float = 20, second=None, patt
 
     Parameters
     ----------
-    color, second
-        sRGB in [0, 1]; the second one is the pattern's.
-    gloss, sharpness
-        How bright a highlight is, and how narrow.
-    pattern, frequency
-        What is painted, how many times a unit length.
-    metal
-        1: a mirror tinted by the color; less: a lacquer that mirrors at flat angles.
-    rough
-        How much what it mirrors is blurred, in radians.
-    clear
-        Glass: how many times a unit length dims what is seen through it to 1/e.
-    vary
-        How much the brightness of solids of this material differs.
-    thin
-        How much light passes from behind.
-    glow
-        Brightness of its own.
+    color, second : sRGB in [0, 1]; the second one is the pattern's.
+    gloss, sharpness : How bright a highlight is, and how narrow.
+    pattern, frequency : What is painted, how many times a unit length.
+    metal : 1: a mirror tinted by the color; less: a lacquer that mirrors at flat angles.
+    rough : How much what it mirrors is blurred, in radians.
+    clear : Glass: how many times a unit length dims what is seen through it to 1/e.
+    vary : How much the brightness of solids of this material differs.
+    thin : How much light passes from behind.
+    glow : Brightness of its own.
     """
     row = np.zeros(16)
     row[COLOR:COLOR + 3], row[SECOND:SECOND + 3] = color, color if second is None else second

@@ -21,14 +21,7 @@ from .lightfield import (
 from .lightfield.prints import PrintConfig, PrintSheet, SheetView, write_print
 from .lightfield.screens import OffscreenWindow, show_field
 from .media.pictures import read_image
-from .share import (
-    ExportConfig,
-    PageConfig,
-    SplatConfig,
-    export_field,
-    orbit_cameras,
-    write_page,
-)
+from .share import ExportConfig, PageConfig, SplatConfig, export_field, orbit_cameras, write_page
 from .share.splats.cloud import render_splats
 from .share.splats.fitting import field_splats
 from .stylize import StyledField, StylizeConfig, load_network, paint, stylize

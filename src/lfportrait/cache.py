@@ -79,8 +79,7 @@ def code_of(package: str) -> str:
 
     Raises
     ------
-    KeyError
-        If there is no such package.
+    KeyError : If there is no such package.
     """
     own = Path(__file__).parent
     return hash_of([_tree_hash(place) for place in dict.fromkeys((own, _place(package)))])

@@ -24,20 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TorchDevice:
-    """Where torch computes: the CPU, or a GPU.
+    """Where torch computes: the CPU, or a GPU."""
 
-    Attributes
-    ----------
-    place : Torch's own name of it: ``"cpu"``, ``"cuda:0"``, ``"mps"``, ``"xpu:1"``.
-    name : Its maker's name.
-    backend : ``"CUDA"``, ``"ROCm"``, ``"Metal"`` or ``"XPU"``; empty for the CPU.
-    memory : In bytes; 0 where torch does not report it.
-    """
-
-    place: str = "cpu"
-    name: str = "cpu"
-    backend: str = ""
-    memory: int = 0
+    place: str = "cpu"  # Torch's own name of it: ``"cpu"``, ``"cuda:0"``, ``"mps"``, ``"xpu:1"``.
+    name: str = "cpu"  # Its maker's name.
+    backend: str = ""  # ``"CUDA"``, ``"ROCm"``, ``"Metal"`` or ``"XPU"``; empty for the CPU.
+    memory: int = 0  # In bytes; 0 where torch does not report it.
 
     @property
     def title(self) -> str:
@@ -50,8 +42,7 @@ def checked_choice(choice: str) -> str:
 
     Raises
     ------
-    UserError
-        If it is none of ``"auto"``, ``"cpu"``, ``"gpu"`` and ``"gpu:NAME"``.
+    UserError : If it is none of ``"auto"``, ``"cpu"``, ``"gpu"`` and ``"gpu:NAME"``.
     """
     if choice in ("auto", "cpu", "gpu") or (choice.startswith("gpu:") and choice != "gpu:"):
         return choice
@@ -76,8 +67,8 @@ def gpu_adapter(choice: str = "auto") -> Adapter | None:
     Parameters
     ----------
     choice : ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best
-        one, if need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the best
-        one with this in its name, upper or lower case.
+        one, if need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the
+        best one with this in its name, upper or lower case.
 
     Returns
     -------
@@ -85,8 +76,7 @@ def gpu_adapter(choice: str = "auto") -> Adapter | None:
 
     Raises
     ------
-    UserError
-        If the choice is none of these, or names what is not here.
+    UserError : If the choice is none of these, or names what is not here.
     """
     if checked_choice(choice) == "cpu" or (
             choice == "auto" and not (gpu_in_sight() and find_spec("wgpu"))):
@@ -160,8 +150,7 @@ def torch_device(choice: str = "auto") -> TorchDevice:
 
     Raises
     ------
-    UserError
-        If the choice is none of these, or names what is not here.
+    UserError : If the choice is none of these, or names what is not here.
     """
     if checked_choice(choice) == "cpu":
         return TorchDevice()

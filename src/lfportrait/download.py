@@ -76,15 +76,10 @@ def download(url: str, target: str | Path, sha256: str, size: int = 0, *,
     size : Its size in bytes, for the progress line and error messages; 0 if unknown.
     quiet : Draw no progress line.
 
-    Returns
-    -------
-    target : The path.
-
     Raises
     ------
-    UserError
-        If it can't be had: one line with the file, the reason and what to do. Nothing is left
-        under the final name then.
+    UserError : If it can't be had: one line with the file, the reason and what to do. Nothing is
+        left under the final name then.
     """
     target = Path(target)
     try:

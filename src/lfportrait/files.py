@@ -65,8 +65,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises
     ------
-    UserError
-        If the folder can't be made or written to (no permission, disk full).
+    UserError : If the folder can't be made or written to (no permission, disk full).
     """
     path = Path(path)
     sweep_once(path.parent)
@@ -97,8 +96,7 @@ def fresh_folder(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    OSError
-        If it can't be made or moved.
+    OSError : If it can't be made or moved.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with part_folder(path) as temporary:
@@ -162,10 +160,8 @@ def lock(path: Path, wait: float = 0.0) -> BaseFileLock:
 
     Raises
     ------
-    filelock.Timeout
-        If another process still has it.
-    OSError
-        If the file can't be written.
+    filelock.Timeout : If another process still has it.
+    OSError : If the file can't be written.
     """
     from filelock import FileLock
 
@@ -236,8 +232,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 
     Raises
     ------
-    UserError
-        If the file is missing or not JSON.
+    UserError : If the file is missing or not JSON.
     """
     try:
         return json.loads(Path(path).read_text(encoding="utf-8-sig"))
@@ -254,8 +249,7 @@ def picture_format(path: str | os.PathLike[str]) -> str:
 
     Raises
     ------
-    UserError
-        If there is none: to be asked before hours of work.
+    UserError : If there is none: to be asked before hours of work.
     """
     suffix = Path(path).suffix.lower()
     formats = Image.registered_extensions()
@@ -270,16 +264,12 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
 
     Parameters
     ----------
-    path
-        ``.png``, ``.jpg`` or any format Pillow writes.
-    image
-        uint8, or float in [0, 1] (rounded): [H, W], [H, W, 3] or [H, W, 4].
-    fast
-        A PNG is written by `write_png`: for pictures that are large and hard to compress.
-    sheet
-        It looks at photos: a PNG or JPEG gets a mark, by which `own_output` knows that it is none.
-    options
-        Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
+    path : ``.png``, ``.jpg`` or any format Pillow writes.
+    image : uint8, or float in [0, 1] (rounded): [H, W], [H, W, 3] or [H, W, 4].
+    fast : A PNG is written by `write_png`: for pictures that are large and hard to compress.
+    sheet : It looks at photos: a PNG or JPEG gets a mark, by which `own_output` knows that it is
+        none.
+    options : Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
     """
     array = np.asarray(image)
     if array.dtype != np.uint8:
@@ -370,8 +360,7 @@ def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
     Raises
     ------
-    UNREADABLE_ARRAYS
-        If there is no such file, or it is damaged or no such archive.
+    UNREADABLE_ARRAYS : If there is no such file, or it is damaged or no such archive.
     """
     with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:
         memory = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY)
@@ -407,8 +396,7 @@ def file_state(path: Path) -> tuple[int, int, int, int]:
 
     Raises
     ------
-    OSError
-        If there is none.
+    OSError : If there is none.
     """
     return _state(path.stat())
 

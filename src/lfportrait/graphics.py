@@ -30,16 +30,10 @@ def gpu_in_sight() -> bool:
 
 
 class Lack(NamedTuple):
-    """Something that is missing.
+    """Something that is missing."""
 
-    Attributes
-    ----------
-    what : In words.
-    remedy : A command, or what to do.
-    """
-
-    what: str
-    remedy: str
+    what: str  # In words.
+    remedy: str  # A command, or what to do.
 
 
 def lacking() -> list[Lack]:

@@ -32,23 +32,16 @@ State = Literal["good", "optional", "bad"]
 
 
 class Fact(NamedTuple):
-    """One result of the check.
+    """One result of the check."""
 
-    Attributes
-    ----------
-    group, name : Under which heading, and what.
-    text : What was found, in words.
-    state : ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: to be fixed.
-    remedy : The command that fixes it, or empty.
-    value : What was found, for programs.
-    """
-
+    # group, name: Under which heading, and what.
     group: str
     name: str
-    text: str
+    text: str  # What was found, in words.
+    # ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: to be fixed.
     state: State = "good"
-    remedy: str = ""
-    value: Any = None
+    remedy: str = ""  # The command that fixes it, or empty.
+    value: Any = None  # What was found, for programs.
 
 
 def examine(folder: str | os.PathLike[str] = ".") -> list[Fact]:

@@ -46,8 +46,7 @@ def members(name: str, known: Sequence[str]) -> tuple[str, ...]:
 
     Raises
     ------
-    UserError
-        If ``name`` is neither, with those that there are.
+    UserError : If ``name`` is neither, with those that there are.
     """
     if name in known:
         return (name,)
@@ -62,18 +61,11 @@ def members(name: str, known: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class RegionStyle:
-    """Style and strength of one region.
+    """Style and strength of one region."""
 
-    Attributes
-    ----------
-    region : A label or a group of labels.
-    style : Another exemplar or style, or "" for that of the whole.
-    strength : 0 leaves the photo, 1 gives the painting, more exaggerates.
-    """
-
-    region: str
-    style: str
-    strength: float
+    region: str  # A label or a group of labels.
+    style: str  # Another exemplar or style, or "" for that of the whole.
+    strength: float  # 0 leaves the photo, 1 gives the painting, more exaggerates.
 
 
 def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
@@ -81,8 +73,7 @@ def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
 
     Raises
     ------
-    UserError
-        If a word has no sign.
+    UserError : If a word has no sign.
     """
     found: dict[str, str] = {}
     for text in (text for part in words for text in part):
@@ -102,8 +93,8 @@ def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = N
     Parameters
     ----------
     region : Its name.
-    value : A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or ``STYLE:NUMBER``.
-        A style whose name is a number is meant by ``STYLE:NUMBER`` alone.
+    value : A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or
+        ``STYLE:NUMBER``. A style whose name is a number is meant by ``STYLE:NUMBER`` alone.
     styles : Styles that there are; None where any name may be one, as a picture's path is.
 
     Returns
@@ -112,8 +103,7 @@ def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = N
 
     Raises
     ------
-    UserError
-        If the value is none of these, the style unknown, or the strength out of range.
+    UserError : If the value is none of these, the style unknown, or the strength out of range.
     """
     what = f"the strength of {region}"
     if isinstance(value, str):
@@ -144,8 +134,7 @@ def one_of(name: Any, kind: str, names: Sequence[str]) -> str:
 
     Raises
     ------
-    UserError
-        If it is not, with the names that there are; ``kind`` says what it names.
+    UserError : If it is not, with the names that there are; ``kind`` says what it names.
     """
     if name not in names:
         raise UserError(f"there is no {kind} {name!r} in this field; it has "
@@ -158,8 +147,7 @@ def number(value: Any, what: str, most: float) -> float:
 
     Raises
     ------
-    UserError
-        If it is none, naming ``what`` it was meant for.
+    UserError : If it is none, naming ``what`` it was meant for.
     """
     try:
         found = float(value)

@@ -76,18 +76,11 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a call cost.
+    """What a call cost."""
 
-    Attributes
-    ----------
-    seconds : Wall time.
-    cpu_seconds : Time on the cores, of all threads together.
-    peak_memory_bytes : Largest resident memory of the process meanwhile; since it began where only
-        that is known.
-    """
-
-    seconds: float
-    cpu_seconds: float
+    seconds: float  # Wall time.
+    cpu_seconds: float  # Time on the cores, of all threads together.
+    # Largest resident memory of the process meanwhile; since it began where only that is known.
     peak_memory_bytes: int
 
 

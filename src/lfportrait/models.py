@@ -32,26 +32,15 @@ OFFLINE = "LFPORTRAIT_OFFLINE"
 
 @dataclass(frozen=True)
 class ModelFile:
-    """One file that holds a network's weights.
+    """One file that holds a network's weights."""
 
-    Attributes
-    ----------
-    file : File name.
-    sha256 : Full hash in hex, or its first digits where the publisher states only those.
-    source : Who publishes it.
-    licence : Licence of the weights.
-    url : Official address, or empty: the file must be put in place by hand.
-    size : Size in bytes.
-    folder : A collection of its own that the file may lie in, in the folder of networks or beside
-        it.
-    """
-
-    file: str
-    sha256: str
-    source: str
-    licence: str
-    url: str = ""
-    size: int = 0
+    file: str  # File name.
+    sha256: str  # Full hash in hex, or its first digits where the publisher states only those.
+    source: str  # Who publishes it.
+    licence: str  # Licence of the weights.
+    url: str = ""  # Official address, or empty: the file must be put in place by hand.
+    size: int = 0  # Size in bytes.
+    # A collection of its own that the file may lie in, in the folder of networks or beside it.
     folder: str = ""
 
 
@@ -172,8 +161,8 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
     Parameters
     ----------
     name : Name in the registry.
-    download : False downloads nothing: a missing file is an error then. So it is in a process whose
-        environment has ``LFPORTRAIT_OFFLINE``.
+    download : False downloads nothing: a missing file is an error then. So it is in a process
+        whose environment has ``LFPORTRAIT_OFFLINE``.
     quiet : Draw no progress line.
 
     Returns
@@ -182,10 +171,9 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
 
     Raises
     ------
-    UserError
-        If the name is unknown, a file's SHA-256 is wrong, or it is not there and can't be
-        downloaded: the message says what it is, where it comes from, its licence and where to put
-        it.
+    UserError : If the name is unknown, a file's SHA-256 is wrong, or it is not there and can't
+        be downloaded: the message says what it is, where it comes from, its licence and where
+        to put it.
     """
     found = _local(name)
     if found is not None:
@@ -204,8 +192,7 @@ def expand(names: Iterable[str]) -> list[str]:
 
     Raises
     ------
-    UserError
-        If a name is neither.
+    UserError : If a name is neither.
     """
     found: dict[str, None] = {}
     for name in names:
@@ -222,8 +209,7 @@ def missing(names: Iterable[str]) -> list[str]:
 
     Raises
     ------
-    UserError
-        If a name is unknown.
+    UserError : If a name is unknown.
     """
     return [name for name in expand(names) if not available(_used(name))]
 
@@ -254,9 +240,9 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
 
     Raises
     ------
-    UserError
-        If some are missing and not to be downloaded (or can't be): one line with each of them, the
-        size of all, and the command that gets them. If a file is damaged, or a download fails.
+    UserError : If some are missing and not to be downloaded (or can't be): one line with each of
+        them, the size of all, and the command that gets them. If a file is damaged, or a
+        download fails.
     """
     names = expand(names)
     wanted = missing(names)
@@ -314,8 +300,7 @@ def add(path: str | Path) -> Path:
 
     Raises
     ------
-    UserError
-        If the file is missing or matches no entry.
+    UserError : If the file is missing or matches no entry.
     """
     path = Path(path)
     if not path.is_file():

@@ -36,8 +36,8 @@ def pack(values: NDArray[Any], order: int = 1) -> UInt8:
     ----------
     values : [N] or [..., C] of integers or floats, the numbers of each of C columns differing
         little from one row to the next; or booleans [...].
-    order : How often differences are taken: once where neighbours are alike, twice where the steps
-        between them are, too; never where most numbers are one of a few.
+    order : How often differences are taken: once where neighbours are alike, twice where the
+        steps between them are, too; never where most numbers are one of a few.
     """
     values = np.ascontiguousarray(values)
     planes: list[bytes] = []
@@ -64,8 +64,7 @@ def unpack(data: UInt8) -> NDArray[Any]:
 
     Raises
     ------
-    ValueError
-        If the bytes are damaged.
+    ValueError : If the bytes are damaged.
     """
     data = np.ascontiguousarray(data, np.uint8)
     check(data)

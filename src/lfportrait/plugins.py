@@ -92,8 +92,7 @@ def blamed(thing: object) -> Iterator[None]:
 
     Raises
     ------
-    UserError
-        In place of any other exception.
+    UserError : In place of any other exception.
     """
     package = type(thing).__module__.partition(".")[0]
     try:
@@ -114,8 +113,7 @@ def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
 
     Raises
     ------
-    UserError
-        If nobody offers it; ``own`` are the names that need nobody.
+    UserError : If nobody offers it; ``own`` are the names that need nobody.
     """
     found = offered(group)
     if name not in found:
@@ -141,8 +139,7 @@ def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
 
     Raises
     ------
-    UserError
-        If nobody offers any.
+    UserError : If nobody offers any.
     """
     for make in offered("lfportrait.sittings").values():
         found: list[Sitting] = make(count, height, seed)

@@ -38,8 +38,8 @@ class Progress:
     total : Number of steps; 0 if unknown.
     enabled : False prints nothing at all. A terminal sees a line redrawn at most ten times a
         second, and at once where another step begins; a file sees a line every ten seconds.
-    outlook : Shows the time that is left of the whole job instead of the stage's; the line is then
-        drawn every second, whether there is news or not.
+    outlook : Shows the time that is left of the whole job instead of the stage's; the line is
+        then drawn every second, whether there is news or not.
 
     Examples
     --------

@@ -55,7 +55,6 @@ def finished_record(folder: Path, name: str, key: str, outputs: Iterable[str],
 
     Parameters
     ----------
-    folder : Of the job.
     name, key, outputs : As for `StageFolder.run`.
     """
     try:
@@ -106,8 +105,8 @@ class StageFolder:
         ----------
         name : Stage name, also the name of its record.
         key : Hash of everything that the outputs depend on (`key_of`).
-        outputs
-            Names of the files or folders, relative to the job's folder, that the stage writes.
+        outputs : Names of the files or folders, relative to the job's folder, that the stage
+            writes.
         function : Writes the outputs and returns the stage's figures for ``--json``.
         """
         record = self.records / f"{name}.json"

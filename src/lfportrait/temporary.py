@@ -53,8 +53,8 @@ def temporary_folder(room: int = _ROOM) -> Iterator[Path]:
 
     Raises
     ------
-    UserError
-        If there is no such folder, it has not that room, or it is full before the block has ended.
+    UserError : If there is no such folder, it has not that room, or it is full before the block
+        has ended.
     """
     home = temporary_place()
     sweep_once(home)
@@ -85,8 +85,7 @@ def temporary_place() -> Path:
 
     Raises
     ------
-    UserError
-        If there is none that can be written to.
+    UserError : If there is none that can be written to.
     """
     try:
         return Path(tempfile.gettempdir())
@@ -144,7 +143,6 @@ def part_name(path: Path, *, hidden: bool = True) -> Path:
 
     Parameters
     ----------
-    path : The final name.
     hidden : Begin with a dot.
     """
     number = os.getpid()

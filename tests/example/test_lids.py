@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Exemplar, TransferConfig, fitting, transfer
-from lfportrait.example.lids import (
-    asked_lids,
-    closed,
-    eye_openings,
-    lids_together,
-    shut_eyes,
-)
+from lfportrait.example.lids import asked_lids, closed, eye_openings, lids_together, shut_eyes
 from tests.portraits import drawn_face
 
 

@@ -14,14 +14,7 @@ from lfportrait.field.grid import TEXEL
 from lfportrait.field.kernels.bricks import build_bricks
 from lfportrait.field.kernels.texture import NONE, PROBES, REACH, cell_charts, halve
 from lfportrait.field.texture import FULL, STEPS
-from lfportrait.lightfield import (
-    Display,
-    EncodeConfig,
-    ViewMask,
-    encode,
-    render_view,
-    view_camera,
-)
+from lfportrait.lightfield import Display, EncodeConfig, ViewMask, encode, render_view, view_camera
 from tests.fields import head_field, shell_field
 
 SHAPE = (90, 70)

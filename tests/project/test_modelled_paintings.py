@@ -5,14 +5,7 @@ import pytest
 from scipy import ndimage
 
 from lfportrait.errors import UserError
-from modelled_head import (
-    PAINTED,
-    STYLES,
-    exemplar_camera,
-    painted_exemplar,
-    painting,
-    photograph,
-)
+from modelled_head import PAINTED, STYLES, exemplar_camera, painted_exemplar, painting, photograph
 from modelled_head.kernels.brush import lay, plan, trace
 from tests.reference import brush as reference
 

@@ -32,6 +32,34 @@ def test_two_colons_before_code_become_one():
     assert site_hooks.on_page_content("<p>In five lines::</p> a::b") == "<p>In five lines:</p> a::b"
 
 
+def test_arguments_that_share_a_line_get_one_each():
+    pytest.importorskip("griffe")
+    from site_docstrings import apart
+
+    text = ("What : all.\n\nParameters\n----------\none, *two : int [N], places\n    of all.\n"
+            "three : One.\nfour\n    As ever.\n\nReturns\n-------\nfive, six : Both.\n\n"
+            "Examples\n--------\n>>> a : b")
+    assert apart(text) == (
+        "What : all.\n\nParameters\n----------\none\n    int [N], places\n    of all.\n"
+        "*two\n    int [N], places\n    of all.\nthree\n    One.\nfour\n    As ever.\n\n"
+        "Returns\n-------\nfive\n    Both.\nsix\n    Both.\n\nExamples\n--------\n>>> a : b")
+    assert apart("One, two : three.") == "One, two : three."
+
+
+def test_comments_at_fields_become_attributes():
+    pytest.importorskip("griffe")
+    from site_docstrings import attributes
+
+    lines = ["class Sample:", "    one: int = 1  # Of one.", "    # two, three: Of",
+             "    # both: long.", "    two: list[", "        int]", "    three: int",
+             "    # Above.", "    four: int", "    five: str"]
+    fields = {"one": (1, 1), "two": (4, 5), "three": (6, 6), "four": (8, 8), "five": (9, 9)}
+    assert attributes(lines, fields) == (
+        "\n\nAttributes\n----------\none : Of one.\ntwo : Of both: long.\n"
+        "three : Of both: long.\nfour : Above.\n")
+    assert attributes(["class Plain:", "    one: int"], {"one": (1, 1)}) == ""
+
+
 def test_every_page_has_a_place_in_the_navigation():
     docs = ROOT / "docs"
     listed = re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text("utf-8"))

@@ -9,13 +9,7 @@ import pytest
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.lightfield import (
-    Display,
-    EncodeConfig,
-    ViewMask,
-    encode,
-    read_coded,
-)
+from lfportrait.lightfield import Display, EncodeConfig, ViewMask, encode, read_coded
 from lfportrait.media.pictures import read_image
 from lfportrait.metrics import psnr
 from lfportrait.share import SequenceConfig, each_frame, write_sequence

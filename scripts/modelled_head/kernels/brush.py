@@ -72,27 +72,19 @@ def plan(reference, canvas, field, label, radius, threshold, shortest, longest, 
 
     Parameters
     ----------
-    reference, canvas
-        float32 [H, W, 3]: what is wanted (blurred to the brush) and what is there.
-    field
-        float32 [H, W, 2], unit directions (x, y) of strokes; their sign is free.
-    label
-        int8 [H, W], regions that a stroke does not leave.
-    radius
-        Half the width of the brush in pixels.
-    threshold
-        Mean color distance of a cell above which it gets a stroke.
-    shortest, longest
-        Number of steps (of one radius) of a stroke.
-    bend
-        1 follows the field at once, less keeps straight.
+    reference, canvas : float32 [H, W, 3]: what is wanted (blurred to the brush) and what is
+        there.
+    field : float32 [H, W, 2], unit directions (x, y) of strokes; their sign is free.
+    label : int8 [H, W], regions that a stroke does not leave.
+    radius : Half the width of the brush in pixels.
+    threshold : Mean color distance of a cell above which it gets a stroke.
+    shortest, longest : Number of steps (of one radius) of a stroke.
+    bend : 1 follows the field at once, less keeps straight.
 
     Returns
     -------
-    paths
-        float32 [S, longest + 1, 2], points (x, y).
-    counts
-        int64 [S], points of each path.
+    paths : float32 [S, longest + 1, 2], points (x, y).
+    counts : int64 [S], points of each path.
     """
     height, width = label.shape
     step = max(int(radius), 2)
@@ -137,24 +129,16 @@ def lay(canvas, relief, tooth, paths, counts, colors, radius, opacity, dry, roug
 
     Parameters
     ----------
-    canvas
-        float32 [H, W, 3], changed.
-    relief
-        float32 [H, W], thickness of the paint, changed.
-    tooth
-        float32 [H, W] in [0, 1], height of the ground's grain; a dry brush touches only its tops.
-    paths, counts
-        Strokes of `plan` or `trace`.
-    colors
-        float32 [S, 3], the paint of each stroke.
-    radius
-        Half the width of the brush in pixels.
-    opacity
-        Cover of the paint in [0, 1].
-    dry
-        How soon the paint runs out: 0 never, 1 at the end of the stroke.
-    rough
-        Strength of the bristles' texture in [0, 1].
+    canvas : float32 [H, W, 3], changed.
+    relief : float32 [H, W], thickness of the paint, changed.
+    tooth : float32 [H, W] in [0, 1], height of the ground's grain; a dry brush touches only its
+        tops.
+    paths, counts : Strokes of `plan` or `trace`.
+    colors : float32 [S, 3], the paint of each stroke.
+    radius : Half the width of the brush in pixels.
+    opacity : Cover of the paint in [0, 1].
+    dry : How soon the paint runs out: 0 never, 1 at the end of the stroke.
+    rough : Strength of the bristles' texture in [0, 1].
     """
     height, width = relief.shape
     bristles = 2.0 + 0.75 * radius

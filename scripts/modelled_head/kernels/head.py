@@ -247,15 +247,12 @@ def surfaces(m, x, y, z):
 
     Parameters
     ----------
-    m
-        The `HeadModel`.
-    x, y, z
-        World coordinates.
+    m : The `HeadModel`.
+    x, y, z : World coordinates.
 
     Returns
     -------
-    skin, hair, cloth, eye
-        World units, negative inside.
+    skin, hair, cloth, eye : World units, negative inside.
     """
     ax = sqrt(x * x + 1e-6)
     bone = bone_distance(m, x, ax, y, z)

@@ -308,16 +308,11 @@ def render(m, grid, pose, focal, center, image, aux, first, last):
 
     Parameters
     ----------
-    m
-        The `HeadModel`.
-    grid
-        What `bake` made of it.
-    pose, focal, center
-        float64 [4, 4], [2], [2]: a pinhole in the OpenCV frame.
-    image
-        uint8 [H, W, 4], written: sRGB with straight alpha (coverage of the pixel).
-    aux
-        float32 [H, W, 5], written where a pixel is hit: normal x, y, z, surface number, depth
+    m : The `HeadModel`.
+    grid : What `bake` made of it.
+    pose, focal, center : float64 [4, 4], [2], [2]: a pinhole in the OpenCV frame.
+    image : uint8 [H, W, 4], written: sRGB with straight alpha (coverage of the pixel).
+    aux : float32 [H, W, 5], written where a pixel is hit: normal x, y, z, surface number, depth
         along the ray. An empty array [0, 0, 5] leaves it out.
     """
     width = image.shape[1]

@@ -28,14 +28,11 @@ class Camera:
 
     Attributes
     ----------
-    pose
-        float64 [V, 4, 4], camera-to-world, rigid.
-    focal
-        float64 [V, 2], focal lengths in pixels (x, y).
-    center
-        float64 [V, 2], principal point in pixels (x, y); the middle of an image of width W is W/2.
-    width, height
-        int64 [V], picture sizes in pixels.
+    pose : float64 [V, 4, 4], camera-to-world, rigid.
+    focal : float64 [V, 2], focal lengths in pixels (x, y).
+    center : float64 [V, 2], principal point in pixels (x, y); the middle of an image of width W
+        is W/2.
+    width, height : int64 [V], picture sizes in pixels.
     """
 
     pose: Float64
@@ -92,15 +89,12 @@ class Camera:
 
         Parameters
         ----------
-        view
-            Index of the view.
-        pixels
-            [N, 2] image points (x, y); by default the pixel centres in scan order, N = H W.
+        view : Index of the view.
+        pixels : [N, 2] image points (x, y); by default the pixel centres in scan order, N = H W.
 
         Returns
         -------
-        origins, directions
-            float64 [N, 3] each, in the world; directions have unit length.
+        origins, directions : float64 [N, 3] each, in the world; directions have unit length.
         """
         if pixels is None:
             x, y = np.meshgrid(np.arange(self.width[view]) + 0.5,
@@ -121,15 +115,13 @@ class Camera:
 
         Parameters
         ----------
-        points
-            [N, 3] world points.
+        points : [N, 3] world points.
 
         Returns
         -------
-        pixels
-            float64 [V, N, 2] image points (x, y); meaningless where the depth is not positive.
-        depth
-            float64 [V, N], distance along the optical axis (z in the camera frame).
+        pixels : float64 [V, N, 2] image points (x, y); meaningless where the depth is not
+            positive.
+        depth : float64 [V, N], distance along the optical axis (z in the camera frame).
         """
         offset = np.asarray(points, np.float64)[None] - self.position[:, None]
         local = np.einsum("vji,vnj->vni", self.pose[:, :3, :3], offset)
@@ -302,13 +294,10 @@ def portrait_frame_from_landmarks(landmarks: Float64, cameras: Camera) -> Float6
 
     Parameters
     ----------
-    landmarks
-        float64 [68, 3], triangulated points in iBUG order; NaN rows are unknown.
-    cameras
-        Decide instead (`portrait_frame_from_cameras`) where too little of the face is known.
+    landmarks : float64 [68, 3], triangulated points in iBUG order; NaN rows are unknown.
+    cameras : Decide instead (`portrait_frame_from_cameras`) where too little of the face is
+        known.
 
-    Notes
-    -----
     A mean adult face (eyes, brows, nose, mouth, chin) is laid over the landmarks by the
     least-squares similarity. Its unit is the height h from the eyes to the chin; the origin lies
     0.72 h behind the eyes, and the cube's half edge is 1.8 h, so that chin (1.0 h down), crown
@@ -363,9 +352,8 @@ def pose_corrections(given: Camera, found: Camera) -> tuple[Float64, Float64]:
 
     Returns
     -------
-    degrees, shares
-        float64 [V] each: the angle between them, and the distance between their centres as a share
-        of that to the origin.
+    degrees, shares : float64 [V] each: the angle between them, and the distance between their
+        centres as a share of that to the origin.
     """
     from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
 

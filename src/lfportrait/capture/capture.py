@@ -22,27 +22,19 @@ class Capture:
 
     Attributes
     ----------
-    cameras
-        V undistorted pinholes; world = portrait frame (+y up, +z out of the face, origin in the
-        middle of the head, the head inside [-1, 1]^3).
-    images
-        V pictures, uint8 [H, W, 3], sRGB; a list, or `LatePictures`.
-    alphas
-        V mattes, uint8 [H, W] (255 = the person), or None where there are none.
-    names
-        V picture names.
-    held_out
-        bool [V]: True for test views, which are never trained on.
-    frame
-        float64 [4, 4], the similarity that took the source's world to the portrait frame.
-    landmarks
-        float64 [68, 3], facial landmarks in the world (iBUG order, NaN = unknown), or None.
-    figures
-        What calibration measured, for ``--json``.
-    depths
-        What the photos' files kept of depth, one or None a view, or None where no file had any.
-        Each lies over its picture, at a size of its own; distances are in metres or in no known
-        unit (`DepthMap.metric`), never in the world's, so that `reframed` leaves them.
+    cameras : V undistorted pinholes; world = portrait frame (+y up, +z out of the face, origin
+        in the middle of the head, the head inside [-1, 1]^3).
+    images : V pictures, uint8 [H, W, 3], sRGB; a list, or `LatePictures`.
+    alphas : V mattes, uint8 [H, W] (255 = the person), or None where there are none.
+    names : V picture names.
+    held_out : bool [V]: True for test views, which are never trained on.
+    frame : float64 [4, 4], the similarity that took the source's world to the portrait frame.
+    landmarks : float64 [68, 3], facial landmarks in the world (iBUG order, NaN = unknown), or
+        None.
+    figures : What calibration measured, for ``--json``.
+    depths : What the photos' files kept of depth, one or None a view, or None where no file had
+        any. Each lies over its picture, at a size of its own; distances are in metres or in no
+        known unit (`DepthMap.metric`), never in the world's, so that `reframed` leaves them.
     """
 
     cameras: Camera
@@ -92,10 +84,9 @@ class Capture:
 
         Parameters
         ----------
-        similarity
-            float64 [4, 4]: new world point = similarity applied to the old one.
-        landmarks
-            float64 [68, 3] in the *new* frame; by default the capture's own, transformed.
+        similarity : float64 [4, 4]: new world point = similarity applied to the old one.
+        landmarks : float64 [68, 3] in the *new* frame; by default the capture's own,
+            transformed.
         """
         if landmarks is None and self.landmarks is not None:
             landmarks = self.landmarks @ similarity[:3, :3].T + similarity[:3, 3]
@@ -110,15 +101,12 @@ class Capture:
 
         Parameters
         ----------
-        folder
-            The folder.
-        format
-            Name of another format that is written (`capture_formats`).
+        folder : The folder.
+        format : Name of another format that is written (`capture_formats`).
 
         Raises
         ------
-        UserError
-            If the folder can't be written.
+        UserError : If the folder can't be written.
         """
         save_views(self._views, Path(folder), format)
 
@@ -136,19 +124,16 @@ class Capture:
 
         Parameters
         ----------
-        path
-            A folder that lfportrait wrote; a NeRF-Blender, instant-ngp or nerfstudio folder or its
-            ``transforms*.json``; a COLMAP model; the cameras of Metashape, RealityCapture,
-            Meshroom, OpenMVG, Bundler or VisualSfM; an export of Polycam or Record3D; an LLFF or
-            NSVF folder.
-        holdout
-            Every ``holdout``-th picture becomes a test view where the data set does not say which
-            are; 0 holds out none.
+        path : A folder that lfportrait wrote; a NeRF-Blender, instant-ngp or nerfstudio folder
+            or its ``transforms*.json``; a COLMAP model; the cameras of Metashape,
+            RealityCapture, Meshroom, OpenMVG, Bundler or VisualSfM; an export of Polycam or
+            Record3D; an LLFF or NSVF folder.
+        holdout : Every ``holdout``-th picture becomes a test view where the data set does not
+            say which are; 0 holds out none.
 
         Raises
         ------
-        UserError
-            If there is no such capture or it is damaged.
+        UserError : If there is no such capture or it is damaged.
         """
         views = load_views(Path(path), holdout)
         return Capture(**{**views._asdict(), "figures": views.figures or {}})
@@ -164,10 +149,8 @@ class LatePictures(Sequence[Picture]):
 
     Parameters
     ----------
-    count
-        How many there will be.
-    decode
-        Makes them, once.
+    count : How many there will be.
+    decode : Makes them, once.
     """
 
     def __init__(self, count: int, decode: Callable[[], Sequence[Picture]]) -> None:

@@ -38,21 +38,15 @@ def contact_sheet(images: Sequence[UInt8], names: Sequence[str],
 
     Parameters
     ----------
-    images
-        uint8 [H, W, 3 or 4] each, in the order in which they are shown.
-    names
-        One an image, shown below it.
-    marks
-        What is wrong, by name: these photos are framed in red and crossed out.
-    fair
-        What could be better, by name: framed in yellow.
-    columns
-        Photos side by side.
+    images : uint8 [H, W, 3 or 4] each, in the order in which they are shown.
+    names : One an image, shown below it.
+    marks : What is wrong, by name: these photos are framed in red and crossed out.
+    fair : What could be better, by name: framed in yellow.
+    columns : Photos side by side.
 
     Returns
     -------
-    sheet
-        uint8 [H, W, 3].
+    sheet : uint8 [H, W, 3].
     """
     fair = fair or {}
     columns = max(1, min(columns, len(images)))

@@ -24,28 +24,16 @@ _ERRORS = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError)
 
 @dataclass(frozen=True)
 class DepthFacts:
-    """Of the depth that a picture's file keeps.
+    """Of the depth that a picture's file keeps."""
 
-    Attributes
-    ----------
-    source
-        As in `DepthMap`.
-    size
-        Width and height of the map, upright.
-    nearest, farthest
-        Range of its distances, in metres or in no known unit; None where none is known.
-    metric
-        Whether they are metres.
-    confidence
-        Whether the file says how sure each distance is.
-    """
-
-    source: str
-    size: tuple[int, int]
+    source: str  # As in `DepthMap`.
+    size: tuple[int, int]  # Width and height of the map, upright.
+    # nearest, farthest: Range of its distances, in metres or in no known unit; None where none is
+    # known.
     nearest: float | None
     farthest: float | None
-    metric: bool
-    confidence: bool
+    metric: bool  # Whether they are metres.
+    confidence: bool  # Whether the file says how sure each distance is.
 
     @staticmethod
     def of(depth: DepthMap) -> DepthFacts:
@@ -59,41 +47,23 @@ class DepthFacts:
 
 @dataclass(frozen=True)
 class PictureFacts:
-    """Of one picture's file.
+    """Of one picture's file."""
 
-    Attributes
-    ----------
-    path
-        The file.
-    fault
-        Why it can't be read, in one line; empty where it can. Nothing else is known then.
-    format
-        As Pillow names it: ``"JPEG"``, ``"HEIF"``, ...
-    mode
-        Pillow's mode: ``"RGB"``, ``"RGBA"``, ``"CMYK"``, ``"I;16"``, ...
-    stored, upright
-        Width and height in pixels, in the file and as it is read.
-    orientation
-        As noted, 1 to 8 as in EXIF.
-    colors, colors_by
-        The color space that its numbers are read by, and what says so (empty: nothing does).
-    noted
-        Lens and focal length by its EXIF data.
-    depth
-        Of its depth, or None.
-    """
-
-    path: Path
+    path: Path  # The file.
+    # Why it can't be read, in one line; empty where it can. Nothing else is known then.
     fault: str = ""
-    format: str = ""
-    mode: str = ""
+    format: str = ""  # As Pillow names it: ``"JPEG"``, ``"HEIF"``, ...
+    mode: str = ""  # Pillow's mode: ``"RGB"``, ``"RGBA"``, ``"CMYK"``, ``"I;16"``, ...
+    # stored, upright: Width and height in pixels, in the file and as it is read.
     stored: tuple[int, int] = (0, 0)
     upright: tuple[int, int] = (0, 0)
-    orientation: int = 1
+    orientation: int = 1  # As noted, 1 to 8 as in EXIF.
+    # colors, colors_by: The color space that its numbers are read by, and what says so (empty:
+    # nothing does).
     colors: str = ""
     colors_by: str = ""
-    noted: Noted = field(default_factory=Noted)
-    depth: DepthFacts | None = None
+    noted: Noted = field(default_factory=Noted)  # Lens and focal length by its EXIF data.
+    depth: DepthFacts | None = None  # Of its depth, or None.
 
 
 def picture_facts(path: Path) -> PictureFacts:
@@ -118,40 +88,24 @@ def picture_facts(path: Path) -> PictureFacts:
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """Of a video's film.
+    """Of a video's film."""
 
-    Attributes
-    ----------
-    path
-        The file.
-    fault
-        Why it can't be read; empty where its first frame can. Nothing else is known then.
-    codec
-        As FFmpeg names it.
-    stored, upright
-        Width and height in pixels, in the stream and as frames are read.
-    aspect
-        Width of a stored pixel over its height.
-    turns
-        Counter-clockwise quarter turns that bring a frame upright, 0 to 3.
-    rate
-        Frames a second, on average.
-    frames, seconds
-        As the file notes them, or one by the other and the rate; 0 where it notes neither.
-    colors, colors_by
-        The color space that frames are read by, and what says so (empty: nothing does).
-    """
-
-    path: Path
+    path: Path  # The file.
+    # Why it can't be read; empty where its first frame can. Nothing else is known then.
     fault: str = ""
-    codec: str = ""
+    codec: str = ""  # As FFmpeg names it.
+    # stored, upright: Width and height in pixels, in the stream and as frames are read.
     stored: tuple[int, int] = (0, 0)
     upright: tuple[int, int] = (0, 0)
-    aspect: float = 1.0
-    turns: int = 0
-    rate: float = 0.0
+    aspect: float = 1.0  # Width of a stored pixel over its height.
+    turns: int = 0  # Counter-clockwise quarter turns that bring a frame upright, 0 to 3.
+    rate: float = 0.0  # Frames a second, on average.
+    # frames, seconds: As the file notes them, or one by the other and the rate; 0 where it notes
+    # neither.
     frames: int = 0
     seconds: float = 0.0
+    # colors, colors_by: The color space that frames are read by, and what says so (empty: nothing
+    # does).
     colors: str = ""
     colors_by: str = ""
 
@@ -190,36 +144,16 @@ def _lengths(path: Path) -> tuple[str, int, float]:
 
 @dataclass(frozen=True)
 class DataSetFacts:
-    """Of a calibrated data set.
+    """Of a calibrated data set."""
 
-    Attributes
-    ----------
-    path
-        As it was given.
-    fault
-        Why it can't be read; empty where it can. Nothing else is known then.
-    format
-        The program or format whose files it has.
-    source
-        The file or folder with the cameras.
-    lenses
-        Views by their lens model, as text.
-    masks
-        Views whose mask was found.
-    test
-        Views that the data set itself holds out.
-    pictures
-        Of each view's file.
-    """
-
-    path: Path
-    fault: str = ""
-    format: str = ""
-    source: Path | None = None
-    lenses: dict[str, int] = field(default_factory=dict)
-    masks: int = 0
-    test: int = 0
-    pictures: list[PictureFacts] = field(default_factory=list)
+    path: Path  # As it was given.
+    fault: str = ""  # Why it can't be read; empty where it can. Nothing else is known then.
+    format: str = ""  # The program or format whose files it has.
+    source: Path | None = None  # The file or folder with the cameras.
+    lenses: dict[str, int] = field(default_factory=dict)  # Views by their lens model, as text.
+    masks: int = 0  # Views whose mask was found.
+    test: int = 0  # Views that the data set itself holds out.
+    pictures: list[PictureFacts] = field(default_factory=list)  # Of each view's file.
 
 
 def data_set_facts(path: Path) -> DataSetFacts:

@@ -53,8 +53,8 @@ def vote_lattice(  # type: ignore[no-untyped-def]
 
     Returns
     -------
-    share : float32 [size, size, size] (z, y, x), the mean matte over the views that have the point
-        in the picture; 0 where it was given up, 1 where no picture shows it.
+    share : float32 [size, size, size] (z, y, x), the mean matte over the views that have the
+        point in the picture; 0 where it was given up, 1 where no picture shows it.
     """
     wide = (size + 15) // 16 * 16
     share = np.empty((size, size, wide), np.float32)
@@ -291,8 +291,8 @@ def window_functions(  # type: ignore[no-untyped-def]
     ----------
     image, plane : float32 [H, W, 3] and [H, W].
     wanted : uint8 [H, W], zero where no function is asked and nothing is written.
-    radius, epsilon
-        Half the window's side in pixels, and the variance of a color that counts as an edge.
+    radius, epsilon : Half the window's side in pixels, and the variance of a color that counts
+        as an edge.
     scratch : float32 [H, W, 16], overwritten.
     functions : float32 [H, W, 4], filled: slopes by the colors, offset.
     """

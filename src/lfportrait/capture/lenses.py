@@ -40,32 +40,21 @@ _LARGEST_ZOOM = 1.5
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera's intrinsics with its distortion.
+    """A camera's intrinsics with its distortion."""
 
-    Attributes
-    ----------
-    width, height
-        Picture size in pixels.
-    focal, center
-        (x, y) in pixels.
-    model
-        ``"opencv"``, ``"brown"``, ``"fisheye"``, ``"thin_prism"`` or ``"fov"``.
-    k
-        Radial coefficients: up to 6 (opencv), 4 (brown, fisheye, thin_prism), the angle w (fov).
-    p
-        Tangential coefficients p1, p2 (opencv, brown, thin_prism).
-    s
-        Prism coefficients s1, s2 (thin_prism).
-    """
-
+    # width, height: Picture size in pixels.
     width: int
     height: int
+    # focal, center: (x, y) in pixels.
     focal: tuple[float, float]
     center: tuple[float, float]
+    # ``"opencv"``, ``"brown"``, ``"fisheye"``, ``"thin_prism"`` or ``"fov"``.
     model: str = "opencv"
+    # Radial coefficients: up to 6 (opencv), 4 (brown, fisheye, thin_prism), the angle w (fov).
     k: tuple[float, ...] = ()
+    # Tangential coefficients p1, p2 (opencv, brown, thin_prism).
     p: tuple[float, float] = (0.0, 0.0)
-    s: tuple[float, float] = (0.0, 0.0)
+    s: tuple[float, float] = (0.0, 0.0)  # Prism coefficients s1, s2 (thin_prism).
 
     @property
     def distorts(self) -> bool:
@@ -188,15 +177,12 @@ def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], Bool]:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, C].
-    lens
-        The photo's lens; the pinhole is ``lens.pinhole()``.
+    image : uint8 [H, W, C].
+    lens : The photo's lens; the pinhole is ``lens.pinhole()``.
 
     Returns
     -------
-    image, inside
-        uint8 [H, W, C], and bool [H, W]: which pixels the photo covers.
+    image, inside : uint8 [H, W, C], and bool [H, W]: which pixels the photo covers.
     """
     if not lens.distorts:
         return image, np.ones(image.shape[:2], bool)
@@ -243,7 +229,6 @@ def straightened(depth: DepthMap, lens: Lens) -> DepthMap:
     Parameters
     ----------
     depth : Over the upright photo.
-    lens : The photo's lens.
     """
     if not lens.distorts:
         return depth

@@ -49,20 +49,16 @@ def color_likelihood(image: Float32, weight: Float32, cell: int,
 
     Parameters
     ----------
-    image
-        float32 [H, W, 3] in [0, 1].
-    weight
-        float32 [H, W], by which the colors count.
-    cell
-        The colors within 6 cells of so many pixels count. The Gaussians change slowly: they are
-        found once for each block of ``cell`` x ``cell`` pixels, and interpolated.
-    wanted
-        bool [H, W], the pixels that are asked; all by default. Others get zeros.
+    image : float32 [H, W, 3] in [0, 1].
+    weight : float32 [H, W], by which the colors count.
+    cell : The colors within 6 cells of so many pixels count. The Gaussians change slowly: they
+        are found once for each block of ``cell`` x ``cell`` pixels, and interpolated.
+    wanted : bool [H, W], the pixels that are asked; all by default. Others get zeros.
 
     Returns
     -------
-    likelihood, near
-        float32 [H, W] each: without the constant, and the mean weight near a pixel.
+    likelihood, near : float32 [H, W] each: without the constant, and the mean weight near a
+        pixel.
     """
     blocks = tuple(-(-side // cell) for side in weight.shape)
     moments = np.empty((*blocks, MOMENTS), np.float32)
@@ -119,21 +115,17 @@ def refine_matte(image: UInt8, soft: NDArray[np.floating[Any]],
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    soft
-        [H, W] in [0, 1], for instance a network's matte enlarged to the photo's size.
-    cell
-        Pixels of the photo to one that the coarse matte resolves; by default a 256th of its size.
-    calm
-        For a coarse matte that is right within a few cells, while the person resembles what is
-        behind: it counts more beside the colors, and neighbouring pixels decide together.
+    image : uint8 [H, W, 3], sRGB.
+    soft : [H, W] in [0, 1], for instance a network's matte enlarged to the photo's size.
+    cell : Pixels of the photo to one that the coarse matte resolves; by default a 256th of its
+        size.
+    calm : For a coarse matte that is right within a few cells, while the person resembles what
+        is behind: it counts more beside the colors, and neighbouring pixels decide together.
 
     Returns
     -------
-    matte
-        float32 [H, W] in [0, 1]. Pixels far from the outline keep their value, rounded to 0 or 1
-        where it was nearly so.
+    matte : float32 [H, W] in [0, 1]. Pixels far from the outline keep their value, rounded to 0
+        or 1 where it was nearly so.
     """
     guide = image[..., :3].astype(np.float32) / np.float32(255)
     coarse = np.asarray(soft, np.float32)
@@ -171,15 +163,12 @@ def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    before, after
-        float32 [H, W] in [0, 1]; both along the edges where they are equal.
+    image : uint8 [H, W, 3], sRGB.
+    before, after : float32 [H, W] in [0, 1]; both along the edges where they are equal.
 
     Returns
     -------
-    matte
-        float32 [H, W] in [0, 1].
+    matte : float32 [H, W] in [0, 1].
     """
     cell = max(2, round(max(after.shape) / 256))
     changed = np.abs(after - before) > 0.25
@@ -236,18 +225,14 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
     Parameters
     ----------
-    capture
-        Photos and cameras, in the portrait frame.
-    mattes
-        V mattes, [H, W] in [0, 1].
-    size
-        Points of the lattice along an edge.
+    capture : Photos and cameras, in the portrait frame.
+    mattes : V mattes, [H, W] in [0, 1].
+    size : Points of the lattice along an edge.
 
     Returns
     -------
-    mattes
-        V mattes, float32 [H, W] in [0, 1]. With fewer than 6 views there is too little to vote on,
-        and the mattes come back as they are.
+    mattes : V mattes, float32 [H, W] in [0, 1]. With fewer than 6 views there is too little to
+        vote on, and the mattes come back as they are.
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
     if len(capture) < 6:
@@ -262,16 +247,14 @@ def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]]
 
     Parameters
     ----------
-    cameras, mattes
-        V views and their mattes, [H, W] in [0, 1].
-    size
-        Points of the lattice along an edge, a multiple of four.
+    cameras, mattes : V views and their mattes, [H, W] in [0, 1].
+    size : Points of the lattice along an edge, a multiple of four.
 
     Returns
     -------
-    overlap
-        float64 [V] in [0, 1]: intersection over union of each matte with the picture of the common
-        solid, as far as a quarter of the views show it; 0 where there is nothing in either.
+    overlap : float64 [V] in [0, 1]: intersection over union of each matte with the picture of
+        the common solid, as far as a quarter of the views show it; 0 where there is nothing in
+        either.
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
     votes = _Votes(cameras, given, size)
@@ -294,15 +277,13 @@ def views_share(cameras: Camera, reach: float, size: int) -> Float64:
 
     Parameters
     ----------
-    cameras
-        V views.
-    reach, size
-        Half the lattice's edge in world units (its middle is the origin), points along an edge.
+    cameras : V views.
+    reach, size : Half the lattice's edge in world units (its middle is the origin), points along
+        an edge.
 
     Returns
     -------
-    share
-        float64 [size, size, size] (z, y, x).
+    share : float64 [size, size, size] (z, y, x).
     """
     axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
@@ -316,15 +297,12 @@ def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int
 
     Parameters
     ----------
-    cameras, mattes
-        V views, and float32 [H, W] in [0, 1] for each, of its camera's size.
-    reach, size
-        As in `views_share`.
+    cameras, mattes : V views, and float32 [H, W] in [0, 1] for each, of its camera's size.
+    reach, size : As in `views_share`.
 
     Returns
     -------
-    share
-        float32 [size, size, size] (z, y, x), 1 where no picture shows the point.
+    share : float32 [size, size, size] (z, y, x), 1 where no picture shows the point.
     """
     spacing = 2.0 * reach / size
     rows = np.concatenate([cameras.pose[:, :3].reshape(-1, 12), cameras.focal, cameras.center], 1)

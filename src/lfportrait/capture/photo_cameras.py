@@ -70,8 +70,7 @@ class PhotosError(UserError):
 
     Attributes
     ----------
-    marks
-        What is wrong, by the photo's name.
+    marks : What is wrong, by the photo's name.
     """
 
     def __init__(self, message: str, marks: dict[str, str]) -> None:
@@ -283,26 +282,21 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
 
     Parameters
     ----------
-    photos
-        Folder of photos, or a video file.
-    config
-        Parameters.
-    progress
-        Progress line.
+    photos : Folder of photos, or a video file.
+    config : Parameters.
+    progress : Progress line.
 
     Returns
     -------
-    capture
-        The photos that could be placed, undistorted, in the portrait frame guessed from the cameras
-        (`portrait_frame_from_cameras`; `portrait_frame_from_landmarks` is better once the face is
-        known). ``capture.figures``: ``photos``, ``registered``, ``left_out`` (could not be placed),
-        ``blurred`` and ``spare`` (not tried; these lie between others of a dense sweep),
-        ``points``, ``reprojection_error_px``, ``focal_px``.
+    capture : The photos that could be placed, undistorted, in the portrait frame guessed from
+        the cameras (`portrait_frame_from_cameras`; `portrait_frame_from_landmarks` is better
+        once the face is known). ``capture.figures``: ``photos``, ``registered``, ``left_out``
+        (could not be placed), ``blurred`` and ``spare`` (not tried; these lie between others of
+        a dense sweep), ``points``, ``reprojection_error_px``, ``focal_px``.
 
     Raises
     ------
-    UserError
-        If there are fewer than 3 usable photos, or they do not overlap.
+    UserError : If there are fewer than 3 usable photos, or they do not overlap.
     """
     config = config or CalibrateConfig()
     path = Path(photos)

@@ -53,29 +53,16 @@ _TURNED = 0x0112
 
 @dataclass(frozen=True)
 class Photo:
-    """One upright photo.
+    """One upright photo."""
 
-    Attributes
-    ----------
-    name
-        File name without folder, unique in its set.
-    image
-        uint8 [H, W, 3], or [H, W, 4] with straight alpha.
-    focal
-        Focal length in pixels as the camera noted it, or None.
-    lens
-        Camera, lens and focal length in millimetres as noted: equal for photos of one lens.
-    turns
-        Quarter turns (counter-clockwise) from this picture to how the sensor saw it, 0 to 3.
-    depth
-        What the file keeps of depth, upright as the picture, of a size of its own; or None.
-    """
-
-    name: str
-    image: UInt8
-    focal: float | None = None
+    name: str  # File name without folder, unique in its set.
+    image: UInt8  # uint8 [H, W, 3], or [H, W, 4] with straight alpha.
+    focal: float | None = None  # Focal length in pixels as the camera noted it, or None.
+    # Camera, lens and focal length in millimetres as noted: equal for photos of one lens.
     lens: str = ""
+    # Quarter turns (counter-clockwise) from this picture to how the sensor saw it, 0 to 3.
     turns: int = 0
+    # What the file keeps of depth, upright as the picture, of a size of its own; or None.
     depth: DepthMap | None = None
 
 
@@ -121,8 +108,7 @@ def photo_listing(folder: Path) -> Listing:
 
     Raises
     ------
-    UserError
-        If several folders in it have photos.
+    UserError : If several folders in it have photos.
     """
     first = Listing([])
     for place in (folder, folder / "images"):
@@ -145,15 +131,12 @@ def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
 
     Parameters
     ----------
-    folder
-        Folder with pictures, or with a subfolder ``images``; or one picture.
-    say
-        Whether a warning says which other files are left out, and why.
+    folder : Folder with pictures, or with a subfolder ``images``; or one picture.
+    say : Whether a warning says which other files are left out, and why.
 
     Raises
     ------
-    UserError
-        If the folder is missing or holds none.
+    UserError : If the folder is missing or holds none.
     """
     if not folder.exists():
         raise UserError(f"there is no folder {folder}; name the folder of your photos")
@@ -180,20 +163,16 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
 
     Parameters
     ----------
-    folder
-        Folder with pictures, or with a subfolder ``images``.
-    max_side
-        Pictures are reduced to this many pixels on their longer side; 0 keeps them.
+    folder : Folder with pictures, or with a subfolder ``images``.
+    max_side : Pictures are reduced to this many pixels on their longer side; 0 keeps them.
 
     Returns
     -------
-    photos
-        Those that could be read; for each other one a warning says why.
+    photos : Those that could be read; for each other one a warning says why.
 
     Raises
     ------
-    UserError
-        If the folder is missing, or holds no picture that can be read.
+    UserError : If the folder is missing, or holds no picture that can be read.
     """
     files = picture_files(folder)
     # Decoding lets other threads run.
@@ -238,19 +217,15 @@ _FILM = 36.0
 
 @dataclass(frozen=True)
 class Noted:
-    """EXIF data of one picture.
+    """EXIF data of one picture."""
 
-    Attributes
-    ----------
-    focal : Focal length over the picture's longer side; None where nothing usable is noted.
-    source : Where it is from: ``"35 mm"``, ``"focal plane"``, ``"camera model"``; or empty.
-    lens : Camera, lens and focal length in millimetres: equal for photos of one lens, not zoomed.
-    turns : Quarter turns (counter-clockwise) from the upright picture to the sensor's, 0 to 3.
-    """
-
+    # Focal length over the picture's longer side; None where nothing usable is noted.
     focal: float | None = None
+    # Where it is from: ``"35 mm"``, ``"focal plane"``, ``"camera model"``; or empty.
     source: str = ""
+    # Camera, lens and focal length in millimetres: equal for photos of one lens, not zoomed.
     lens: str = ""
+    # Quarter turns (counter-clockwise) from the upright picture to the sensor's, 0 to 3.
     turns: int = 0
 
 
@@ -370,10 +345,8 @@ def fineness(image: UInt8, side: int = _SIDE) -> Float64:
 
     Parameters
     ----------
-    image
-        uint8 [H, W], or [H, W, 3 or more] of which the first three channels count.
-    side
-        A larger picture is reduced to this many pixels on its longer side first.
+    image : uint8 [H, W], or [H, W, 3 or more] of which the first three channels count.
+    side : A larger picture is reduced to this many pixels on its longer side first.
     """
     grey = image if image.ndim == 2 else cv2.cvtColor(
         np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
@@ -397,13 +370,10 @@ def relative_sharpness(measures: Float64, groups: Sequence[Any] | None = None,
 
     Parameters
     ----------
-    measures
-        float64 [V, 4], `fineness` of each.
-    groups
-        What a picture must have in common with those it is compared with (its size); by default all
-        are alike.
-    reach
-        Neighbours on either side.
+    measures : float64 [V, 4], `fineness` of each.
+    groups : What a picture must have in common with those it is compared with (its size); by
+        default all are alike.
+    reach : Neighbours on either side.
     """
     groups = [0] * len(measures) if groups is None else groups
     found = np.ones(len(measures))
@@ -426,8 +396,8 @@ def blurred(images: Sequence[UInt8], threshold: float) -> list[int]:
 
     Returns
     -------
-    indices : A quarter of the pictures at most, the worst; none where there are fewer than six, too
-        few to compare.
+    indices : A quarter of the pictures at most, the worst; none where there are fewer than six,
+        too few to compare.
     """
     if threshold <= 0 or len(images) < 6:
         return []

@@ -128,19 +128,15 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
 
     Parameters
     ----------
-    path
-        Video file.
-    count
-        Number of frames wanted; a shorter video gives all it has, one with sudden movements fewer.
-    max_side
-        Frames are reduced to this many pixels on their longer side; 0 keeps them.
-    spacing
-        At even distances by how much the picture moves (``"parallax"``), or at even time.
+    path : Video file.
+    count : Number of frames wanted; a shorter video gives all it has, one with sudden movements
+        fewer.
+    max_side : Frames are reduced to this many pixels on their longer side; 0 keeps them.
+    spacing : At even distances by how much the picture moves (``"parallax"``), or at even time.
 
     Raises
     ------
-    UserError
-        If the file is missing or is no video that can be decoded.
+    UserError : If the file is missing or is no video that can be decoded.
     """
     import av
 
@@ -170,8 +166,8 @@ def video_frames(path: Path) -> tuple[float, Iterator[UInt8]]:
 
     Raises
     ------
-    UserError
-        If the file is missing or is no video; while the frames are taken, if it is damaged.
+    UserError : If the file is missing or is no video; while the frames are taken, if it is
+        damaged.
     """
     import av
 
@@ -287,8 +283,7 @@ def load_photos(path: str | Path) -> list[tuple[str, UInt8]]:
 
     Raises
     ------
-    UserError
-        If there is nothing that can be read.
+    UserError : If there is nothing that can be read.
     """
     return [(photo.name, photo.image) for photo in read_source(Path(path))]
 
@@ -298,17 +293,13 @@ def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:
 
     Parameters
     ----------
-    path
-        Folder or video file.
-    max_side
-        Pictures are reduced to this many pixels on their longer side; 0 keeps them.
-    frames
-        How many frames of a video.
+    path : Folder or video file.
+    max_side : Pictures are reduced to this many pixels on their longer side; 0 keeps them.
+    frames : How many frames of a video.
 
     Raises
     ------
-    UserError
-        If there is nothing that can be read.
+    UserError : If there is nothing that can be read.
     """
     return (read_video(path, frames, max_side) if is_video(path)
             else read_photos(path, max_side))

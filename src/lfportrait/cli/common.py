@@ -135,8 +135,7 @@ class Common:
 
         Returns
         -------
-        figures
-            What ``--json`` writes.
+        figures : What ``--json`` writes.
         """
         raise NotImplementedError
 
@@ -150,8 +149,8 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
 
     Parameters
     ----------
-    command : Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``; what
-        differs from the defaults is `given`.
+    command : Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``;
+        what differs from the defaults is `given`.
     arguments : The words after the command's name.
     program : How help calls it.
     """

@@ -170,14 +170,12 @@ def main(arguments: list[str] | None = None) -> int:
 
     Parameters
     ----------
-    arguments
-        Words after the program's name; ``sys.argv[1:]`` by default.
+    arguments : Words after the program's name; ``sys.argv[1:]`` by default.
 
     Returns
     -------
-    code
-        0: success. 1: internal error, with a traceback to report. 2: user error, reported on one
-        line on standard error. 3: some jobs of a batch failed, all others are done. 130:
+    code : 0: success. 1: internal error, with a traceback to report. 2: user error, reported on
+        one line on standard error. 3: some jobs of a batch failed, all others are done. 130:
         interrupted; run the same command again to resume.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)

@@ -127,8 +127,7 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
 
     Raises
     ------
-    UserError
-        If there are no pictures, or no face in any.
+    UserError : If there are no pictures, or no face in any.
     """
     if out.suffix:
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")

@@ -57,20 +57,17 @@ def demo_capture(size: int = SIZE, views: int = VIEWS) -> Capture:
 
     Parameters
     ----------
-    size
-        Width and height of the pictures in pixels, at most 384.
-    views
-        Number of cameras, at most 60; every 8th is held out.
+    size : Width and height of the pictures in pixels, at most 384.
+    views : Number of cameras, at most 60; every 8th is held out.
 
     Returns
     -------
-    capture
-        With straight alpha and the 68 landmarks; its frame is the portrait frame (identity).
+    capture : With straight alpha and the 68 landmarks; its frame is the portrait frame
+        (identity).
 
     Raises
     ------
-    UserError
-        If there are no such photos.
+    UserError : If there are no such photos.
     """
     if not LEAST_VIEWS <= views <= VIEWS:
         raise UserError(f"the demo has {VIEWS} photos; give a number from {LEAST_VIEWS} to {VIEWS} "
@@ -100,8 +97,7 @@ def demo_head() -> VoxelField:
 
     Returns
     -------
-    field
-        In the portrait frame: a shell of five layers of voxels, the outermost clear.
+    field : In the portrait frame: a shell of five layers of voxels, the outermost clear.
     """
     with np.load(HEAD, allow_pickle=False) as data:
         side = int(data["side"])
@@ -120,20 +116,16 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024) -> Exemp
 
     Parameters
     ----------
-    name
-        One of `lfportrait.demo.demo_styles`; empty = the first.
-    width, height
-        Size of the picture in pixels; it was painted 768 x 1024.
+    name : One of `lfportrait.demo.demo_styles`; empty = the first.
+    width, height : Size of the picture in pixels; it was painted 768 x 1024.
 
     Returns
     -------
-    exemplar
-        Picture, landmarks (projected from the model) and the mask of the person.
+    exemplar : Picture, landmarks (projected from the model) and the mask of the person.
 
     Raises
     ------
-    UserError
-        If there is no such style.
+    UserError : If there is no such style.
     """
     names = demo_styles()
     name = name or names[0]
@@ -161,13 +153,11 @@ def demo_photo(height: int = 1024) -> tuple[UInt8, Float64]:
 
     Parameters
     ----------
-    height
-        Of the photo in pixels, of which it has 1024; it is three quarters as wide.
+    height : Of the photo in pixels, of which it has 1024; it is three quarters as wide.
 
     Returns
     -------
-    photo, landmarks
-        uint8 [H, W, 4] with straight alpha; float64 [68, 2], in pixels.
+    photo, landmarks : uint8 [H, W, 4] with straight alpha; float64 [68, 2], in pixels.
     """
     return _portrait(DATA / "people" / "sitter.webp", height)
 
@@ -177,12 +167,9 @@ def embedded_sittings(count: int, height: int, seed: int) -> list[Sitting]:
 
     Parameters
     ----------
-    count
-        Number of photos.
-    height
-        Of a photo in pixels; it is three quarters as wide.
-    seed
-        Of all choices.
+    count : Number of photos.
+    height : Of a photo in pixels; it is three quarters as wide.
+    seed : Of all choices.
     """
     random = np.random.default_rng(seed)
     files = sorted((DATA / "people").glob("person_*.webp"))

@@ -37,28 +37,18 @@ class Exemplar:
 
     Attributes
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    landmarks
-        float64 [68, 2], iBUG order, pixels (x right, y down).
-    name
-        Short name, for titles and file names.
-    mask
-        float32 [H, W] in [0, 1]: the person (head, hair, neck and clothes) against the background,
-        or None; then the transfer segments the picture itself.
-    faces
-        How many faces were found in the picture; 1 where its landmarks were given.
-    hair
-        float32 [H, W] in [0, 1]: the hair where it is known, or None; then it is segmented.
-    covered, bared
-        The painting before its forehead was bared (`worn.inpainting`), and float32 [H, W] in
-        [0, 1], where it was; or None.
-    lids
-        Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
-    opened
-        The exemplar as it was before, or None.
-    by_hand
-        uint8 [H, W], regions that were painted over by hand, as places in
+    image : uint8 [H, W, 3], sRGB.
+    landmarks : float64 [68, 2], iBUG order, pixels (x right, y down).
+    name : Short name, for titles and file names.
+    mask : float32 [H, W] in [0, 1]: the person (head, hair, neck and clothes) against the
+        background, or None; then the transfer segments the picture itself.
+    faces : How many faces were found in the picture; 1 where its landmarks were given.
+    hair : float32 [H, W] in [0, 1]: the hair where it is known, or None; then it is segmented.
+    covered, bared : The painting before its forehead was bared (`worn.inpainting`), and float32
+        [H, W] in [0, 1], where it was; or None.
+    lids : Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
+    opened : The exemplar as it was before, or None.
+    by_hand : uint8 [H, W], regions that were painted over by hand, as places in
         `lfportrait.labels.BY_HAND`; or None.
     """
 
@@ -169,19 +159,17 @@ class Exemplar:
 
         Parameters
         ----------
-        style
-            A picture; its landmarks lie beside it in ``NAME.landmarks.txt`` (one "x y" a line,
-            68 lines) or are detected: those of the largest face. A mask ``NAME.mask.png`` (white =
-            person) is used if there, and so are regions that were painted over by hand,
-            ``NAME.regions.png`` (grey values as in `lfportrait.labels.BY_HAND`).
-            Or the name of a built-in exemplar.
-        landmarks
-            [68, 2], instead of those beside the picture or detected.
+        style : A picture; its landmarks lie beside it in ``NAME.landmarks.txt`` (one "x y" a
+            line, 68 lines) or are detected: those of the largest face. A mask ``NAME.mask.png``
+            (white = person) is used if there, and so are regions that were painted over by
+            hand, ``NAME.regions.png`` (grey values as in `lfportrait.labels.BY_HAND`). Or the
+            name of a built-in exemplar.
+        landmarks : [68, 2], instead of those beside the picture or detected.
 
         Raises
         ------
-        UserError
-            If there is no such picture or style, or it has no landmarks and no face is found.
+        UserError : If there is no such picture or style, or it has no landmarks and no face is
+            found.
         """
         path = Path(style)
         if not path.exists():

@@ -180,24 +180,15 @@ COARSE = 6
 
 @dataclass(frozen=True)
 class Frontal:
-    """A painting's face from the front.
+    """A painting's face from the front."""
 
-    Attributes
-    ----------
-    image : uint8 [h, w, 3], sRGB.
-    landmarks : float64 [68, 2], pixels.
-    mirrored : float32 [h, w] in [0, 1]: what comes from the other side.
-    places : float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
-    mask : float32 [h, w], the painting's mask of the person, or None.
-    pose : Of the face in the painting.
-    """
-
-    image: UInt8
-    landmarks: Float64
-    mirrored: Float32
+    image: UInt8  # uint8 [h, w, 3], sRGB.
+    landmarks: Float64  # float64 [68, 2], pixels.
+    mirrored: Float32  # float32 [h, w] in [0, 1]: what comes from the other side.
+    # float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
     places: Float32
-    mask: Float32 | None
-    pose: FacePose
+    mask: Float32 | None  # float32 [h, w], the painting's mask of the person, or None.
+    pose: FacePose  # Of the face in the painting.
 
 
 def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
@@ -207,8 +198,7 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
 
     Raises
     ------
-    UserError
-        If the face is next to a profile.
+    UserError : If the face is next to a profile.
     """
     pose = pose or exemplar.pose()
     if abs(pose.yaw) < FRONTAL:
@@ -232,15 +222,11 @@ def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    landmarks
-        [68, 2], of the photo's face.
+    landmarks : [68, 2], of the photo's face.
 
     Raises
     ------
-    UserError
-        As `frontalised`.
+    UserError : As `frontalised`.
     """
     painted = exemplar.pose().yaw
     photo = face_pose(landmarks).yaw
@@ -458,15 +444,11 @@ def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
 
     Parameters
     ----------
-    landmarks
-        [68, 2], of the painting.
-    pose
-        Of its face.
+    landmarks : [68, 2], of the painting.
 
     Returns
     -------
-    lines
-        float64 [K, 2] each, pixels (x, y), K at least 2: lines down and across the face.
+    lines : float64 [K, 2] each, pixels (x, y), K at least 2: lines down and across the face.
     """
     every = max(1, round(_SPACING * pose.scale / COARSE))
     # The face's middle is on a line.
@@ -502,24 +484,15 @@ PLAIN = 0.2
 
 @dataclass(frozen=True)
 class FaceAside:
-    """A face that is turned far to one side.
+    """A face that is turned far to one side."""
 
-    Attributes
-    ----------
-    landmarks : float64 [68, 2], pixels; those that are hidden lie on the outline.
-    hidden : bool [68].
-    points : float64 [M, 3], what is seen of the generic head, in its frame.
-    places : float64 [M, 2], where the photo shows it, pixels.
-    pose : Of the face.
-    share : How far these points replace the landmarks as control points, in (0, 1]: a head that
-        turns in a video does not jump.
-    """
-
-    landmarks: Float64
-    hidden: Bool
-    points: Float64
-    places: Float64
-    pose: FacePose
+    landmarks: Float64  # float64 [68, 2], pixels; those that are hidden lie on the outline.
+    hidden: Bool  # bool [68].
+    points: Float64  # float64 [M, 3], what is seen of the generic head, in its frame.
+    places: Float64  # float64 [M, 2], where the photo shows it, pixels.
+    pose: FacePose  # Of the face.
+    # How far these points replace the landmarks as control points, in (0, 1]: a head that turns in
+    # a video does not jump.
     share: float
 
     def in_exemplar(self, landmarks: Float64) -> Float64:

@@ -51,30 +51,20 @@ FEW = 0.02
 
 @dataclass(frozen=True)
 class Sides:
-    """A frontal picture, a painter's own paint on one side, its mirror image on the other.
+    """A frontal picture, a painter's own paint on one side, its mirror image on the other."""
 
-    Attributes
-    ----------
-    ours, theirs : float32 [h, w, 3], sRGB in [0, 255]: his own paint, and the mirror image's.
-    share : float32 [h, w] in [0, 1], of his own.
-    both : float32 [h, w], where either is on the face and was seen at all.
-    face : float32 [h, w], the face; light changes nothing of hair and hats around it.
-    head : float32 [h, w], the head: bare skin in it is lit, too.
-    hair : float32 [h, w], what of his own paint is hair; None where that is not known.
-    features : float32 [h, w] in [0, 1], from the brows to the mouth: there darkness is shade, no
-        hat.
-    scale : Pixels per unit of the head.
-    """
-
+    # ours, theirs: float32 [h, w, 3], sRGB in [0, 255]: his own paint, and the mirror image's.
     ours: Float32
     theirs: Float32
-    share: Float32
-    both: Float32
-    face: Float32
-    head: Float32
+    share: Float32  # float32 [h, w] in [0, 1], of his own.
+    both: Float32  # float32 [h, w], where either is on the face and was seen at all.
+    face: Float32  # float32 [h, w], the face; light changes nothing of hair and hats around it.
+    head: Float32  # float32 [h, w], the head: bare skin in it is lit, too.
+    # float32 [h, w], what of his own paint is hair; None where that is not known.
     hair: Float32 | None
+    # float32 [h, w] in [0, 1], from the brows to the mouth: there darkness is shade, no hat.
     features: Float32
-    scale: float
+    scale: float  # Pixels per unit of the head.
 
 
 def relit(sides: Sides) -> Float32:
@@ -158,16 +148,10 @@ def _change(hue: _Hue, light: Float32, weight: Float32, most: Float32, clear: Fl
 
 @dataclass(frozen=True)
 class _Hue:
-    """A painter's hues by brightness.
+    """A painter's hues by brightness."""
 
-    Attributes
-    ----------
-    knots : float32 [K], brightness: the mean of the channels' logarithms.
-    hues : float32 [K, 3], logarithms less their mean.
-    """
-
-    knots: Float32
-    hues: Float32
+    knots: Float32  # float32 [K], brightness: the mean of the channels' logarithms.
+    hues: Float32  # float32 [K, 3], logarithms less their mean.
 
     @staticmethod
     def of(paint: Float32, weight: Float32) -> _Hue:

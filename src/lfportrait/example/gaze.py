@@ -57,18 +57,11 @@ of the disc that shows, from which on discs are irises: mean of both eyes, half 
 
 @dataclass(frozen=True)
 class _Eye:
-    """A picture of an eye, its corners level.
+    """A picture of an eye, its corners level."""
 
-    Attributes
-    ----------
-    luma : float32 [2 * HALF[1] + 1, 2 * HALF[0] + 1], blurred.
-    opening : float32 of that shape, 1 between the lids.
-    outline : float64 [6, 2], pixels of the portrait.
-    """
-
-    luma: Float32
-    opening: Float32
-    outline: Float64
+    luma: Float32  # float32 [2 * HALF[1] + 1, 2 * HALF[0] + 1], blurred.
+    opening: Float32  # float32 of that shape, 1 between the lids.
+    outline: Float64  # float64 [6, 2], pixels of the portrait.
 
 
 def irises_found(image: UInt8, landmarks: Float64) -> Float64 | None:
@@ -244,8 +237,8 @@ def agreed(eyes: Float64, discs: Float64) -> float:
 
     Returns
     -------
-    degrees : The lesser of what both kinds of irises show; 0 where one shows the contrary, or eyes
-        more than `MOST` degrees apart.
+    degrees : The lesser of what both kinds of irises show; 0 where one shows the contrary, or
+        eyes more than `MOST` degrees apart.
     """
     turned = [_turned(disc, eye[0], eye[1])[0] for eye, disc in zip(eyes, discs)]
     by_discs = float(turned[1] - turned[0]) - DISCS_USUAL

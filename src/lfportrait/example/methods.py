@@ -32,18 +32,12 @@ MethodConfig = Any
 
 @dataclass(frozen=True)
 class PhotoMethod:
-    """A method of another package.
+    """A method of another package."""
 
-    Attributes
-    ----------
-    parameters
-        Class of its parameters, a frozen data class whose fields have defaults.
-    prepare
-        Prepares an exemplar by its parameters, as `prepare` does; the last argument are photos with
-        landmarks that a network also trains on, or None.
-    """
-
+    # Class of its parameters, a frozen data class whose fields have defaults.
     parameters: type[Any]
+    # Prepares an exemplar by its parameters, as `prepare` does; the last argument are photos with
+    # landmarks that a network also trains on, or None.
     prepare: Callable[[Exemplar, Any, list[Sitting] | None], Any]
 
 
@@ -52,8 +46,7 @@ def photo_method(name: str) -> PhotoMethod:
 
     Raises
     ------
-    UserError
-        If no installed package has it.
+    UserError : If no installed package has it.
     """
     found: PhotoMethod = chosen(GROUP, name, (OWN,))
     return found
@@ -64,17 +57,13 @@ def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None 
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    config
-        Of the method that is wanted.
-    own
-        Photos with landmarks that a network also trains on.
+    config : Of the method that is wanted.
+    own : Photos with landmarks that a network also trains on.
 
     Returns
     -------
-    prepared
-        Its ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and ``dump``.
+    prepared : Its ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and
+        ``dump``.
     """
     if isinstance(config, TransferConfig):
         return Transfer(exemplar, config)
@@ -90,24 +79,19 @@ def paint(image: UInt8, exemplar: Exemplar, config: MethodConfig,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    exemplar
-        The painting.
-    config
-        Of the method that is wanted.
-    landmarks
-        [68, 2] in pixels; detected if None.
+    image : uint8 [H, W, 3].
+    exemplar : The painting.
+    config : Of the method that is wanted.
+    landmarks : [68, 2] in pixels; detected if None.
 
     Returns
     -------
-    result
-        With ``image``, ``seconds`` and ``dump``: a `TransferResult`, or what the method gives.
+    result : With ``image``, ``seconds`` and ``dump``: a `TransferResult`, or what the method
+        gives.
 
     Raises
     ------
-    UserError
-        If no face is found.
+    UserError : If no face is found.
     """
     points = np.asarray(face_landmarks(image) if landmarks is None else landmarks, np.float64)
     if isinstance(config, TransferConfig):

@@ -70,15 +70,10 @@ class PatchSearch:
 
 @dataclass
 class PatchSource:
-    """An exemplar's pyramid.
+    """An exemplar's pyramid."""
 
-    Attributes
-    ----------
-    pictures : float32 [h, w, 3] in [0, 1], each half the size of the one before.
-    guides : float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
-    """
-
-    pictures: list[Float32]
+    pictures: list[Float32]  # float32 [h, w, 3] in [0, 1], each half the size of the one before.
+    # float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
     guides: list[Float32]
 
     @staticmethod
@@ -93,35 +88,25 @@ class PatchSource:
 
 @dataclass
 class PatchTarget:
-    """What is to be synthesised.
+    """What is to be synthesised."""
 
-    Attributes
-    ----------
-    guides : float32 [H, W, G] as the source's.
-    start : float32 [H, W, 2], exemplar places (x, y) where the search begins.
-    guided : float32 [H, W, 2], places that the search always tries.
-    wanted, weight, limit : float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the
-        weight times the squared distance from the wanted place, at most ``limit`` (squared pixels),
-        for each pixel of the patch; no weights: everywhere alike.
-    even : float32 [h, w], how often each exemplar pixel would be used if those of its material were
-        used alike; None: all alike.
-    trust : float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
-    state : uint8 [H, W] of `kernels.patches`; None: all is synthesised.
-    owner : int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
-    colors : float32 [H, W, 3], of the fixed pixels.
-    """
-
-    guides: Float32
-    start: Float32
-    guided: Float32
+    guides: Float32  # float32 [H, W, G] as the source's.
+    start: Float32  # float32 [H, W, 2], exemplar places (x, y) where the search begins.
+    guided: Float32  # float32 [H, W, 2], places that the search always tries.
+    # wanted, weight, limit: float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the
+    # weight times the squared distance from the wanted place, at most ``limit`` (squared pixels),
+    # for each pixel of the patch; no weights: everywhere alike.
     wanted: Float32 | None = None
     weight: Float32 | None = None
     limit: float = np.inf
+    # float32 [h, w], how often each exemplar pixel would be used if those of its material were used
+    # alike; None: all alike.
     even: Float32 | None = None
+    # float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
     trust: Float32 | None = None
-    state: UInt8 | None = None
-    owner: Int32 | None = None
-    colors: Float32 | None = None
+    state: UInt8 | None = None  # uint8 [H, W] of `kernels.patches`; None: all is synthesised.
+    owner: Int32 | None = None  # int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
+    colors: Float32 | None = None  # float32 [H, W, 3], of the fixed pixels.
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -58,19 +58,13 @@ def signed_distances(masks: Float32, far: Sequence[float]) -> Float32:
 
 @dataclass
 class EdgeMatch:
-    """The exemplar's side of the match.
+    """The exemplar's side of the match."""
 
-    Attributes
-    ----------
-    distance : float32 [h, w], the exemplar's signed distances, slightly smoothed.
-    reach, most : See `example.kernels.outline.snap`, in exemplar pixels.
-    cell : Side of a cell of ``distance`` in pixels.
-    """
-
-    distance: Float32
+    distance: Float32  # float32 [h, w], the exemplar's signed distances, slightly smoothed.
+    # reach, most: See `example.kernels.outline.snap`, in exemplar pixels.
     reach: float
     most: float
-    cell: int = 4
+    cell: int = 4  # Side of a cell of ``distance`` in pixels.
 
     @staticmethod
     def of(mask: Float32, reach: float, most: float, cell: int = 4) -> EdgeMatch | None:
@@ -260,7 +254,6 @@ class FlatGuide:
 
     Parameters
     ----------
-    exemplar : The painting.
     regions, labels : Of the painting; labels uint8 [h, w, len(PICTURE_LABELS)].
     """
 
@@ -290,7 +283,8 @@ class FlatGuide:
         ----------
         cover : float32 [H, W], 0 where nothing is to be painted.
         landmarks, regions, labels : Of the photo.
-        hold : Lay neck and body onto the exemplar's, and hold person and background on their sides.
+        hold : Lay neck and body onto the exemplar's, and hold person and background on their
+            sides.
         aside : What is seen of a face that is turned far to one side; ``landmarks`` are its own.
         """
         points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions)

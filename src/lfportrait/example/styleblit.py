@@ -57,20 +57,11 @@ class TableConfig:
 
 @dataclass
 class LookUpTable:
-    """Nearest exemplar pixel of every cell.
+    """Nearest exemplar pixel of every cell."""
 
-    Attributes
-    ----------
-    indices
-        int32 [rows, columns, levels], flat pixel index y * width + x.
-    cell
-        Side of a cell in exemplar pixels.
-    low, step
-        Appearance of level 0, and the distance of levels.
-    """
-
-    indices: Int32
-    cell: int
+    indices: Int32  # int32 [rows, columns, levels], flat pixel index y * width + x.
+    cell: int  # Side of a cell in exemplar pixels.
+    # low, step: Appearance of level 0, and the distance of levels.
     low: float
     step: float
 
@@ -104,12 +95,9 @@ def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUp
 
     Parameters
     ----------
-    appearance
-        float32 [H, W], the exemplar's appearance guide.
-    config
-        Weights and resolution.
-    unit
-        Position unit in exemplar pixels.
+    appearance : float32 [H, W], the exemplar's appearance guide.
+    config : Weights and resolution.
+    unit : Position unit in exemplar pixels.
     """
     height, width = appearance.shape
     if height * width >= 1 << 28:
@@ -179,24 +167,12 @@ class BlitConfig:
 
 @dataclass
 class Synthesis:
-    """What StyleBlit did.
+    """What StyleBlit did."""
 
-    Attributes
-    ----------
-    image
-        float32 [H, W, 3] in [0, 1]; 0 where the position guide is NaN.
-    shift
-        float32 [H, W, 2], exemplar place minus anchor of the chunk of each pixel.
-    level
-        uint8 [H, W], level of the accepted chunk; 0 = own look-up.
-    error
-        float32 [H, W], guide error of each pixel's own look-up.
-    """
-
-    image: Float32
-    shift: Float32
-    level: UInt8
-    error: Float32
+    image: Float32  # float32 [H, W, 3] in [0, 1]; 0 where the position guide is NaN.
+    shift: Float32  # float32 [H, W, 2], exemplar place minus anchor of the chunk of each pixel.
+    level: UInt8  # uint8 [H, W], level of the accepted chunk; 0 = own look-up.
+    error: Float32  # float32 [H, W], guide error of each pixel's own look-up.
 
 
 @dataclass
@@ -311,30 +287,18 @@ def synthesise(guides: Guides, weights: Float32, label_weight: float,
 
     Parameters
     ----------
-    guides
-        Of the target.
-    weights
-        float32 [H, W, 2], weight of a pixel of displacement and of an appearance of 1, per pixel.
-    label_weight
-        Error of a label that is wholly wrong.
-    style_appearance, style_labels
-        float32 [h, w] and uint8 [h, w, K] of the exemplar.
-    table
-        Of the exemplar.
-    picture
-        The colors to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colors`.
-    config
-        Chunks and voting.
-    seed
-        Of the jitter; the same seed gives the same bytes.
-    scale
-        Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
-    seeds
-        Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
-    finest
-        The finest level of new ones.
-    calm
-        Weight of the appearance below which chunks may be as large as ``config.calm_levels`` says.
+    weights : float32 [H, W, 2], weight of a pixel of displacement and of an appearance of 1, per
+        pixel.
+    label_weight : Error of a label that is wholly wrong.
+    style_appearance, style_labels : float32 [h, w] and uint8 [h, w, K] of the exemplar.
+    picture : The colors to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colors`.
+    config : Chunks and voting.
+    seed : Of the jitter; the same seed gives the same bytes.
+    scale : Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
+    seeds : Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
+    finest : The finest level of new ones.
+    calm : Weight of the appearance below which chunks may be as large as ``config.calm_levels``
+        says.
     """
     height, width = guides.appearance.shape
     exact = scale == 1.0
@@ -400,18 +364,13 @@ class TransferResult:
 
     Attributes
     ----------
-    image
-        float32 [H, W, 3] in [0, 1].
-    guides
-        Position, appearance, labels and anchor of the target.
-    mask
-        float32 [H, W], where the synthesis covers the photo.
-    synthesis
-        Chunk shifts, levels and table error.
-    seconds
-        ``table_seconds`` and ``regions_seconds`` (segmentation by networks): pre-calculation of
-        the style and of the photo; ``guides_seconds``, ``synthesis_seconds`` (with voting and
-        blending).
+    image : float32 [H, W, 3] in [0, 1].
+    guides : Position, appearance, labels and anchor of the target.
+    mask : float32 [H, W], where the synthesis covers the photo.
+    synthesis : Chunk shifts, levels and table error.
+    seconds : ``table_seconds`` and ``regions_seconds`` (segmentation by networks):
+        pre-calculation of the style and of the photo; ``guides_seconds``, ``synthesis_seconds``
+        (with voting and blending).
     """
 
     image: Float32

@@ -55,18 +55,11 @@ SHORT = 1.4
 
 @dataclass
 class Sites:
-    """Jittered sites of cells of the anchor plane.
+    """Jittered sites of cells of the anchor plane."""
 
-    Attributes
-    ----------
-    points : float32 [Y, X, 2], in exemplar pixels.
-    chances : float32 [Y, X, 2], two random numbers in [0, 1) of each.
-    first : The first cell (column, row).
-    """
-
-    points: Float32
-    chances: Float32
-    first: tuple[int, int]
+    points: Float32  # float32 [Y, X, 2], in exemplar pixels.
+    chances: Float32  # float32 [Y, X, 2], two random numbers in [0, 1) of each.
+    first: tuple[int, int]  # The first cell (column, row).
 
     @staticmethod
     def around(places: Float32, side: float) -> Sites:
@@ -81,13 +74,7 @@ class Sites:
 
 
 class Patchwork:
-    """Pieces of one exemplar for what it does not show.
-
-    Parameters
-    ----------
-    exemplar : The painting.
-    regions : Of the exemplar.
-    """
+    """Pieces of one exemplar for what it does not show."""
 
     def __init__(self, exemplar: Exemplar, regions: Regions) -> None:
         self.side, self.spread = SIDE * exemplar.size, SPREAD * exemplar.size
@@ -199,8 +186,7 @@ class HeadPlane:
 
     Raises
     ------
-    UserError
-        If fewer than 20 landmarks are known.
+    UserError : If fewer than 20 landmarks are known.
     """
 
     def __init__(self, landmarks3d: NDArray[np.floating]) -> None:
@@ -238,17 +224,13 @@ class SurfaceGuide:
 
     Parameters
     ----------
-    landmarks3d
-        float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are unknown.
-    exemplar
-        The painting.
-    regions
-        Its regions where they are known already (`Transfer.regions`).
+    landmarks3d : float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are
+        unknown.
+    regions : Its regions where they are known already (`Transfer.regions`).
 
     Raises
     ------
-    UserError
-        If fewer than 20 landmarks are known.
+    UserError : If fewer than 20 landmarks are known.
     """
 
     def __init__(self, landmarks3d: NDArray[np.floating], exemplar: Exemplar,
@@ -351,15 +333,13 @@ class SurfaceGuide:
 
         Parameters
         ----------
-        points
-            [H, W, 3] in the portrait frame; NaN where there is no surface.
+        points : [H, W, 3] in the portrait frame; NaN where there is no surface.
 
         Returns
         -------
-        position
-            float32 [H, W, 2], exemplar pixel coordinates, inside the exemplar; NaN without surface.
-        anchor
-            float32 [H, W, 2], place in the unwrapped plane, in exemplar pixels.
+        position : float32 [H, W, 2], exemplar pixel coordinates, inside the exemplar; NaN
+            without surface.
+        anchor : float32 [H, W, 2], place in the unwrapped plane, in exemplar pixels.
         """
         points = np.asarray(points)
         inside = np.isfinite(points).all(axis=-1)
@@ -378,15 +358,13 @@ class SurfaceGuide:
 
         Parameters
         ----------
-        low, high
-            float64 [2], corners of the plane's part, world units.
-        spacing
-            Of the nodes, from ``low`` on.
+        low, high : float64 [2], corners of the plane's part, world units.
+        spacing : Of the nodes, from ``low`` on.
 
         Returns
         -------
         float32 [h, w, 3]: exemplar coordinates (x, y), and how much slower they change than the
-        plane, at least 0.1 and at most 1.
+            plane, at least 0.1 and at most 1.
         """
         columns, rows = (int(n) for n in np.ceil((high - low) / spacing).astype(int) + 2)
         x, y = np.meshgrid(low[0] + spacing * np.arange(columns),

@@ -112,21 +112,14 @@ def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    points
-        [68, 2] in pixels, of the photo's face.
-    photo
-        uint8 or float in [0, 1], [H, W, 3].
-    eyes
-        ``"painted"`` leaves the painting's eyes open.
-    wear
-        What is left on: ``"spectacles"``.
+    points : [68, 2] in pixels, of the photo's face.
+    photo : uint8 or float in [0, 1], [H, W, 3].
+    eyes : ``"painted"`` leaves the painting's eyes open.
+    wear : What is left on: ``"spectacles"``.
 
     Raises
     ------
-    UserError
-        As `suited`.
+    UserError : As `suited`.
     """
     chosen = _with_both_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
     return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
@@ -138,19 +131,14 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
 
     Parameters
     ----------
-    exemplar, pose
-        The painting, and how its face is turned.
-    fringe
-        Whether a painted fringe is taken off (`bared`).
-    lids
-        Which eyes are shut.
-    wear
-        What is left on: ``"spectacles"``.
+    exemplar, pose : The painting, and how its face is turned.
+    fringe : Whether a painted fringe is taken off (`bared`).
+    lids : Which eyes are shut.
+    wear : What is left on: ``"spectacles"``.
 
     Raises
     ------
-    UserError
-        As `frontalised`.
+    UserError : As `frontalised`.
     """
     front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
     return closed(_with_both_eyes(front), lids)
@@ -175,16 +163,11 @@ def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
 
     Parameters
     ----------
-    photo
-        uint8 [H, W, 3].
-    landmarks
-        [68, 2] of the photo.
-    painted
-        float32 [H, W, 3] in [0, 1], the painting of all other regions.
-    choices
-        What regions get; later ones win.
-    others
-        The photo painted by the other exemplars, by `RegionStyle.style`.
+    photo : uint8 [H, W, 3].
+    landmarks : [68, 2] of the photo.
+    painted : float32 [H, W, 3] in [0, 1], the painting of all other regions.
+    choices : What regions get; later ones win.
+    others : The photo painted by the other exemplars, by `RegionStyle.style`.
 
     Returns
     -------
@@ -251,16 +234,9 @@ class Transfer:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    config
-        Parameters.
-    cache
-        Folder for look-up tables, by content hash; None keeps none.
-    regions
-        Of the painting, where they are known.
-    exact
-        Whether every target pixel is one of the exemplar's, whatever the sizes of the faces.
+    cache : Folder for look-up tables, by content hash; None keeps none.
+    regions : Of the painting, where they are known.
+    exact : Whether every target pixel is one of the exemplar's, whatever the sizes of the faces.
     """
 
     def __init__(self, exemplar: Exemplar, config: TransferConfig | None = None,
@@ -330,19 +306,16 @@ class Transfer:
 
         Parameters
         ----------
-        image
-            uint8 or float in [0, 1], [H, W, 3].
-        landmarks
-            [68, 2] in pixels of ``image``; rows with NaN are unknown.
-        position
-            float32 [H, W, 2], exemplar coordinates instead of those from the landmarks
+        image : uint8 or float in [0, 1], [H, W, 3].
+        landmarks : [68, 2] in pixels of ``image``; rows with NaN are unknown.
+        position : float32 [H, W, 2], exemplar coordinates instead of those from the landmarks
             (`surface_position_guide`); NaN = not to be painted.
-        seeds_anchor
-            float32 [H, W, 2], place of each pixel in the plane of the seeds, in exemplar pixels.
-        mask
-            float32 [H, W], the person against the background (a capture's alpha); None = found.
-        regions
-            Of the picture where they are known (`find_regions`): the networks are not asked.
+        seeds_anchor : float32 [H, W, 2], place of each pixel in the plane of the seeds, in
+            exemplar pixels.
+        mask : float32 [H, W], the person against the background (a capture's alpha); None =
+            found.
+        regions : Of the picture where they are known (`find_regions`): the networks are not
+            asked.
 
         Returns
         -------
@@ -538,21 +511,15 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3].
-    exemplar
-        The painting.
-    config
-        Parameters.
-    landmarks
-        [68, 2] in pixels; detected if None.
-    options
-        Passed on to `Transfer.apply`.
+    image : uint8 [H, W, 3].
+    exemplar : The painting.
+    config : Parameters.
+    landmarks : [68, 2] in pixels; detected if None.
+    options : Passed on to `Transfer.apply`.
 
     Raises
     ------
-    UserError
-        If no face is found.
+    UserError : If no face is found.
     """
     points = face_landmarks(image) if landmarks is None else landmarks
     config = config or TransferConfig()
@@ -565,8 +532,7 @@ def face_landmarks(image: NDArray[np.generic]) -> Float64:
 
     Raises
     ------
-    UserError
-        If no face is found.
+    UserError : If no face is found.
     """
     from ..face import detect_landmarks
 

@@ -141,21 +141,14 @@ CUT = 0.3
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion from the frame before to this one.
+    """Motion from the frame before to this one."""
 
-    Attributes
-    ----------
-    back : float32 [h, w, 2], place in the frame before minus place here, in pixels, at the middles
-        of blocks.
-    there : The same from the frame before, to this one.
-    trusted : bool [h, w].
-    factor : Side of a block in pixels.
-    """
-
+    # float32 [h, w, 2], place in the frame before minus place here, in pixels, at the middles of
+    # blocks.
     back: Float32
-    there: Float32
-    trusted: Bool
-    factor: int
+    there: Float32  # The same from the frame before, to this one.
+    trusted: Bool  # bool [h, w].
+    factor: int  # Side of a block in pixels.
 
     def carry(self, field: Float32) -> Float32:
         """A field [h, w, C] on the blocks of the frame before as it lies in this one."""
@@ -268,7 +261,6 @@ def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
 
     Parameters
     ----------
-    prepared : The exemplar.
     frame, landmarks : uint8 [H, W, 3] and [68, 2].
     person : Gives the person's mask, float32 [H, W], if it is needed.
     anchor : float32 [H, W, 2].
@@ -360,22 +352,16 @@ class VideoTransfer:
 
     Parameters
     ----------
-    prepared
-        The exemplar.
-    carry
-        False keeps the seeds where they are in the picture, for comparison.
-    detect, segment
-        Landmarks are detected, person and hair segmented, in every Nth frame; between they
-        are carried.
-    paint
-        Paint every Nth frame from scratch; between these, strokes are carried, too.
+    carry : False keeps the seeds where they are in the picture, for comparison.
+    detect, segment : Landmarks are detected, person and hair segmented, in every Nth frame;
+        between they are carried.
+    paint : Paint every Nth frame from scratch; between these, strokes are carried, too.
 
     Attributes
     ----------
-    flicker
-        For each frame but the first, the root mean square difference to the stylised frame before,
-        warped by the flow, over the contrast of the frame; empty without OpenCV. Every fourth
-        pixel of every fourth row is looked at.
+    flicker : For each frame but the first, the root mean square difference to the stylised frame
+        before, warped by the flow, over the contrast of the frame; empty without OpenCV. Every
+        fourth pixel of every fourth row is looked at.
     """
 
     def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
@@ -400,10 +386,9 @@ class VideoTransfer:
 
         Parameters
         ----------
-        frame
-            uint8 [H, W, 3], all of one size.
-        landmarks
-            [68, 2]; detected if None. Where no face is found those of the frame before serve.
+        frame : uint8 [H, W, 3], all of one size.
+        landmarks : [68, 2]; detected if None. Where no face is found those of the frame before
+            serve.
 
         Returns
         -------
@@ -411,8 +396,7 @@ class VideoTransfer:
 
         Raises
         ------
-        UserError
-            If there is no face in the first frame.
+        UserError : If there is no face in the first frame.
         """
         step = self._follow(frame, landmarks)
         self._result = self._painting(step, self._result)
@@ -428,8 +412,7 @@ class VideoTransfer:
 
         Parameters
         ----------
-        frames
-            uint8 [H, W, 3], all of one size; taken on another thread.
+        frames : uint8 [H, W, 3], all of one size; taken on another thread.
 
         Returns
         -------

@@ -72,9 +72,8 @@ def fit_in_space(prior: HeadPrior, landmarks: Float64, points: Float64, normals:
 
     Parameters
     ----------
-    prior : The model.
-    landmarks : float64 [68, 3], iBUG order, in the portrait frame; unknown ones are NaN. The jaw's
-        are not used.
+    landmarks : float64 [68, 3], iBUG order, in the portrait frame; unknown ones are NaN. The
+        jaw's are not used.
     points, normals : float64 [P, 3] each: places of the surface and its outward unit normals.
     trust : float64 [P], how far each place is to be trusted, 0 to 1.
 

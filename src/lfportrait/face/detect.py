@@ -55,14 +55,12 @@ def face_mesh(image: UInt8) -> Float64 | None:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB, of one face.
+    image : uint8 [H, W, 3], sRGB, of one face.
 
     Returns
     -------
-    points
-        float64 [478, 2] in pixels, in MediaPipe's order (468 to 472 the iris on the picture's left,
-        473 to 477 the other one), or None if no face was found.
+    points : float64 [478, 2] in pixels, in MediaPipe's order (468 to 472 the iris on the
+        picture's left, 473 to 477 the other one), or None if no face was found.
     """
     found = _landmarker(str(models.fetch("face-landmarker")), 1).detect(picture(image))
     if not found.face_landmarks:
@@ -101,19 +99,16 @@ def detect_faces(image: UInt8, near: tuple[float, float] | None = None, *,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    near
-        A place (x, y) in pixels on the one face that is meant: windows around it are looked at,
-        and only a face whose landmarks surround it is given back. For faces that are overlooked,
-        or where a pattern is taken for one.
-    thorough
-        Also look at crops. A picture that shows one face gives what `detect_landmarks` finds.
+    image : uint8 [H, W, 3], sRGB.
+    near : A place (x, y) in pixels on the one face that is meant: windows around it are looked
+        at, and only a face whose landmarks surround it is given back. For faces that are
+        overlooked, or where a pattern is taken for one.
+    thorough : Also look at crops. A picture that shows one face gives what `detect_landmarks`
+        finds.
 
     Returns
     -------
-    faces
-        float64 [68, 2] each, as `detect_landmarks`; empty if there is none.
+    faces : float64 [68, 2] each, as `detect_landmarks`; empty if there is none.
     """
     height, width = image.shape[:2]
     windows = list(_windows(height, width) if near is None else _around(near, height, width))
@@ -213,18 +208,15 @@ def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    turns
-        Quarter turns (counter-clockwise) of the picture to try, e.g. ``(0, 1, 2, 3)``.
-    thorough
-        Also try crops, and the face-api networks, where the whole picture shows no face; and
-        refine the points by the mean of both networks.
+    image : uint8 [H, W, 3], sRGB.
+    turns : Quarter turns (counter-clockwise) of the picture to try, e.g. ``(0, 1, 2, 3)``.
+    thorough : Also try crops, and the face-api networks, where the whole picture shows no face;
+        and refine the points by the mean of both networks.
 
     Returns
     -------
-    landmarks
-        float64 [68, 2] in pixels (x right, y down; iBUG order), or None if no face was found.
+    landmarks : float64 [68, 2] in pixels (x right, y down; iBUG order), or None if no face was
+        found.
     """
     for turn in turns:
         turned = np.rot90(image, turn)

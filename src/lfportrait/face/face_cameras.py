@@ -58,20 +58,12 @@ _FAR = 4.0
 
 @dataclass(frozen=True)
 class FaceCameras:
-    """Cameras and landmarks from the faces.
+    """Cameras and landmarks from the faces."""
 
-    Attributes
-    ----------
-    photos : Numbers of the photos that have a camera.
-    cameras : Theirs, about in the portrait frame.
-    landmarks : float64 [68, 3], of the person.
-    error : Root mean square error of the landmarks, over the face's extent.
-    """
-
-    photos: list[int]
-    cameras: Camera
-    landmarks: Float64
-    error: float
+    photos: list[int]  # Numbers of the photos that have a camera.
+    cameras: Camera  # Theirs, about in the portrait frame.
+    landmarks: Float64  # float64 [68, 3], of the person.
+    error: float  # Root mean square error of the landmarks, over the face's extent.
 
 
 def cameras_from_faces(landmarks: Sequence[Float64 | None], sizes: Sequence[tuple[int, int]],
@@ -109,18 +101,14 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
 
     Parameters
     ----------
-    photos
-        Folder of photos or a video.
-    config
-        Parameters of calibration.
-    progress
-        Progress line.
+    photos : Folder of photos or a video.
+    config : Parameters of calibration.
 
     Returns
     -------
-    capture
-        About in the portrait frame, without landmarks; ``figures`` as `calibrate`'s. None if fewer
-        than three photos, or than three fifths of those with a face, show one and the same head.
+    capture : About in the portrait frame, without landmarks; ``figures`` as `calibrate`'s. None
+        if fewer than three photos, or than three fifths of those with a face, show one and the
+        same head.
     """
     def say(note: str) -> None:
         if progress is not None:

@@ -69,28 +69,15 @@ _WATCHED = 0.15
 
 @dataclass(frozen=True)
 class Picture:
-    """What is known of a photo.
+    """What is known of a photo."""
 
-    Attributes
-    ----------
-    size
-        Width and height in pixels.
-    landmarks
-        float64 [68, 2] in pixels.
-    focal
-        Focal length in pixels as the camera noted it, or None.
-    inside
-        float32 [H, W], signed distance in pixels from the matte's outline, positive in the person;
-        None where there is no matte.
-    hair
-        float32 [H, W] in [0, 1], or None.
-    """
-
-    size: tuple[int, int]
-    landmarks: Float64
-    focal: float | None = None
+    size: tuple[int, int]  # Width and height in pixels.
+    landmarks: Float64  # float64 [68, 2] in pixels.
+    focal: float | None = None  # Focal length in pixels as the camera noted it, or None.
+    # float32 [H, W], signed distance in pixels from the matte's outline, positive in the person;
+    # None where there is no matte.
     inside: Float32 | None = None
-    hair: Float32 | None = None
+    hair: Float32 | None = None  # float32 [H, W] in [0, 1], or None.
 
     @property
     def eyes(self) -> float:
@@ -100,36 +87,23 @@ class Picture:
 
 @dataclass(frozen=True)
 class Found:
-    """Where a photo shows vertices, besides landmarks.
+    """Where a photo shows vertices, besides landmarks."""
 
-    Attributes
-    ----------
-    vertices : int64 [M].
-    places : float64 [M, 2] in pixels.
-    """
-
-    vertices: Int64
-    places: Float64
+    vertices: Int64  # int64 [M].
+    places: Float64  # float64 [M, 2] in pixels.
 
 
 @dataclass(frozen=True)
 class View:
-    """Camera, pose and expression of one photo.
+    """Camera, pose and expression of one photo."""
 
-    Attributes
-    ----------
-    rotation, shift : float64 [3, 3] and [3]: a point X of the head lies at rotation X + shift in
-        the camera's frame (x right, y down, z forward), metres.
-    focal : Pixels.
-    center : float64 [2], the principal point in pixels.
-    expression : float64 [M].
-    """
-
+    # rotation, shift: float64 [3, 3] and [3]: a point X of the head lies at rotation X + shift in
+    # the camera's frame (x right, y down, z forward), metres.
     rotation: Float64
     shift: Float64
-    focal: float
-    center: Float64
-    expression: Float64
+    focal: float  # Pixels.
+    center: Float64  # float64 [2], the principal point in pixels.
+    expression: Float64  # float64 [M].
 
     def to_camera(self, points: Float64) -> Float64:
         """Points [N, 3] of the head in the camera's frame."""
@@ -151,22 +125,14 @@ class View:
 
 @dataclass(frozen=True)
 class HeadFit:
-    """A head that fits photos.
+    """A head that fits photos."""
 
-    Attributes
-    ----------
-    prior : The model.
-    identity : float64 [K], in deviations.
-    views : One a photo.
-    pixels : Root mean square distance in pixels of the landmarks besides the jaw's, one a photo.
-    deviations : Root mean square of the coefficients of identity.
-    """
-
-    prior: HeadPrior
-    identity: Float64
-    views: list[View]
+    prior: HeadPrior  # The model.
+    identity: Float64  # float64 [K], in deviations.
+    views: list[View]  # One a photo.
+    # Root mean square distance in pixels of the landmarks besides the jaw's, one a photo.
     pixels: list[float]
-    deviations: float
+    deviations: float  # Root mean square of the coefficients of identity.
 
     def vertices(self, view: int) -> Float64:
         """The head in one photo's expression, float64 [N, 3], in its own frame, metres."""
@@ -195,8 +161,7 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
 
     Raises
     ------
-    UserError
-        If there is none or more than one of that size, or it is too small.
+    UserError : If there is none or more than one of that size, or it is too small.
     """
     if not faces:
         raise UserError(f"no face was found in {name}; a portrait needs a photo that shows the "
@@ -222,14 +187,12 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
 
     Parameters
     ----------
-    prior : The model.
     pictures : One a photo.
     names : Of the photos, for messages.
 
     Raises
     ------
-    UserError
-        If the head does not fit the first photo, or its face is turned too far.
+    UserError : If the head does not fit the first photo, or its face is turned too far.
     """
     names = names or [f"photo {number + 1}" for number in range(len(pictures))]
     best: _Solver | None = None
@@ -459,8 +422,8 @@ def outline_errors(picture: Picture, places: Float64, view: View,
 
     Returns
     -------
-    away, slope, hair : [N] the distances; [N, 2] their derivatives by the place; [N] how much hair
-        is there.
+    away, slope, hair : [N] the distances; [N, 2] their derivatives by the place; [N] how much
+        hair is there.
     """
     assert picture.inside is not None
     height, width = picture.inside.shape

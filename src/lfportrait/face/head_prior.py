@@ -57,32 +57,21 @@ _USED = ("browDown_L", "browDown_R", "browInnerUp_L", "browInnerUp_R", "browOute
 
 @dataclass(frozen=True)
 class HeadPrior:
-    """Heads as a mean and modes; metres, +x to the sitter's left, +y up, +z out of the face.
+    """Heads as a mean and modes; metres, +x to the sitter's left, +y up, +z out of the face."""
 
-    Attributes
-    ----------
-    name : Of the model.
-    mean : float32 [N, 3].
-    triangles : int32 [T, 3], a surface that is open at the neck alone; seen from outside, vertices
-        run counter-clockwise.
-    part : uint8 [N]: `FACE`, `HEAD`, `SOCKETS`, `EYES`.
-    landmarks
-        int64 [68], vertices in iBUG order; the jaw's lie on the outline seen from the front.
-    identity : float32 [K, N, 3], one standard deviation each, the most important first.
-    expression : float32 [M, N, 3], full expressions.
-    expressions : Their names.
-    lean : float64 [68, 3] or None: how far detectors put landmarks from these vertices, over the
-        distance of the outer corners of the eyes, along their line, across (down), and outwards.
-    """
-
-    name: str
-    mean: Float32
+    name: str  # Of the model.
+    mean: Float32  # float32 [N, 3].
+    # int32 [T, 3], a surface that is open at the neck alone; seen from outside, vertices run
+    # counter-clockwise.
     triangles: Int32
-    part: UInt8
+    part: UInt8  # uint8 [N]: `FACE`, `HEAD`, `SOCKETS`, `EYES`.
+    # int64 [68], vertices in iBUG order; the jaw's lie on the outline seen from the front.
     landmarks: Int64
-    identity: Float32
-    expression: Float32
-    expressions: tuple[str, ...]
+    identity: Float32  # float32 [K, N, 3], one standard deviation each, the most important first.
+    expression: Float32  # float32 [M, N, 3], full expressions.
+    expressions: tuple[str, ...]  # Their names.
+    # float64 [68, 3] or None: how far detectors put landmarks from these vertices, over the
+    # distance of the outer corners of the eyes, along their line, across (down), and outwards.
     lean: Float64 | None = None
 
     @property
@@ -162,15 +151,14 @@ def read_ict(path: Path, identities: int = IDENTITIES) -> HeadPrior:
 
     Parameters
     ----------
-    path
-        ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``, ``landmarks68``;
-        ``identity`` and ``expression`` int16 with a float32 scale a mode, ``expression_names``.
+    path : ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``,
+        ``landmarks68``; ``identity`` and ``expression`` int16 with a float32 scale a mode,
+        ``expression_names``.
     identities : Modes to keep.
 
     Raises
     ------
-    UserError
-        If the file is damaged or another.
+    UserError : If the file is damaged or another.
     """
     try:
         with np.load(path, allow_pickle=False) as data:

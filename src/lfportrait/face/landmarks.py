@@ -78,13 +78,11 @@ def read_landmarks(path: str | Path) -> Float64:
 
     Returns
     -------
-    points
-        float64 [68, 2] (x right, y down).
+    points : float64 [68, 2] (x right, y down).
 
     Raises
     ------
-    UserError
-        If the file is missing or does not hold 68 pairs of numbers.
+    UserError : If the file is missing or does not hold 68 pairs of numbers.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -175,23 +173,13 @@ _JAW = 0.5
 
 @dataclass(frozen=True)
 class FacePose:
-    """Weak perspective of a face in a picture.
+    """Weak perspective of a face in a picture."""
 
-    Attributes
-    ----------
-    rotation
-        float64 [3, 3], from the portrait frame to the painter's (+x right, +y up, +z to him).
-    scale
-        Pixels per unit of the generic head.
-    shift
-        float64 [2], pixels (x, y) of the frame's origin.
-    residual
-        Root mean square distance in pixels of the landmarks that are left over, jaw excluded.
-    """
-
+    # float64 [3, 3], from the portrait frame to the painter's (+x right, +y up, +z to him).
     rotation: Float64
-    scale: float
-    shift: Float64
+    scale: float  # Pixels per unit of the generic head.
+    shift: Float64  # float64 [2], pixels (x, y) of the frame's origin.
+    # Root mean square distance in pixels of the landmarks that are left over, jaw excluded.
     residual: float
 
     @property
@@ -229,8 +217,7 @@ def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
 
     Raises
     ------
-    ValueError
-        If fewer than 20 are known.
+    ValueError : If fewer than 20 are known.
     """
     # Here: they take a tenth of a second to import, and most poses are known (`Exemplar.pose`).
     from scipy.optimize import least_squares
@@ -274,11 +261,9 @@ def symmetric_landmarks(landmarks: NDArray[np.floating], pose: FacePose) -> Floa
 
     Parameters
     ----------
-    landmarks
-        [68, 2] in pixels; rows with NaN are unknown. Those that are unknown on both sides are the
-        generic head's.
-    pose
-        Of the face (`face_pose`).
+    landmarks : [68, 2] in pixels; rows with NaN are unknown. Those that are unknown on both
+        sides are the generic head's.
+    pose : Of the face (`face_pose`).
     """
     seen = (np.asarray(landmarks, np.float64) - pose.shift) / pose.scale * [1.0, -1.0]
     known = np.isfinite(seen).all(axis=1)

@@ -146,21 +146,17 @@ def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    up
-        Direction [2] in the picture that is up in the world (x right, y down); the picture is
+    image : uint8 [H, W, 3], sRGB.
+    up : Direction [2] in the picture that is up in the world (x right, y down); the picture is
         turned to the nearest quarter before the network sees it.
 
     Returns
     -------
-    matte
-        float32 [H, W] in [0, 1], of the network's 256x256 resolution.
+    matte : float32 [H, W] in [0, 1], of the network's 256x256 resolution.
 
     Raises
     ------
-    UserError
-        If the network's weights are missing.
+    UserError : If the network's weights are missing.
     """
     return _person(image, _quarter_turns(up))
 
@@ -197,18 +193,16 @@ def parts(image: UInt8, up: NDArray[Any] | None = None,
 
     Parameters
     ----------
-    image, up
-        As for `person_matte`.
+    image, up : As for `person_matte`.
 
     Returns
     -------
-    maps
-        float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1.
+    maps : float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1.
 
     Raises
     ------
-    UserError
-        If the network (``multiclass-segmentation``) is missing, or its file has other outputs.
+    UserError : If the network (``multiclass-segmentation``) is missing, or its file has other
+        outputs.
     """
     turns = _quarter_turns(up)
     shares, shape = _shares(image, turns)
@@ -336,17 +330,13 @@ def face_mask(image: UInt8, landmarks: Float64, *,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB.
-    landmarks
-        float64 [68, 2] in pixels.
-    softness
-        Width of the soft edge (sigma) relative to the face's width.
+    image : uint8 [H, W, 3], sRGB.
+    landmarks : float64 [68, 2] in pixels.
+    softness : Width of the soft edge (sigma) relative to the face's width.
 
     Returns
     -------
-    mask
-        float32 [H, W] in [0, 1].
+    mask : float32 [H, W] in [0, 1].
     """
     jaw = landmarks[:17]
     limit = np.concatenate([jaw, _forehead(landmarks, 0.85)[::-1]])

@@ -72,22 +72,16 @@ def triangulate(cameras: Camera, points: Float64, *, tolerance: float | None = N
 
     Parameters
     ----------
-    cameras
-        V views.
-    points
-        float64 [V, N, 2], pixels (x, y); NaN where a landmark was not seen.
-    tolerance
-        Error in pixels beyond which an observation is an outlier; by default 1 % of the picture's
-        larger side, at least 2.
+    cameras : V views.
+    points : float64 [V, N, 2], pixels (x, y); NaN where a landmark was not seen.
+    tolerance : Error in pixels beyond which an observation is an outlier; by default 1 % of the
+        picture's larger side, at least 2.
 
     Returns
     -------
-    points3d
-        float64 [N, 3] in the world; NaN where fewer than two views agree.
-    errors
-        float64 [N], root mean squared error of the inliers in pixels; NaN likewise.
-    inliers
-        bool [V, N].
+    points3d : float64 [N, 3] in the world; NaN where fewer than two views agree.
+    errors : float64 [N], root mean squared error of the inliers in pixels; NaN likewise.
+    inliers : bool [V, N].
     """
     if points.ndim != 3 or points.shape[0] != len(cameras) or points.shape[2] != 2:
         raise ValueError(f"points must be [{len(cameras)}, N, 2], not {list(points.shape)}")
@@ -205,19 +199,12 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
 
     Parameters
     ----------
-    capture
-        The views.
-    progress
-        Progress line.
-    wanted
-        Number of views about the front of the face that are searched.
+    wanted : Number of views about the front of the face that are searched.
 
     Returns
     -------
-    points
-        float64 [68, 3] in the world, or None if fewer than three views show a face.
-    figures
-        ``views`` (with a face), ``error_px`` (median), ``outliers`` (share).
+    points : float64 [68, 3] in the world, or None if fewer than three views show a face.
+    figures : ``views`` (with a face), ``error_px`` (median), ``outliers`` (share).
     """
     detected = _look_around(capture, wanted, progress)
     detected = {view: points for view, points in detected.items()

@@ -27,24 +27,14 @@ class _Solid(Protocol):
 
 @dataclass(frozen=True)
 class Backdrop:
-    """The painted ground of a stylised field.
+    """The painted ground of a stylised field."""
 
-    Attributes
-    ----------
-    picture
-        uint8 [h, w, 3], sRGB; its middle lies behind the middle of the eyes, and beyond its borders
-        its mirror image goes on.
-    pixels
-        Its pixels per world unit.
-    light
-        float64 [3], direction to the light in the portrait frame; z is above 0.
-    points
-        float32 [P, 3], places of the head in the world: what throws a shadow (`head_points`).
-    """
-
+    # uint8 [h, w, 3], sRGB; its middle lies behind the middle of the eyes, and beyond its borders
+    # its mirror image goes on.
     picture: UInt8
-    pixels: float
-    light: Float64
+    pixels: float  # Its pixels per world unit.
+    light: Float64  # float64 [3], direction to the light in the portrait frame; z is above 0.
+    # float32 [P, 3], places of the head in the world: what throws a shadow (`head_points`).
     points: Float32
 
     def __post_init__(self) -> None:
@@ -105,16 +95,11 @@ def cube_rays(cameras: Camera, view: int, center: Float64, radius: Float64,
 
 @dataclass
 class Background:
-    """Layers of spheres about a field's box.
+    """Layers of spheres about a field's box."""
 
-    Attributes
-    ----------
-    links : int32 [2 R, R], place of a map pixel (longitude, latitude) in the data, -1 without.
-    data : float32 [N, layers, 4]: red, green, blue, density, near layer first.
-    """
-
+    # int32 [2 R, R], place of a map pixel (longitude, latitude) in the data, -1 without.
     links: Int32
-    data: Float32
+    data: Float32  # float32 [N, layers, 4]: red, green, blue, density, near layer first.
 
     @property
     def layers(self) -> int:

@@ -114,10 +114,8 @@ class ReconstructConfig:
 
         Parameters
         ----------
-        matted
-            Whether the photos have mattes.
-        faced
-            Whether a head with landmarks is closed or trimmed.
+        matted : Whether the photos have mattes.
+        faced : Whether a head with landmarks is closed or trimmed.
         """
         after = 0.07 * self.time_budget
         if matted:
@@ -131,20 +129,15 @@ class ReconstructConfig:
 
         Parameters
         ----------
-        room
-            Whether the photos show a room rather than a person with a matte.
-        distance
-            Distance of the nearest camera from the origin, in world units.
-        pixel
-            Size of a pixel at the origin, in world units.
-        narrow
-            Whether the field starts from a surface that was found (`geometry.head_surface`), which
-            the coarsest level would blur.
+        room : Whether the photos show a room rather than a person with a matte.
+        distance : Distance of the nearest camera from the origin, in world units.
+        pixel : Size of a pixel at the origin, in world units.
+        narrow : Whether the field starts from a surface that was found
+            (`geometry.head_surface`), which the coarsest level would blur.
 
         Raises
         ------
-        UserError
-            If levels do not fit together or a value makes no sense.
+        UserError : If levels do not fit together or a value makes no sense.
         """
         finest = self.resolution or min(lattice_points(pixel), self.max_resolution)
         if finest < 16:

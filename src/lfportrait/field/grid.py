@@ -75,13 +75,11 @@ class Rendering:
 
     Attributes
     ----------
-    color
-        float32 [H, W, 3], sRGB in [0, 1] (a bright highlight may exceed 1), on the background.
-    alpha
-        float32 [H, W], opacity in [0, 1].
-    depth
-        float32 [H, W], distance along the optical axis in world units of the surface where the
-        transmittance passes 0.5; infinite where the ray meets none.
+    color : float32 [H, W, 3], sRGB in [0, 1] (a bright highlight may exceed 1), on the
+        background.
+    alpha : float32 [H, W], opacity in [0, 1].
+    depth : float32 [H, W], distance along the optical axis in world units of the surface where
+        the transmittance passes 0.5; infinite where the ray meets none.
     """
 
     color: Float32
@@ -105,35 +103,22 @@ def surface_points(cameras: Camera, view: int, depth: Float32) -> Float64:
 
 @dataclass(frozen=True)
 class SampleWeights:
-    """A view as a sparse matrix: pixel = sum over lattice rows of weight * color.
+    """A view as a sparse matrix: pixel = sum over lattice rows of weight * color."""
 
-    Attributes
-    ----------
-    indptr, rows, weights
-        CSR: int64 [P + 1], int32 [K], float32 [K], for P = H W pixels in scan order. The weights of
-        a pixel add up to its opacity.
-    alpha
-        float32 [P].
-    """
-
+    # indptr, rows, weights: CSR: int64 [P + 1], int32 [K], float32 [K], for P = H W pixels in scan
+    # order. The weights of a pixel add up to its opacity.
     indptr: Int64
     rows: Int32
     weights: Float32
-    alpha: Float32
+    alpha: Float32  # float32 [P].
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A plane: what lies below it goes.
+    """A plane: what lies below it goes."""
 
-    Attributes
-    ----------
-    normal : float64 [3], unit, upwards.
-    height : Its distance from the origin along the normal, world units.
-    """
-
-    normal: Float64
-    height: float
+    normal: Float64  # float64 [3], unit, upwards.
+    height: float  # Its distance from the origin along the normal, world units.
 
     def above(self, points: NDArray[np.floating]) -> Float64:
         """How far points [..., 3] lie above the plane, [...]."""
@@ -146,26 +131,17 @@ class VoxelField:
 
     Attributes
     ----------
-    links
-        int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
-    density
-        float32 [N], opacity per world unit, >= 0.
-    sh
-        float32 [N, 3, B], spherical-harmonic coefficients of red, green, blue (B = 1, 4 or 9, in
-        svox2's order); color = max(0, coefficients . basis + 0.5).
-    center, radius
-        float64 [3] (x, y, z): the cube; lattice point i lies at
-        center + radius (2 (i + 0.5) / resolution - 1).
-    frame
-        float64 [4, 4], similarity from the source's frame to the portrait frame.
-    background
-        Spheres behind the lattice that hold the room, or None.
-    texture
-        Detail of the surface that the lattice is too coarse for, or None.
-    backdrop
-        The painted ground that panels show behind the head, or None.
-    cone
-        Degrees in all over which the head can be looked at; 0: no limit is known.
+    links : int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density : float32 [N], opacity per world unit, >= 0.
+    sh : float32 [N, 3, B], spherical-harmonic coefficients of red, green, blue (B = 1, 4 or 9,
+        in svox2's order); color = max(0, coefficients . basis + 0.5).
+    center, radius : float64 [3] (x, y, z): the cube; lattice point i lies at center + radius (2
+        (i + 0.5) / resolution - 1).
+    frame : float64 [4, 4], similarity from the source's frame to the portrait frame.
+    background : Spheres behind the lattice that hold the room, or None.
+    texture : Detail of the surface that the lattice is too coarse for, or None.
+    backdrop : The painted ground that panels show behind the head, or None.
+    cone : Degrees in all over which the head can be looked at; 0: no limit is known.
     """
 
     links: Int32
@@ -285,22 +261,16 @@ class VoxelField:
 
         Parameters
         ----------
-        cameras, view
-            Batch of cameras and which of them.
-        background
-            Grey level or RGB behind the field; the field's own room, where it has one, hides it.
-        step
-            Distance between samples in voxels.
-        threshold
-            Densities up to this are skipped.
-        stop
-            A ray ends when its transmittance falls below this.
-        anisotropic
-            Filter the texture along the surface where that is turned away; False looks up one place
-            a pixel, as coded pictures and the page do.
-        device
-            Where to compute (`lfportrait.device.gpu_adapter`). A field that is rendered once or
-            twice is done on the CPU before it is on a GPU.
+        cameras, view : Batch of cameras and which of them.
+        background : Grey level or RGB behind the field; the field's own room, where it has one,
+            hides it.
+        step : Distance between samples in voxels.
+        threshold : Densities up to this are skipped.
+        stop : A ray ends when its transmittance falls below this.
+        anisotropic : Filter the texture along the surface where that is turned away; False looks
+            up one place a pixel, as coded pictures and the page do.
+        device : Where to compute (`lfportrait.device.gpu_adapter`). A field that is rendered
+            once or twice is done on the CPU before it is on a GPU.
         """
         width, height = int(cameras.width[view]), int(cameras.height[view])
         parts = attempted(gpu_adapter(device), lambda process: self._rendered_on(
@@ -336,13 +306,10 @@ class VoxelField:
 
         Parameters
         ----------
-        cameras, view, background, anisotropic
-            As for `render`.
-        cast
-            Color without a background, opacity and depth, in contiguous arrays; its color is
+        cameras, view, background, anisotropic : As for `render`.
+        cast : Color without a background, opacity and depth, in contiguous arrays; its color is
             changed in place.
-        painted
-            It has its texture already.
+        painted : It has its texture already.
         """
         image, opacity = cast.color, cast.alpha
         height, width = opacity.shape
@@ -390,20 +357,15 @@ class VoxelField:
 
         Parameters
         ----------
-        cameras, view
-            Batch of cameras and which of them.
-        scale
-            Size of the picture relative to the camera's.
-        step
-            Distance between samples in voxels.
-        inside
-            Bool [H, W], pixels that are wanted; the others get no rows. None: all that show
+        cameras, view : Batch of cameras and which of them.
+        scale : Size of the picture relative to the camera's.
+        step : Distance between samples in voxels.
+        inside : Bool [H, W], pixels that are wanted; the others get no rows. None: all that show
             anything.
 
         Returns
         -------
-        weights
-            Weights below 1e-3 are dropped and the rest of the pixel scaled to its opacity.
+        weights : Weights below 1e-3 are dropped and the rest of the pixel scaled to its opacity.
         """
         cameras = cameras[view] if scale == 1.0 else cameras[view].scaled(scale)
         if inside is None:
@@ -441,7 +403,6 @@ class VoxelField:
 
         Raises
         ------
-        UserError
-            If the file is missing, damaged or not a field.
+        UserError : If the file is missing, damaged or not a field.
         """
         return VoxelField(*load_field(path))

@@ -55,22 +55,16 @@ def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
 
     Parameters
     ----------
-    capture
-        Views with their cameras in the portrait frame; held-out views are left out.
-    config
-        Parameters.
-    progress
-        Progress line.
-    checkpoint
-        File that the state is written to; a run that finds one there goes on from it to the same
-        field.
-    device
-        Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
+    capture : Views with their cameras in the portrait frame; held-out views are left out.
+    config : Parameters.
+    progress : Progress line.
+    checkpoint : File that the state is written to; a run that finds one there goes on from it to
+        the same field.
+    device : Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
 
     Raises
     ------
-    UserError
-        If the capture or a parameter can't be used.
+    UserError : If the capture or a parameter can't be used.
     """
     return reconstruct_with_figures(capture, config, progress, checkpoint, device=device)[0]
 
@@ -85,47 +79,36 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
 
     Parameters
     ----------
-    capture
-        Views with their cameras in the portrait frame; held-out views are only tested on.
-    config
-        Parameters.
-    progress
-        Progress line.
-    checkpoint
-        File that the state is written to once a minute; a run that finds one there goes on
-        from it to the same field.
-    log
-        File for the curves (`CurveFile`): PSNR so far, loss, rays a second, lattice points.
-    measure_every
-        Seconds between measurements on held-out views for the curves; 0 measures at the end alone.
-    device
-        Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
-    look
-        Called when a coarse level is good enough to be looked at, and many times after that, each
-        time with what gives the field as if the training ended there; the training is the same
-        whether it is called for or not. It may raise an exception to end the reconstruction, which
-        goes on from the checkpoint the next time.
-    fit_head
-        What a narrow arc of photos does not show follows the head that this fits to them
+    capture : Views with their cameras in the portrait frame; held-out views are only tested on.
+    checkpoint : File that the state is written to once a minute; a run that finds one there goes
+        on from it to the same field.
+    log : File for the curves (`CurveFile`): PSNR so far, loss, rays a second, lattice points.
+    measure_every : Seconds between measurements on held-out views for the curves; 0 measures at
+        the end alone.
+    device : Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
+    look : Called when a coarse level is good enough to be looked at, and many times after that,
+        each time with what gives the field as if the training ended there; the training is the
+        same whether it is called for or not. It may raise an exception to end the
+        reconstruction, which goes on from the checkpoint the next time.
+    fit_head : What a narrow arc of photos does not show follows the head that this fits to them
         (`lfportrait.face.fit_to_surface`); None: a generic bust.
 
     Returns
     -------
-    field, figures
-        The field and the figures for ``--json``: ``test.psnr`` (dB) and ``test.ssim`` over the
-        held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``;
-        ``closed`` (share of the surface, rows added) where the head was open behind, ``trimmed``
-        (rows dropped and the plane's height) where a frayed end was cut off, both after the test,
-        ``test.psnr_finished`` (dB) after them; ``test.psnr_kept`` and ``test.psnr_kept_finished``
-        (dB), the same over what the cut left of the held-out views;
-        with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
-        ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where mattes
-        were recomputed, also ``test.psnr_at_given_mattes``.
+    field, figures : The field and the figures for ``--json``: ``test.psnr`` (dB) and
+        ``test.ssim`` over the held-out views, ``train.rays``, ``train.rays_per_second``,
+        ``voxels``, ``seconds``; ``closed`` (share of the surface, rows added) where the head
+        was open behind, ``trimmed`` (rows dropped and the plane's height) where a frayed end
+        was cut off, both after the test, ``test.psnr_finished`` (dB) after them;
+        ``test.psnr_kept`` and ``test.psnr_kept_finished`` (dB), the same over what the cut left
+        of the held-out views; with ``measure_every`` also ``curve``, a list of `CurvePoint`;
+        with ``refine_poses`` also ``cameras`` (`PoseRefiner.figures`) and
+        ``test.psnr_at_given_cameras`` (dB); where mattes were recomputed, also
+        ``test.psnr_at_given_mattes``.
 
     Raises
     ------
-    UserError
-        If nothing is left to train on.
+    UserError : If nothing is left to train on.
     """
     distance = float(np.linalg.norm(capture.cameras.position, axis=1).min())
     config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,
@@ -311,9 +294,10 @@ def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
 
     Returns
     -------
-    figures : ``rays_per_second`` of the two kernels alone; ``samples_per_ray``; ``rows_per_ray``,
-        records of lattice points that a batch leaves by its number of rays; ``row_width``, values a
-        point; ``batch``, rays of a step. On a GPU all kernels of a step count.
+    figures : ``rays_per_second`` of the two kernels alone; ``samples_per_ray``;
+        ``rows_per_ray``, records of lattice points that a batch leaves by its number of rays;
+        ``row_width``, values a point; ``batch``, rays of a step. On a GPU all kernels of a step
+        count.
     """
     if trainer.process is not None:
         return _on_gpu(trainer, trainer.process, batches)

@@ -92,19 +92,14 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
 
     Parameters
     ----------
-    field
-        What the file is to hold.
-    path
-        File name, ending in ``.npz``.
-    more
-        Further arrays, by the names that they get in the file.
-    deflated
-        Which of these are worth compressing.
+    field : What the file is to hold.
+    path : File name, ending in ``.npz``.
+    more : Further arrays, by the names that they get in the file.
+    deflated : Which of these are worth compressing.
 
     Raises
     ------
-    UserError
-        If the file has another ending or can't be written.
+    UserError : If the file has another ending or can't be written.
     """
     texture = field.texture
     values = () if texture is None else (texture.texels, texture.projections, texture.charts,
@@ -174,8 +169,7 @@ def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
 
     Raises
     ------
-    UserError
-        If the file is missing or damaged.
+    UserError : If the file is missing or damaged.
     """
     path = Path(path)
     try:
@@ -196,8 +190,7 @@ def load_field(path: Any) -> Loaded:
 
     Raises
     ------
-    UserError
-        If the file is missing, damaged, or not a field.
+    UserError : If the file is missing, damaged, or not a field.
     """
     path = Path(path)
     arrays = read_arrays(path, (*_READ, *_TEXTURE, *_BACKDROP))
@@ -376,8 +369,7 @@ def read_array(path: Path, name: str) -> NDArray[Any]:
 
     Raises
     ------
-    UNREADABLE_ARRAYS
-        If it is damaged (`lfportrait.files`).
+    UNREADABLE_ARRAYS : If it is damaged (`lfportrait.files`).
     """
     # Threads that share one open archive read each other's bytes.
     with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:

@@ -34,42 +34,24 @@ _FRONT = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Lattice points that hold matter.
+    """Lattice points that hold matter."""
 
-    Attributes
-    ----------
-    positions, normals
-        float32 [K, 3], in the world; normals of unit length, out of the matter.
-    colors
-        uint8 [K, 3], sRGB.
-    opacity
-        float32 [K], part of the light that a step of one voxel takes.
-    """
-
+    # positions, normals: float32 [K, 3], in the world; normals of unit length, out of the matter.
     positions: Float32
     normals: Float32
-    colors: UInt8
-    opacity: Float32
+    colors: UInt8  # uint8 [K, 3], sRGB.
+    opacity: Float32  # float32 [K], part of the light that a step of one voxel takes.
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with one color and one normal a vertex.
+    """A triangle mesh with one color and one normal a vertex."""
 
-    Attributes
-    ----------
-    vertices, normals
-        float32 [V, 3], in the world; normals of unit length, outwards.
-    faces
-        int32 [F, 3], counter-clockwise seen from outside.
-    colors
-        uint8 [V, 3], sRGB.
-    """
-
+    # vertices, normals: float32 [V, 3], in the world; normals of unit length, outwards.
     vertices: Float32
     normals: Float32
-    faces: Int32
-    colors: UInt8
+    faces: Int32  # int32 [F, 3], counter-clockwise seen from outside.
+    colors: UInt8  # uint8 [V, 3], sRGB.
 
 
 def _unit(vectors: NDArray[Any], instead: NDArray[Any]) -> NDArray[Any]:
@@ -83,18 +65,13 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
 
     Parameters
     ----------
-    field
-        The field.
-    opacity
-        See above, 0 to 1.
-    color
-        ``"mean"``: the coefficient of degree 0, a point's mean over all directions. ``"seen"``: its
-        color in the direction from which it is looked at (`_gaze`).
+    opacity : See above, 0 to 1.
+    color : ``"mean"``: the coefficient of degree 0, a point's mean over all directions.
+        ``"seen"``: its color in the direction from which it is looked at (`_gaze`).
 
     Raises
     ------
-    UserError
-        If there are none.
+    UserError : If there are none.
     """
     size = np.array(field.links.shape[::-1])
     spacing = 2.0 * field.radius / size
@@ -177,24 +154,18 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
 
     Parameters
     ----------
-    field
-        The field.
-    level
-        Opacity at the surface, 0 to 1: of all that light passes on its way there from outside
-        (``"outer"``; 0.5 by default), or of a step of one voxel (``"density"``; 0.1 by default).
-    surface
-        ``"outer"``: the surface as seen from outside, closed, nothing within. ``"density"``: of the
-        density itself, inner walls included. ``"auto"``: the latter for a field with a background,
-        as walls of a room would hide all else.
-    smooth
-        Standard deviation in voxels by which the opacity is smoothed first; 0 does not.
-    least
-        Connected pieces with fewer faces than this part of the largest one's are dropped.
+    level : Opacity at the surface, 0 to 1: of all that light passes on its way there from
+        outside (``"outer"``; 0.5 by default), or of a step of one voxel (``"density"``; 0.1 by
+        default).
+    surface : ``"outer"``: the surface as seen from outside, closed, nothing within.
+        ``"density"``: of the density itself, inner walls included. ``"auto"``: the latter for a
+        field with a background, as walls of a room would hide all else.
+    smooth : Standard deviation in voxels by which the opacity is smoothed first; 0 does not.
+    least : Connected pieces with fewer faces than this part of the largest one's are dropped.
 
     Raises
     ------
-    UserError
-        If the field has no such surface.
+    UserError : If the field has no such surface.
     """
     from skimage.measure import marching_cubes
 
@@ -266,24 +237,12 @@ ACCURACY = 1e-4
 
 @dataclass(frozen=True)
 class SurfaceGraph:
-    """C cells of N places of a surface.
+    """C cells of N places of a surface."""
 
-    Attributes
-    ----------
-    cell
-        int64 [N], the cell of each place.
-    count
-        float64 [C], places of each cell.
-    edges
-        int64 [E, 2], neighbors.
-    ease
-        float64 [E] in (0, 1], of a walker's step between them.
-    """
-
-    cell: Int64
-    count: Float64
-    edges: Int64
-    ease: Float64
+    cell: Int64  # int64 [N], the cell of each place.
+    count: Float64  # float64 [C], places of each cell.
+    edges: Int64  # int64 [E, 2], neighbors.
+    ease: Float64  # float64 [E] in (0, 1], of a walker's step between them.
 
     @staticmethod
     def over(points: NDArray[np.floating], colors: NDArray[np.floating],
@@ -292,12 +251,9 @@ class SurfaceGraph:
 
         Parameters
         ----------
-        points
-            [N, 3], places of it.
-        colors
-            [N, 3], sRGB in [0, 1]; NaN where none is known: there all steps are easy.
-        side
-            Of a cell, in the unit of the points.
+        points : [N, 3], places of it.
+        colors : [N, 3], sRGB in [0, 1]; NaN where none is known: there all steps are easy.
+        side : Of a cell, in the unit of the points.
         """
         places = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
         number = np.ravel_multi_index(tuple(places.T), tuple(places.max(axis=0) + 1))
@@ -314,10 +270,8 @@ class SurfaceGraph:
 
         Parameters
         ----------
-        votes
-            [N] in [0, 1].
-        trust
-            [N], their weight over that of a step within one color; somewhere above 0.
+        votes : [N] in [0, 1].
+        trust : [N], their weight over that of a step within one color; somewhere above 0.
         """
         cells = len(self.count)
         weight = np.bincount(self.cell, trust, cells) / self.count

@@ -45,25 +45,15 @@ NO_TEXTURE: TextureRows = (np.zeros(0, np.int32), np.zeros((0, 12), np.float32),
 
 @dataclass(frozen=True)
 class SurfaceTexture:
-    """Differences to the lattice's colors over the surface of a field of N rows.
+    """Differences to the lattice's colors over the surface of a field of N rows."""
 
-    Attributes
-    ----------
-    texels
-        int8 [H, W, 3], differences of sRGB in 254ths; 0 where nothing is known.
-    projections
-        float64 [C, 3, 4], from the world to texels (x, y; homogeneous), one for each chart. The
-        middle of the first texel lies at (0.5, 0.5).
-    charts
-        uint8 [N], the chart that shows each row's place; 255 where none does.
-    pixels
-        Texels per world unit.
-    """
-
+    # int8 [H, W, 3], differences of sRGB in 254ths; 0 where nothing is known.
     texels: NDArray[np.int8]
+    # float64 [C, 3, 4], from the world to texels (x, y; homogeneous), one for each chart. The
+    # middle of the first texel lies at (0.5, 0.5).
     projections: Float64
-    charts: UInt8
-    pixels: float
+    charts: UInt8  # uint8 [N], the chart that shows each row's place; 255 where none does.
+    pixels: float  # Texels per world unit.
 
     def __post_init__(self) -> None:
         count = len(self.projections)
@@ -144,14 +134,10 @@ class SurfaceTexture:
 
         Parameters
         ----------
-        cells
-            Charts of the cells of the field's layout (`texture_cells`).
-        lattice
-            `VoxelField.lattice`.
-        footprint
-            Width of the detail that is wanted, world units.
-        whole
-            Look up an octave.
+        cells : Charts of the cells of the field's layout (`texture_cells`).
+        lattice : `VoxelField.lattice`.
+        footprint : Width of the detail that is wanted, world units.
+        whole : Look up an octave.
         """
         level = self.level(footprint, whole)
         world = np.eye(4)

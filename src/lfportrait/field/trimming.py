@@ -168,15 +168,12 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
 
     Parameters
     ----------
-    field
-        Without a texture.
-    cut
-        Of `find_cut`.
+    field : Without a texture.
+    cut : Of `find_cut`.
 
     Returns
     -------
-    field
-        Fewer rows; densities fall through zero at the plane.
+    field : Fewer rows; densities fall through zero at the plane.
     """
     voxel = float(field.spacing.mean())
     above = cut.above(field.lattice_points()) / voxel

@@ -24,30 +24,16 @@ _BACKENDS = ("Vulkan", "Metal", "D3D12")
 
 @dataclass(frozen=True)
 class Adapter:
-    """A GPU, or software that stands in for one.
+    """A GPU, or software that stands in for one."""
 
-    Attributes
-    ----------
-    name
-        As its driver calls it.
-    kind
-        ``"discrete"``, ``"integrated"``, ``"software"`` (the CPU computes) or ``"other"``.
-    backend
-        ``"Vulkan"``, ``"Metal"`` or ``"D3D12"``.
-    vendor, driver
-        What the driver says of itself.
-    memory
-        Bytes of its own memory; 0 = not reported (WebGPU does not say).
-    limits
-        Names and values of its limits.
-    """
-
-    name: str
-    kind: str
-    backend: str
+    name: str  # As its driver calls it.
+    kind: str  # ``"discrete"``, ``"integrated"``, ``"software"`` (the CPU computes) or ``"other"``.
+    backend: str  # ``"Vulkan"``, ``"Metal"`` or ``"D3D12"``.
+    # vendor, driver: What the driver says of itself.
     vendor: str = ""
     driver: str = ""
-    memory: int = 0
+    memory: int = 0  # Bytes of its own memory; 0 = not reported (WebGPU does not say).
+    # Names and values of its limits.
     limits: dict[str, int] = field(default_factory=dict, compare=False)
 
     @property
@@ -128,8 +114,7 @@ def handle_of(adapter: Adapter) -> Any:
 
     Raises
     ------
-    LookupError
-        If this process does not see it.
+    LookupError : If this process does not see it.
     """
     for own, handle in _handles():
         if own == adapter:
@@ -151,14 +136,12 @@ def chosen(choice: str) -> Adapter | None:
 
     Parameters
     ----------
-    choice
-        ``"auto"`` takes the best real GPU and never software, ``"gpu"`` the best of all,
+    choice : ``"auto"`` takes the best real GPU and never software, ``"gpu"`` the best of all,
         ``"gpu:NAME"`` the best whose name contains NAME; ``"cpu"`` none.
 
     Raises
     ------
-    UserError
-        If a GPU was asked for and there is none of that name.
+    UserError : If a GPU was asked for and there is none of that name.
     """
     if choice == "cpu":
         return None

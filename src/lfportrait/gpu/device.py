@@ -61,15 +61,12 @@ class Device:
 
     Parameters
     ----------
-    adapter
-        One of `lfportrait.gpu.adapters`.
+    adapter : One of `lfportrait.gpu.adapters`.
 
     Attributes
     ----------
-    adapter
-        As above.
-    kept
-        Whatever stages keep here from call to call, by names of their own.
+    adapter : As above.
+    kept : Whatever stages keep here from call to call, by names of their own.
     """
 
     def __init__(self, adapter: Adapter) -> None:
@@ -273,7 +270,6 @@ def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
 
     Parameters
     ----------
-    device : The device.
     size : Bytes; what is more than a binding holds is copied in parts.
     repeats : Copies whose mean is taken.
     """

@@ -33,17 +33,13 @@ class GpuProcess:
 
     Parameters
     ----------
-    adapter
-        The adapter that it uses.
-    timeout
-        Seconds after which a call is taken to hang.
+    adapter : The adapter that it uses.
+    timeout : Seconds after which a call is taken to hang.
 
     Attributes
     ----------
-    adapter
-        As above.
-    starts
-        How many times a child was started.
+    adapter : As above.
+    starts : How many times a child was started.
     """
 
     def __init__(self, adapter: Adapter, timeout: float = _TIMEOUT) -> None:
@@ -67,20 +63,17 @@ class GpuProcess:
 
         Parameters
         ----------
-        name
-            ``"package.module:function"``; it is given the `Device`, then the arguments.
-        arguments
-            Arrays, numbers, text, and what can be pickled of them.
+        name : ``"package.module:function"``; it is given the `Device`, then the arguments.
+        arguments : Arrays, numbers, text, and what can be pickled of them.
 
         Returns
         -------
-        result
-            What it returned.
+        result : What it returned.
 
         Raises
         ------
-        GpuLostError
-            If the child was lost; a later call starts another one, unless that was lost, too.
+        GpuLostError : If the child was lost; a later call starts another one, unless that was
+            lost, too.
         """
         with self._lock:
             if self._lost:

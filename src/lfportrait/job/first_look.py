@@ -78,21 +78,16 @@ class FirstLook(ABC):
 
     Parameters
     ----------
-    exemplar, config
-        The painting, or the name or file of one, and its parameters.
-    begun
-        When the job began, by `time.perf_counter`.
-    only
-        Whether the job ends with it.
+    exemplar, config : The painting, or the name or file of one, and its parameters.
+    begun : When the job began, by `time.perf_counter`.
+    only : Whether the job ends with it.
 
     Attributes
     ----------
-    warmup
-        Kernels that are being compiled beside; None: all are there.
-    over
-        Whether it was taken, or has failed.
-    figures
-        ``seconds`` from the job's begin to the look, of these ``cost_seconds`` for the look alone.
+    warmup : Kernels that are being compiled beside; None: all are there.
+    over : Whether it was taken, or has failed.
+    figures : ``seconds`` from the job's begin to the look, of these ``cost_seconds`` for the
+        look alone.
     """
 
     def __init__(self, exemplar: Exemplar | str, config: StylizeConfig, begun: float, *,
@@ -120,21 +115,13 @@ class FirstLook(ABC):
 
         Parameters
         ----------
-        progress
-            Progress line.
-        capture
-            Of the field.
-        make
-            Gives the field; called only for the look.
-        wait
-            Wait for the kernels.
+        make : Gives the field; called only for the look.
+        wait : Wait for the kernels.
 
         Raises
         ------
-        LookTaken
-            If the job is to end with it.
-        UserError
-            If the job is to end with it and it can't be made.
+        LookTaken : If the job is to end with it.
+        UserError : If the job is to end with it and it can't be made.
         """
         if self.over or not self.wanted():
             return

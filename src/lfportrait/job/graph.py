@@ -23,11 +23,7 @@ from ..cache import hash_of, key_of
 from ..capture import CalibrateConfig, Capture
 from ..example import Exemplar
 from ..field import ReconstructConfig, lattice_points
-from ..lightfield import (
-    Display,
-    EncodeConfig,
-    Placement,
-)
+from ..lightfield import Display, EncodeConfig, Placement
 from ..media.folders import files_below
 from ..runner import Need, scheduler
 from ..share import PageConfig
@@ -107,19 +103,13 @@ _MB = 1_000_000
 
 @dataclass(frozen=True)
 class Stage:
-    """A kind of tasks.
+    """A kind of tasks."""
 
-    Attributes
-    ----------
-    title : What people see while it runs.
-    need : What it takes on one core, before any task of it was measured: on the demo's head at its
-        full size, on a 4K panel, and rounded up.
-    kernels : What of `Warmup` it waits for.
-    """
-
-    title: str
+    title: str  # What people see while it runs.
+    # What it takes on one core, before any task of it was measured: on the demo's head at its full
+    # size, on a 4K panel, and rounded up.
     need: Need
-    kernels: tuple[str, ...] = ()
+    kernels: tuple[str, ...] = ()  # What of `Warmup` it waits for.
 
 
 STAGES = {
@@ -194,34 +184,18 @@ def share_key(code: str, config: MakeConfig) -> str:
 
 @dataclass(frozen=True)
 class Task(scheduler.Task):
-    """One stage of one portrait; named ``STAGE``, ``SITTER/STAGE`` or ``SITTER/STYLE/STAGE``.
+    """One stage of one portrait; named ``STAGE``, ``SITTER/STAGE`` or ``SITTER/STYLE/STAGE``."""
 
-    Attributes
-    ----------
-    config, seed
-        Parameters.
-    inputs
-        What it reads, by kind (capture, field, skin, styled), relative to the results.
-    source
-        What it reads that no task makes: photos, painting.
-    display
-        What is coded for; the sweep's angle is its, too.
-    skin_key
-        Key of the skin that is painted; empty where none is.
-    label
-        What the file calls it: style, display, file name.
-    device
-        Where to compute, a choice of ``--device``; no part of the key.
-    """
-
+    # config, seed: Parameters.
     config: MakeConfig
     seed: int
+    # What it reads, by kind (capture, field, skin, styled), relative to the results.
     inputs: dict[str, str] = field(default_factory=dict)
-    source: str = ""
-    display: Display | None = None
-    skin_key: str = ""
-    label: str = ""
-    device: str = "auto"
+    source: str = ""  # What it reads that no task makes: photos, painting.
+    display: Display | None = None  # What is coded for; the sweep's angle is its, too.
+    skin_key: str = ""  # Key of the skin that is painted; empty where none is.
+    label: str = ""  # What the file calls it: style, display, file name.
+    device: str = "auto"  # Where to compute, a choice of ``--device``; no part of the key.
 
     @property
     def sitter(self) -> str:
@@ -241,14 +215,12 @@ def portrait_tasks(keys: Mapping[str, str], config: MakeConfig, seed: int = 0, *
 
     Parameters
     ----------
-    keys
-        Of the tasks that are wanted: of some of capture, reconstruct, stylize, encode and share.
-    config, seed
-        Parameters.
-    folders
-        Where each writes, relative to the results, where that is not the results' folder itself.
-    more
-        Further arguments of all tasks.
+    keys : Of the tasks that are wanted: of some of capture, reconstruct, stylize, encode and
+        share.
+    config, seed : Parameters.
+    folders : Where each writes, relative to the results, where that is not the results' folder
+        itself.
+    more : Further arguments of all tasks.
     """
     names = [name for name in _WORK if name in keys]
     return [Task(name, _WORK[name][0], (folders or {}).get(name, ""), _WORK[name][1], keys[name],

@@ -36,20 +36,13 @@ from ..media.kinds import file_format, kind_of
 
 @dataclass(frozen=True)
 class FolderFacts:
-    """Of a folder of photos.
+    """Of a folder of photos."""
 
-    Attributes
-    ----------
-    path : As it was given.
-    fault : Why no photos can be taken from it; empty where they can.
-    pictures : Of each photo, in the order in which they are read; those with a fault are left out.
-    left_out : Other files by the reason why they are not among them, the place where photos lie
-        alone.
-    """
-
-    path: Path
-    fault: str = ""
+    path: Path  # As it was given.
+    fault: str = ""  # Why no photos can be taken from it; empty where they can.
+    # Of each photo, in the order in which they are read; those with a fault are left out.
     pictures: list[PictureFacts] = field(default_factory=list)
+    # Other files by the reason why they are not among them, the place where photos lie alone.
     left_out: dict[str, list[Path]] = field(default_factory=dict)
 
 
@@ -72,21 +65,12 @@ class QuiltFacts:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What one path is.
+    """What one path is."""
 
-    Attributes
-    ----------
-    facts
-        By its kind.
-    quilts
-        Of files that are quilts, by the path.
-    notes
-        What the readers warn of.
-    """
-
-    facts: PictureFacts | VideoFacts | DataSetFacts | FolderFacts | OtherFacts
+    facts: PictureFacts | VideoFacts | DataSetFacts | FolderFacts | OtherFacts  # By its kind.
+    # Of files that are quilts, by the path.
     quilts: dict[Path, QuiltFacts] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # What the readers warn of.
 
     @property
     def kind(self) -> str:
@@ -113,8 +97,7 @@ def inspect(path: Path) -> Inspection:
 
     Raises
     ------
-    UserError
-        If there is no such file or folder.
+    UserError : If there is no such file or folder.
     """
     if not path.exists():
         raise UserError(f"there is no file or folder {path}; check the name")

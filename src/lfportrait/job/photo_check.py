@@ -86,8 +86,7 @@ def is_few(photos: Path) -> bool:
 
     Raises
     ------
-    UserError
-        If several folders have photos.
+    UserError : If several folders have photos.
     """
     return 0 < _photo_count(photos) < _MANY
 
@@ -97,20 +96,16 @@ def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"
 
     Parameters
     ----------
-    photos
-        Folder, file or data set.
-    made_from
-        A choice of ``--from``.
+    photos : Folder, file or data set.
+    made_from : A choice of ``--from``.
 
     Returns
     -------
-    way
-        ``"either"``: by what they share, and if they can't be placed together, by the face.
+    way : ``"either"``: by what they share, and if they can't be placed together, by the face.
 
     Raises
     ------
-    UserError
-        If a head is to be fitted to what has cameras already, or is a video.
+    UserError : If a head is to be fitted to what has cameras already, or is a video.
     """
     count = _photo_count(photos)
     if made_from == "face":
@@ -146,15 +141,12 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
     Parameters
     ----------
     photos : A photo, or a folder of some.
-    config : Its ``max_side`` counts.
-    progress : Progress line.
     why : A reason for this way, for the line that says so.
     keep_background : Warn that the room behind the person is not kept.
 
     Raises
     ------
-    UserError
-        As `lfportrait.face.portrait_capture`.
+    UserError : As `lfportrait.face.portrait_capture`.
     """
     from ..face import portrait_capture
 
@@ -246,57 +238,33 @@ _FEW_PIXELS, _TINY = 64, "too few pixels"
 
 @dataclass
 class PhotoFacts:
-    """Results of the check for one photo.
+    """Results of the check for one photo."""
 
-    Attributes
-    ----------
-    name
-        File name.
-    sharpness
-        Fine detail beside that of its neighbours; 1 is usual.
-    yaw, pitch
-        Degrees from which the face is seen: 0 frontal, positive from its left side (to the right
-        in a frontal photo) and from above. None where no face shows.
-    face
-        Height of the face over the picture's longer side, or None.
-    brightness
-        Mean of the face (else of the middle of the picture), linear, 0 to 1.
-    wrong, fair
-        What makes the photo useless, and what could be better; empty where nothing.
-    """
-
-    name: str
-    sharpness: float = 1.0
+    name: str  # File name.
+    sharpness: float = 1.0  # Fine detail beside that of its neighbours; 1 is usual.
+    # yaw, pitch: Degrees from which the face is seen: 0 frontal, positive from its left side (to
+    # the right in a frontal photo) and from above. None where no face shows.
     yaw: float | None = None
     pitch: float | None = None
-    face: float | None = None
-    brightness: float = 0.0
+    face: float | None = None  # Height of the face over the picture's longer side, or None.
+    brightness: float = 0.0  # Mean of the face (else of the middle of the picture), linear, 0 to 1.
+    # wrong, fair: What makes the photo useless, and what could be better; empty where nothing.
     wrong: str = ""
     fair: str = ""
 
 
 @dataclass
 class PhotoCheck:
-    """Results of the check for all photos.
+    """Results of the check for all photos."""
 
-    Attributes
-    ----------
-    photos
-        One by one, in the order of their names.
-    gaps
-        Yaw angles (from, to) in degrees, within the arc, between which no photo was taken.
-    advice
-        Sentences: what to do. Empty where all is well.
-    images
-        Small copies for a contact sheet, uint8 [H, W, 3 or 4].
-    notes
-        What is left out of the folder and why, and in what its photos differ; no problem as such.
-    """
-
-    photos: list[PhotoFacts]
+    photos: list[PhotoFacts]  # One by one, in the order of their names.
+    # Yaw angles (from, to) in degrees, within the arc, between which no photo was taken.
     gaps: list[tuple[float, float]] = field(default_factory=list)
+    # Sentences: what to do. Empty where all is well.
     advice: list[str] = field(default_factory=list)
+    # Small copies for a contact sheet, uint8 [H, W, 3 or 4].
     images: list[UInt8] = field(default_factory=list, repr=False)
+    # What is left out of the folder and why, and in what its photos differ; no problem as such.
     notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, Any]:
@@ -489,20 +457,15 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
 
     Parameters
     ----------
-    path
-        Folder of photos, or a video file.
-    progress
-        Progress line.
+    path : Folder of photos, or a video file.
 
     Returns
     -------
-    check
-        Facts and advice.
+    check : Facts and advice.
 
     Raises
     ------
-    UserError
-        If there is nothing that can be read.
+    UserError : If there is nothing that can be read.
     """
     path = Path(path)
     if progress is not None:
@@ -635,9 +598,8 @@ def check_picture(check: PhotoCheck) -> UInt8:
 
     Returns
     -------
-    picture
-        uint8 [H, W, 3]: from above on the left, advice on the right, all photos below, those of no
-        use crossed out in red, those that could be better framed in yellow.
+    picture : uint8 [H, W, 3]: from above on the left, advice on the right, all photos below,
+        those of no use crossed out in red, those that could be better framed in yellow.
     """
     top = Image.new("RGB", (_WIDTH, _HEIGHT), PAPER)
     draw = ImageDraw.Draw(top, "RGBA")

@@ -253,16 +253,10 @@ class TimeLeft:
 
     Parameters
     ----------
-    config
-        Parameters of the job.
-    source
-        Its photos.
-    look, only
-        Whether a first look is taken, and whether the job ends with it.
-    warmup
-        Kernels that are being compiled beside.
-    cores
-        Cores that it may use; by default those of this process.
+    config : Parameters of the job.
+    look, only : Whether a first look is taken, and whether the job ends with it.
+    warmup : Kernels that are being compiled beside.
+    cores : Cores that it may use; by default those of this process.
     """
 
     def __init__(self, config: MakeConfig, source: Source, *, look: bool = True,
@@ -363,39 +357,27 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
 
     Parameters
     ----------
-    photos
-        Folder of photos, video, calibrated data set, or a capture in memory.
-    style
-        Exemplar: a picture's path, a built-in style's name, or an `Exemplar`.
-    out
-        Folder for all results; an interrupted job is resumed.
-    display
-        Preset name, calibration or display file, or a `Display`.
-    config
-        Parameters of the stages.
-    device
-        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
-    seed
-        Seed of all random choices.
-    quiet
-        Print no progress.
-    offline
-        Download no networks: what is missing is an error, or done without and said so.
-    first_look
-        Write the first look; all other files are the same without it.
-    quick
-        End with the first look. The same call without this goes on from there.
+    photos : Folder of photos, video, calibrated data set, or a capture in memory.
+    style : Exemplar: a picture's path, a built-in style's name, or an `Exemplar`.
+    out : Folder for all results; an interrupted job is resumed.
+    display : Preset name, calibration or display file, or a `Display`.
+    config : Parameters of the stages.
+    device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
+        (`lfportrait.device`).
+    seed : Seed of all random choices.
+    quiet : Print no progress.
+    offline : Download no networks: what is missing is an error, or done without and said so.
+    first_look : Write the first look; all other files are the same without it.
+    quick : End with the first look. The same call without this goes on from there.
 
     Returns
     -------
-    run
-        The figures that ``run.json`` holds; ``first_look`` has the seconds to the first look,
+    run : The figures that ``run.json`` holds; ``first_look`` has the seconds to the first look,
         where there was one.
 
     Raises
     ------
-    UserError
-        If an input can't be used; nothing half-written is left.
+    UserError : If an input can't be used; nothing half-written is left.
     """
     begun = time.perf_counter()
     config = config or MakeConfig()
@@ -536,12 +518,9 @@ def run_figures(figures: dict[str, dict[str, Any]], style: str, display: str,
 
     Parameters
     ----------
-    figures
-        Of its stages, by name.
-    style, display
-        Names of the painting and of the panel.
-    resumed
-        Names of the stages that were done before.
+    figures : Of its stages, by name.
+    style, display : Names of the painting and of the panel.
+    resumed : Names of the stages that were done before.
     """
     seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
     peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))

@@ -66,17 +66,12 @@ def find_face(capture: Capture, progress: Progress | None = None, *,
 
     Parameters
     ----------
-    capture
-        In its own frame.
-    progress
-        Progress line.
-    reframe
-        Turn it into the frame of the face that it shows; else its frame is kept.
+    capture : In its own frame.
+    reframe : Turn it into the frame of the face that it shows; else its frame is kept.
 
     Raises
     ------
-    UserError
-        If it is to be turned and shows no face, or the network for landmarks is missing.
+    UserError : If it is to be turned and shows no face, or the network for landmarks is missing.
     """
     if capture.landmarks is not None:
         points = np.asarray(capture.landmarks, np.float64)
@@ -286,27 +281,20 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
 
     Parameters
     ----------
-    photos
-        Folder, video file or data set.
-    config
-        Calibration.
-    keep_background
-        Keep the room behind the person.
-    need_face
-        Raise `UserError` where no face is found, instead of going on without landmarks; turn data
-        sets that were calibrated elsewhere into the frame of their face, too.
-    made_from
-        ``"face"``: a head is fitted to the face; ``"photos"``: cameras by what the photos share;
-        ``"auto"``: as above, and a line says which.
-    progress
-        Progress line.
-    sheet
-        File for a contact sheet, written where photos are left out or can't be placed: which.
+    photos : Folder, video file or data set.
+    config : Calibration.
+    keep_background : Keep the room behind the person.
+    need_face : Raise `UserError` where no face is found, instead of going on without landmarks;
+        turn data sets that were calibrated elsewhere into the frame of their face, too.
+    made_from : ``"face"``: a head is fitted to the face; ``"photos"``: cameras by what the
+        photos share; ``"auto"``: as above, and a line says which.
+    sheet : File for a contact sheet, written where photos are left out or can't be placed:
+        which.
 
     Returns
     -------
-    capture, figures
-        The capture and the run's figures: views, how they were calibrated, landmark errors.
+    capture, figures : The capture and the run's figures: views, how they were calibrated,
+        landmark errors.
     """
     photos = Path(photos)
     if not photos.exists():
@@ -340,8 +328,8 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
 
     Raises
     ------
-    NotTogether
-        If photos are ``few`` and the cameras of too many of them are not found, or are wrong.
+    NotTogether : If photos are ``few`` and the cameras of too many of them are not found, or are
+        wrong.
     """
     if is_calibrated(photos):
         capture = Capture.load(photos)
@@ -399,7 +387,6 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
     Parameters
     ----------
     capture : Photos in the portrait frame.
-    progress : Progress line.
     network : Person matte of a picture whose direction ``up`` is given; by default
         `lfportrait.face.person_matte`.
 
@@ -409,8 +396,7 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
 
     Raises
     ------
-    UserError
-        If the network's weights are missing.
+    UserError : If the network's weights are missing.
     """
     from ..face import person_matte
 
@@ -436,25 +422,19 @@ def cut_person(capture: Capture, progress: Progress | None = None,
 
     Parameters
     ----------
-    capture
-        Photos without mattes, in the portrait frame.
-    progress
-        Progress line.
-    network
-        Person matte of a picture, as for `rough_mattes`.
-    soft
-        What a network has said already (`rough_mattes`).
+    capture : Photos without mattes, in the portrait frame.
+    network : Person matte of a picture, as for `rough_mattes`.
+    soft : What a network has said already (`rough_mattes`).
 
     Returns
     -------
-    capture, how
-        The capture with mattes, or the same if nothing was found; ``"network"``, ``"geometry"`` or
-        why there are none. The capture's figures contain the first two as ``mattes``.
+    capture, how : The capture with mattes, or the same if nothing was found; ``"network"``,
+        ``"geometry"`` or why there are none. The capture's figures contain the first two as
+        ``mattes``.
 
     Raises
     ------
-    UserError
-        If the network's weights are missing.
+    UserError : If the network's weights are missing.
     """
     from ..field.geometry import cut_out
 
@@ -520,21 +500,16 @@ def capture_of_face(photos: Path, progress: Progress | None = None) -> Capture:
 
     Parameters
     ----------
-    photos
-        Folder, video file or data set.
-    progress
-        Progress line.
+    photos : Folder, video file or data set.
 
     Returns
     -------
-    capture
-        `prepare_capture`'s, the room behind the person included; of a calibrated data set that was
-        read before, with `LatePictures`.
+    capture : `prepare_capture`'s, the room behind the person included; of a calibrated data set
+        that was read before, with `LatePictures`.
 
     Raises
     ------
-    UserError
-        If there is no such capture, it is damaged, or no face was found.
+    UserError : If there is no such capture, it is damaged, or no face was found.
     """
     if not photos.exists() or not is_calibrated(photos):
         return _read(photos, progress)

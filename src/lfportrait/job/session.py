@@ -46,28 +46,20 @@ class Session:
 
     Parameters
     ----------
-    field
-        The real field, or its file; beside a file the surface is kept (`kept_skin`).
-    capture
-        Its capture, or the capture's folder.
-    config
-        Parameters of all styles, unless a call brings its own.
-    painters
-        What keeps prepared paintings, a hundred MB each; by default eight of them.
+    field : The real field, or its file; beside a file the surface is kept (`kept_skin`).
+    capture : Its capture, or the capture's folder.
+    config : Parameters of all styles, unless a call brings its own.
+    painters : What keeps prepared paintings, a hundred MB each; by default eight of them.
 
     Attributes
     ----------
-    field, capture, config
-        As above.
-    shown
-        The last stylised or mixed field, or None.
-    figures
-        Of the last stylisation.
+    field, capture, config : As above.
+    shown : The last stylised or mixed field, or None.
+    figures : Of the last stylisation.
 
     Raises
     ------
-    UserError
-        If a file can't be read, or the capture has no landmarks.
+    UserError : If a file can't be read, or the capture has no landmarks.
     """
 
     def __init__(self, field: VoxelField | str | Path, capture: Capture | str | Path,
@@ -104,22 +96,17 @@ class Session:
 
         Parameters
         ----------
-        style
-            A picture's path, a built-in style's name, an `Exemplar`, or several of these: the field
-            shows the first.
-        config
-            Parameters; by default the session's.
-        progress
-            Progress line.
-        keep
-            Keep the prepared painting, for the next time; not of one that is only tried: for a
-            preview of that what its landmarks were before may serve, if they lie close by
+        style : A picture's path, a built-in style's name, an `Exemplar`, or several of these:
+            the field shows the first.
+        config : Parameters; by default the session's.
+        progress : Progress line.
+        keep : Keep the prepared painting, for the next time; not of one that is only tried: for
+            a preview of that what its landmarks were before may serve, if they lie close by
             (`NearbyPainters`).
 
         Raises
         ------
-        UserError
-            As `lfportrait.stylize`.
+        UserError : As `lfportrait.stylize`.
         """
         config = config or self.config
         skin = self.skin(config.pixels) if config.on_skin else None
@@ -135,8 +122,7 @@ class Session:
 
         Raises
         ------
-        UserError
-            If nothing is shown yet, or a choice makes no sense.
+        UserError : If nothing is shown yet, or a choice makes no sense.
         """
         self.shown = self._shown().mix(**choices)
         return self.shown
@@ -146,10 +132,8 @@ class Session:
 
         Parameters
         ----------
-        display
-            A `Display`, a preset's name, or a display or calibration file.
-        config
-            `lfportrait.lightfield.EncodeConfig`.
+        display : A `Display`, a preset's name, or a display or calibration file.
+        config : `lfportrait.lightfield.EncodeConfig`.
         """
         panel = display if isinstance(display, Display) else Display.resolve(display)
         return encode(self._shown(), panel, config)

@@ -54,20 +54,12 @@ HAND = 0.04
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that will show.
+    """One thing that will show."""
 
-    Attributes
-    ----------
-    name : For ``--json``.
-    text : A line for the user.
-    value : A figure of it.
-    grade : Color of the line's grade.
-    """
-
-    name: str
-    text: str
-    value: Any = True
-    grade: tuple[int, int, int] = FAIR
+    name: str  # For ``--json``.
+    text: str  # A line for the user.
+    value: Any = True  # A figure of it.
+    grade: tuple[int, int, int] = FAIR  # Color of the line's grade.
 
 
 def findings(exemplar: Exemplar, yaw: float, rows: int) -> list[Finding]:
@@ -241,36 +233,22 @@ VIEWS = (-45.0, 0.0, 45.0)
 
 @dataclass
 class StyleCheck:
-    """What `check_style` found.
+    """What `check_style` found."""
 
-    Attributes
-    ----------
-    exemplar
-        The painting, its landmarks those of the face that was chosen.
-    faces
-        float64 [68, 2] each, all faces that were found, the largest first; empty if landmarks were
-        given.
-    pose
-        Of the face.
-    frontal, mirrored
-        uint8 [h, w, 3], the frontal picture that is painted from, and float32 [h, w] in [0, 1],
-        what of it is a mirror image; None for a face that is taken as it is.
-    preview
-        uint8 [H, W, 3]: the embedded head from the left, the front and the right.
-    facts
-        Lines, each with the color of its grade.
-    figures
-        For ``--json``.
-    """
-
-    exemplar: Exemplar
+    exemplar: Exemplar  # The painting, its landmarks those of the face that was chosen.
+    # float64 [68, 2] each, all faces that were found, the largest first; empty if landmarks were
+    # given.
     faces: list[Float64]
-    pose: FacePose
+    pose: FacePose  # Of the face.
+    # frontal, mirrored: uint8 [h, w, 3], the frontal picture that is painted from, and float32 [h,
+    # w] in [0, 1], what of it is a mirror image; None for a face that is taken as it is.
     frontal: UInt8 | None = None
     mirrored: Float32 | None = None
+    # uint8 [H, W, 3]: the embedded head from the left, the front and the right.
     preview: UInt8 | None = None
+    # Lines, each with the color of its grade.
     facts: list[tuple[tuple[int, int, int], str]] = field(default_factory=list)
-    figures: dict[str, Any] = field(default_factory=dict)
+    figures: dict[str, Any] = field(default_factory=dict)  # For ``--json``.
 
 
 def chosen_face(path: Path, image: UInt8, face: int = 0,
@@ -280,19 +258,14 @@ def chosen_face(path: Path, image: UInt8, face: int = 0,
 
     Parameters
     ----------
-    path
-        The picture, for messages.
-    image
-        uint8 [H, W, 3].
-    face
-        Number of the face, the largest is 1; 0 is the largest.
-    at
-        A place (x, y) in pixels on the face.
+    path : The picture, for messages.
+    image : uint8 [H, W, 3].
+    face : Number of the face, the largest is 1; 0 is the largest.
+    at : A place (x, y) in pixels on the face.
 
     Raises
     ------
-    UserError
-        If there is no such face.
+    UserError : If there is no such face.
     """
     faces = detect_faces(image, at)
     if not faces:
@@ -313,18 +286,14 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
 
     Parameters
     ----------
-    style
-        The picture; landmarks beside it are used, unless a face is chosen. Or the name of a
+    style : The picture; landmarks beside it are used, unless a face is chosen. Or the name of a
         built-in exemplar.
-    face, at
-        As `chosen_face`.
-    preview
-        Paint the embedded head.
+    face, at : As `chosen_face`.
+    preview : Paint the embedded head.
 
     Raises
     ------
-    UserError
-        If the picture can't be read or there is no such face.
+    UserError : If the picture can't be read or there is no such face.
     """
     path = Path(style)
     faces: list[Float64] = []
@@ -475,10 +444,9 @@ def style_picture(check: StyleCheck) -> UInt8:
 
     Returns
     -------
-    picture
-        uint8 [H, W, 3]: the painting with the mesh of its pose; for a turned face the frontal
-        picture, mirrored places tinted; what is to be said; the embedded head in the painting's
-        manner.
+    picture : uint8 [H, W, 3]: the painting with the mesh of its pose; for a turned face the
+        frontal picture, mirrored places tinted; what is to be said; the embedded head in the
+        painting's manner.
     """
     columns = 2 if check.frontal is not None else 1
     each = (_WIDTH * 0.68 - _GAP * (columns + 1)) / columns if columns > 1 else _WIDTH * 0.42
@@ -524,21 +492,17 @@ def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) 
 
     Parameters
     ----------
-    path
-        The picture.
-    face, at
-        Which face, as `chosen_face` takes them.
+    face, at : Which face, as `chosen_face` takes them.
 
     Returns
     -------
-    figures
-        ``image``, ``landmarks`` and ``picture`` (the files), ``pose``, ``faces`` (how many were
-        found) and ``said``: lines for the user.
+    figures : ``image``, ``landmarks`` and ``picture`` (the files), ``pose``, ``faces`` (how many
+        were found) and ``said``: lines for the user.
 
     Raises
     ------
-    UserError
-        If there is no such face, or landmarks are there already and another face is asked for.
+    UserError : If there is no such face, or landmarks are there already and another face is
+        asked for.
     """
     image = np.ascontiguousarray(read_image(path)[..., :3])
     beside, drawn = path.with_suffix(".landmarks.txt"), path.with_suffix(".landmarks.png")

@@ -71,16 +71,14 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
     task : What to write: its inputs are the capture, the field and the styled field, its folder
         holds ``lightfield.png``; its parameters are listed at the end of the report.
     results : Folder that the task's is relative to.
-    exemplar : The painting.
     figures : Figures of the stages so far.
-    progress : Progress line.
     frames : Frames of the sweep.
     kept : What the stages before have read: `Tools.kept`.
 
     Returns
     -------
-    figures : Size of the video and number of frames; the page's own; ``head_covered``, the share of
-        the head that photos show well (`Coverage.share`).
+    figures : Size of the video and number of frames; the page's own; ``head_covered``, the share
+        of the head that photos show well (`Coverage.share`).
     """
     def say(text: str) -> None:
         if progress is not None:

@@ -166,16 +166,13 @@ class Warmup:
 
     Parameters
     ----------
-    names
-        Stages of `FUNCTIONS`, in the order in which they are needed. Those that an earlier run
-        compiled are not compiled again.
+    names : Stages of `FUNCTIONS`, in the order in which they are needed. Those that an earlier
+        run compiled are not compiled again.
 
     Attributes
     ----------
-    compiled
-        Functions compiled so far.
-    total
-        Functions to compile, about.
+    compiled : Functions compiled so far.
+    total : Functions to compile, about.
     """
 
     def __init__(self, names: Sequence[str]) -> None:

@@ -35,14 +35,7 @@ from ..lightfield import (
 )
 from ..measure import give_back_memory, peak_memory_bytes
 from ..progress import Outlook, Progress
-from ..share import (
-    good_cone,
-    sweep_cameras,
-    sweep_frames,
-    write_page,
-    write_quilt,
-    write_video,
-)
+from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_quilt, write_video
 from ..simd.host import compiling_progress
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
@@ -62,41 +55,23 @@ _THUMBNAIL = 192
 
 @dataclass
 class Tools:
-    """Tools of a stage besides its task.
+    """Tools of a stage besides its task."""
 
-    Attributes
-    ----------
-    shown
-        Whether its progress is shown.
-    device
-        Where to compute.
-    warmup
-        Kernels that are being compiled beside.
-    capture, exemplar
-        Photos and painting that are in memory already, instead of the task's source.
-    others
-        Further paintings that the head is painted in, for mixes of them.
-    sheet
-        Picture of the photos that were left out; by default in the task's folder.
-    look
-        The first look that is taken while a field is made.
-    outlook
-        Knows the time that is left of the whole job.
-    kept
-        What a job's stages have read and written, for those after them in the same process, as
-        these would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that
-        are coded.
-    """
-
-    shown: bool = False
-    device: str = "auto"
-    warmup: Warmup | None = None
+    shown: bool = False  # Whether its progress is shown.
+    device: str = "auto"  # Where to compute.
+    warmup: Warmup | None = None  # Kernels that are being compiled beside.
+    # capture, exemplar: Photos and painting that are in memory already, instead of the task's
+    # source.
     capture: Capture | None = None
     exemplar: Exemplar | None = None
+    # Further paintings that the head is painted in, for mixes of them.
     others: Sequence[Exemplar] = ()
+    # Picture of the photos that were left out; by default in the task's folder.
     sheet: Path | None = None
-    look: FirstLook | None = None
-    outlook: Outlook | None = None
+    look: FirstLook | None = None  # The first look that is taken while a field is made.
+    outlook: Outlook | None = None  # Knows the time that is left of the whole job.
+    # What a job's stages have read and written, for those after them in the same process, as these
+    # would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that are coded.
     kept: dict[str, Any] = field(default_factory=dict)
 
     @contextmanager
@@ -121,16 +96,11 @@ def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
 
     Parameters
     ----------
-    task
-        What to do.
-    results
-        Folder that the task's paths are relative to.
-    folder
-        The task's own folder.
-    tools
-        What else there is.
-    figures
-        Of the stages before, for the report.
+    task : What to do.
+    results : Folder that the task's paths are relative to.
+    folder : The task's own folder.
+    tools : What else there is.
+    figures : Of the stages before, for the report.
     """
     with tools.progress(task.stage) as progress:
         if task.stage == "share":
@@ -287,7 +257,6 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
     ----------
     styled, display : What is coded, for what.
     folder, name : Where the coded picture goes.
-    config : Parameters.
     prefix : Begins the quilt's name; quilts of that prefix from before are removed.
     device : Where to compute.
 

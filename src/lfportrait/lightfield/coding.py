@@ -53,7 +53,6 @@ def row_views(display: Display, first: int, count: int, apart: int = 1,
 
     Parameters
     ----------
-    display : The panel.
     first, count, apart : The first row, how many, and how far apart they are.
     """
     kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
@@ -68,14 +67,10 @@ class ViewMask:
 
     Attributes
     ----------
-    views
-        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels as `Display.phase` counts them.
-    display
-        Hash of the display that it was computed for.
-    seconds
-        Time that building or loading it took.
-    loaded
-        Whether it came from the cache.
+    views : uint8 (uint16 above 256 views) [H, W, 3], sub-pixels as `Display.phase` counts them.
+    display : Hash of the display that it was computed for.
+    seconds : Time that building or loading it took.
+    loaded : Whether it came from the cache.
     """
 
     views: NDArray[np.unsignedinteger]
@@ -89,10 +84,9 @@ class ViewMask:
 
         Parameters
         ----------
-        display
-            The panel.
-        cache
-            True keeps masks in the user's cache folder, a path in that folder, False nowhere.
+        display : The panel.
+        cache : True keeps masks in the user's cache folder, a path in that folder, False
+            nowhere.
         """
         start = time.perf_counter()
         kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
@@ -149,17 +143,12 @@ def composed(field: VoxelField, display: Display, config: EncodeConfig) -> Encod
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    display
-        The panel.
-    config
-        Parameters; without ``compose`` they come back as they are.
+    field : In the portrait frame.
+    config : Parameters; without ``compose`` they come back as they are.
 
     Returns
     -------
-    config
-        For all that takes one. A warning says where the panel can't keep the head sharp.
+    config : For all that takes one. A warning says where the panel can't keep the head sharp.
     """
     if not config.compose:
         return config
@@ -221,8 +210,8 @@ def viewpoints(field: VoxelField, eyes: Float64, distance: float, height: float,
     Parameters
     ----------
     field : The field; colors of one coefficient are the same for all eyes.
-    eyes : float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
-        up.
+    eyes : float64 [V], x of the views' eyes in the deep display frame, `distance` away and
+        `height` up.
     to_world : float64 [3, 4], from that frame to the world.
     """
     first, last = float(eyes[0]), float(eyes[-1])
@@ -293,9 +282,8 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
 
     Returns
     -------
-    budget
-        ``sharp_depth``: +- z in half panel heights; ``sharp_percent``: share of the head's depth of
-        two world units that lies within; ``sharp_mm`` where the panel's size is known.
+    budget : ``sharp_depth``: +- z in half panel heights; ``sharp_percent``: share of the head's
+        depth of two world units that lies within; ``sharp_mm`` where the panel's size is known.
     """
     baseline = 2 * display.distance * math.tan(math.radians(display.cone) / 2) / display.views
     lens = display.pitch / 3.0 * 2.0 / display.height
@@ -363,7 +351,8 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
     Parameters
     ----------
     field, display, config : As for `encode`.
-    height, first, apart : How many rows, the first one and how far apart they are; all by default.
+    height, first, apart : How many rows, the first one and how far apart they are; all by
+        default.
     fixed : One view for all sub-pixels, or -1.
     """
     placement = Placement.of(display, config)
@@ -501,21 +490,15 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
     Parameters
     ----------
-    field
-        The (stylised) radiance field.
-    display
-        The panel.
-    config
-        Placement and quality.
-    mask
-        The display's mask guide; built or loaded from the cache if None.
-    device
-        Where to compute (`lfportrait.device.gpu_adapter`); ``mask`` is not used on a GPU.
+    field : The (stylised) radiance field.
+    display : The panel.
+    config : Placement and quality.
+    mask : The display's mask guide; built or loaded from the cache if None.
+    device : Where to compute (`lfportrait.device.gpu_adapter`); ``mask`` is not used on a GPU.
 
     Returns
     -------
-    image
-        uint8 [H, W, 3]: show it on the panel pixel for pixel, unscaled.
+    image : uint8 [H, W, 3]: show it on the panel pixel for pixel, unscaled.
     """
     return encode_with_figures(field, display, config, mask=mask, device=device)[0]
 
@@ -530,19 +513,14 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
 
     Parameters
     ----------
-    field, display, config
-        As for `encode`.
-    first, count, apart
-        The first row, how many, and how far apart they are.
-    views
-        Their views (`row_views`), where the caller has them.
-    ground
-        What lies behind the head (`ground_of`), where the caller has it.
+    field, display, config : As for `encode`.
+    first, count, apart : The first row, how many, and how far apart they are.
+    views : Their views (`row_views`), where the caller has them.
+    ground : What lies behind the head (`ground_of`), where the caller has it.
 
     Returns
     -------
-    rows
-        uint8 [count, W, 3].
+    rows : uint8 [count, W, 3].
     """
     if first < 0 or count < 1 or apart < 1 or first + (count - 1) * apart >= display.height:
         raise ValueError("these rows are not the panel's")
@@ -558,15 +536,12 @@ def render_view(field: VoxelField, display: Display, view: int,
 
     Parameters
     ----------
-    field, display, config
-        As for `encode`.
-    view
-        0 (leftmost) to V_n - 1.
+    field, display, config : As for `encode`.
+    view : 0 (leftmost) to V_n - 1.
 
     Returns
     -------
-    image
-        uint8 [H, W, 3].
+    image : uint8 [H, W, 3].
     """
     if not 0 <= view < display.views:
         raise UserError(f"the display has views 0 to {display.views - 1}, not {view}")
@@ -580,19 +555,14 @@ def view_camera(display: Display, config: EncodeConfig | None, eye: float, *, wi
 
     Parameters
     ----------
-    display, config
-        As for `encode`.
-    eye
-        x of the eye in the display frame.
-    width, height
-        Picture size in pixels.
-    eye_height
-        y of the eye; the display's by default.
+    display, config : As for `encode`.
+    eye : x of the eye in the display frame.
+    width, height : Picture size in pixels.
+    eye_height : y of the eye; the display's by default.
 
     Returns
     -------
-    camera
-        A batch of one, in the field's world.
+    camera : A batch of one, in the field's world.
     """
     placement = Placement.of(display, config or EncodeConfig())
     y = display.eye_height if eye_height is None else eye_height

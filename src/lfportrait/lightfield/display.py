@@ -74,9 +74,8 @@ def customary_views() -> dict[str, int]:
 
     Returns
     -------
-    views
-        By the beginning of the serial number, or, for models without a known one, by the panel's
-        width in pixels as text.
+    views : By the beginning of the serial number, or, for models without a known one, by the
+        panel's width in pixels as text.
     """
     known = {**_QUILTS, **{str(width): quilt for width, quilt in _QUILTS_BY_WIDTH.items()}}
     return {start: quilt[0] * quilt[1] for start, quilt in known.items()}
@@ -145,7 +144,8 @@ def entries_of_calibration(calibration: dict[str, Any], *, views: int = 0, name:
 
     Returns
     -------
-    entries : Of a panel for which `Display.view_of` equals the shader's value on every sub-pixel.
+    entries : Of a panel for which `Display.view_of` equals the shader's value on every
+        sub-pixel.
     """
     width = round(_calibrated(calibration, "screenW"))
     height = round(_calibrated(calibration, "screenH"))
@@ -237,7 +237,6 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
 
     Parameters
     ----------
-    path : The file.
     kinds : Names and types of a display's entries.
 
     Returns
@@ -246,8 +245,7 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
 
     Raises
     ------
-    UserError
-        If the file is missing or does not describe a display.
+    UserError : If the file is missing or does not describe a display.
     """
     if path.suffix.lower() != ".json":
         try:
@@ -346,49 +344,32 @@ class Display:
 
     Attributes
     ----------
-    width, height
-        Panel size in pixels.
-    views
-        V_n, number of views.
-    pitch
-        L_n, sub-pixels under one lens along a row (may be fractional).
-    slant
-        Angle of the lenses against the vertical in radians; positive shifts the phase to the right
-        row by row, by 3 tan(slant) sub-pixels.
-    offset
-        Phase of the top left sub-pixel (with ``cells``: of that pixel's middle), in sub-pixels.
-    subpixels
-        Order of the colors from left to right, ``"RGB"`` or ``"BGR"``.
-    cone
-        Angle in degrees between the outermost views.
-    distance
-        Viewing distance in half panel heights.
-    eye_height
-        Height of the eyes above the panel's centre, in half panel heights.
-    inverted
-        True where the phase grows from the right to the left view.
-    flip_x, flip_y
-        True where the panel shows its picture mirrored left to right, or upside down.
-    cells
-        Up to four rows of six numbers, where a pixel's colors do not lie side by side: x and y of
-        red, green and blue from the pixel's middle, in pixels, x to the right, y up.
-    cell_pattern
-        Which row of ``cells`` a pixel has: ``"single"`` (the first), ``"columns"``, ``"rows"`` (in
-        turn, columns from the left, rows from the bottom), ``"checkerboard"`` or ``"staggered"``
-        (rows in turn, every second column two rows further).
-    gamma
-        Gamma of the panel, from stored value to light; cross-talk is computed in light.
-    panel_height
-        Height of the panel in metres; 0 = unknown.
-    quilt
-        Columns and rows of the customary quilt.
-    quilt_size
-        Width and height of the customary quilt in pixels.
-    calibrated
-        True if the lens was measured on this panel. Every panel differs: with the values of another
-        one the picture is blurred, doubled or jumps.
-    name, note
-        For people.
+    width, height : Panel size in pixels.
+    views : V_n, number of views.
+    pitch : L_n, sub-pixels under one lens along a row (may be fractional).
+    slant : Angle of the lenses against the vertical in radians; positive shifts the phase to the
+        right row by row, by 3 tan(slant) sub-pixels.
+    offset : Phase of the top left sub-pixel (with ``cells``: of that pixel's middle), in
+        sub-pixels.
+    subpixels : Order of the colors from left to right, ``"RGB"`` or ``"BGR"``.
+    cone : Angle in degrees between the outermost views.
+    distance : Viewing distance in half panel heights.
+    eye_height : Height of the eyes above the panel's centre, in half panel heights.
+    inverted : True where the phase grows from the right to the left view.
+    flip_x, flip_y : True where the panel shows its picture mirrored left to right, or upside
+        down.
+    cells : Up to four rows of six numbers, where a pixel's colors do not lie side by side: x and
+        y of red, green and blue from the pixel's middle, in pixels, x to the right, y up.
+    cell_pattern : Which row of ``cells`` a pixel has: ``"single"`` (the first), ``"columns"``,
+        ``"rows"`` (in turn, columns from the left, rows from the bottom), ``"checkerboard"`` or
+        ``"staggered"`` (rows in turn, every second column two rows further).
+    gamma : Gamma of the panel, from stored value to light; cross-talk is computed in light.
+    panel_height : Height of the panel in metres; 0 = unknown.
+    quilt : Columns and rows of the customary quilt.
+    quilt_size : Width and height of the customary quilt in pixels.
+    calibrated : True if the lens was measured on this panel. Every panel differs: with the
+        values of another one the picture is blurred, doubled or jumps.
+    name, note : For people.
     """
 
     width: int
@@ -574,8 +555,7 @@ class Display:
 
         Raises
         ------
-        UserError
-            If there is none of this name; the message lists them.
+        UserError : If there is none of this name; the message lists them.
         """
         if name not in Display.names():
             raise UserError(f"there is no display {name!r}; the presets are "
@@ -590,8 +570,7 @@ class Display:
 
         Raises
         ------
-        UserError
-            If the file is missing or does not describe a display.
+        UserError : If the file is missing or does not describe a display.
         """
         return Display(**load_entries(Path(path), _kinds()))
 

@@ -44,28 +44,15 @@ _BACK = 0.005
 
 @dataclass(frozen=True)
 class Ground:
-    """A plane behind a panel, as far as it is seen.
+    """A plane behind a panel, as far as it is seen."""
 
-    Attributes
-    ----------
-    planes
-        float32 [3, R, C], red, green, blue in its shadow, 0 to 255.
-    depth
-        How far it lies behind the panel, in half panel heights.
-    left, top
-        Where the first texel's middle lies in the display frame.
-    texel
-        Width and height of a texel in half panel heights.
-    placement
-        Of the head that it lies behind.
-    """
-
-    planes: Float32
-    depth: float
+    planes: Float32  # float32 [3, R, C], red, green, blue in its shadow, 0 to 255.
+    depth: float  # How far it lies behind the panel, in half panel heights.
+    # left, top: Where the first texel's middle lies in the display frame.
     left: float
     top: float
-    texel: tuple[float, float]
-    placement: Placement
+    texel: tuple[float, float]  # Width and height of a texel in half panel heights.
+    placement: Placement  # Of the head that it lies behind.
 
     def fill(self, display: Display, panel: Float64, views: NDArray[Any], fixed: int,
              eyes: Float64, out: UInt8) -> None:
@@ -123,8 +110,7 @@ def backdrop_of(field: VoxelField, config: EncodeConfig) -> Backdrop | None:
 
     Raises
     ------
-    UserError
-        If the ground is no picture.
+    UserError : If the ground is no picture.
     """
     own = field.backdrop
     if config.ground == "painted":
@@ -167,10 +153,8 @@ def world_ground(field: VoxelField, config: EncodeConfig, pixel: float) -> Groun
 
     Parameters
     ----------
-    field, config
-        As for `ground_of`; the head is taken to be as large as usual.
-    pixel
-        Width in world units of what a pixel of the pictures shows.
+    field, config : As for `ground_of`; the head is taken to be as large as usual.
+    pixel : Width in world units of what a pixel of the pictures shows.
     """
     drop = backdrop_of(field, config)
     if drop is None:
@@ -256,7 +240,8 @@ def _shade(drop: Backdrop, placement: Placement, depth: float,
 
     Returns
     -------
-    shade, cell : float32 [a, b] in [0, 1], the first at the window's corner, and its cells' width.
+    shade, cell : float32 [a, b] in [0, 1], the first at the window's corner, and its cells'
+        width.
     """
     left, top, width, height = window
     shape = int(height / _CELL) + 3, int(width / _CELL) + 3

@@ -42,8 +42,7 @@ def check_size(image: UInt8, display: Display) -> None:
 
     Raises
     ------
-    UserError
-        If the sizes differ.
+    UserError : If the sizes differ.
     """
     if image.shape[:2] != (display.height, display.width):
         raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
@@ -56,8 +55,7 @@ def lossless(path: str | Path) -> Path:
 
     Raises
     ------
-    UserError
-        If it is a JPEG or the like, which mixes the views.
+    UserError : If it is a JPEG or the like, which mixes the views.
     """
     path = Path(path)
     if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
@@ -71,8 +69,7 @@ def read_coded(path: str | Path, display: Display) -> UInt8:
 
     Raises
     ------
-    UserError
-        If the file is missing or not of the panel's size.
+    UserError : If the file is missing or not of the panel's size.
     """
     image = np.ascontiguousarray(read_image(path)[..., :3])
     check_size(image, display)
@@ -107,8 +104,7 @@ def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
 
     Raises
     ------
-    UserError
-        If the picture has fewer pixels than tiles.
+    UserError : If the picture has fewer pixels than tiles.
     """
     height, width = quilt.shape[0] // layout.rows, quilt.shape[1] // layout.columns
     if height < 1 or width < 1:
@@ -125,17 +121,14 @@ def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | No
 
     Parameters
     ----------
-    tiles
-        uint8 [V, h, w, 3], view 0 first.
-    layout
-        Columns and rows.
-    size
-        Width and height of the quilt; what the tiles leave of it at the top and right stays black.
+    tiles : uint8 [V, h, w, 3], view 0 first.
+    layout : Columns and rows.
+    size : Width and height of the quilt; what the tiles leave of it at the top and right stays
+        black.
 
     Returns
     -------
-    quilt
-        uint8 [H, W, 3].
+    quilt : uint8 [H, W, 3].
     """
     height, width = tiles.shape[1:3]
     full_width, full_height = size or (layout.columns * width, layout.rows * height)
@@ -153,25 +146,19 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
 
     Parameters
     ----------
-    source
-        A quilt, or a folder with one picture for each view, the leftmost first by name.
-    display
-        The panel (`lfportrait.lightfield.quilts.layout_for`).
-    layout
-        Layout of the quilt; by default what its name, side file or metadata say.
-    views
-        Use only the first ``views`` views; 0 = all.
+    source : A quilt, or a folder with one picture for each view, the leftmost first by name.
+    display : The panel (`lfportrait.lightfield.quilts.layout_for`).
+    layout : Layout of the quilt; by default what its name, side file or metadata say.
+    views : Use only the first ``views`` views; 0 = all.
 
     Returns
     -------
-    views, aspect
-        uint8 [V, h, w, 3], and width over height of what they show.
+    views, aspect : uint8 [V, h, w, 3], and width over height of what they show.
 
     Raises
     ------
-    UserError
-        If there is no picture, nothing gives a quilt's layout, or the pictures of a folder differ
-        in size.
+    UserError : If there is no picture, nothing gives a quilt's layout, or the pictures of a
+        folder differ in size.
     """
     source = Path(source)
     if not source.is_dir():
@@ -207,19 +194,13 @@ def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = N
 
     Parameters
     ----------
-    views
-        uint8 [V, h, w, 3], view 0 leftmost; V and the size need not be the panel's.
-    display
-        The panel.
-    config
-        Sampling.
-    aspect
-        Width over height of what the views show; the panel's by default.
+    views : uint8 [V, h, w, 3], view 0 leftmost; V and the size need not be the panel's.
+    config : Sampling.
+    aspect : Width over height of what the views show; the panel's by default.
 
     Returns
     -------
-    image
-        uint8 [H, W, 3].
+    image : uint8 [H, W, 3].
     """
     config = config or InterlaceConfig()
     if aspect < 0 or not math.isfinite(aspect):
@@ -255,17 +236,13 @@ def deinterlace(image: UInt8, display: Display, view: int) -> tuple[UInt8, Bool]
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], coded for ``display``.
-    display
-        The panel.
-    view
-        0 to V_n - 1.
+    image : uint8 [H, W, 3], coded for ``display``.
+    display : The panel.
+    view : 0 to V_n - 1.
 
     Returns
     -------
-    picture, owned
-        uint8 [H, W, 3], zero where the view owns nothing, and bool [H, W, 3].
+    picture, owned : uint8 [H, W, 3], zero where the view owns nothing, and bool [H, W, 3].
     """
     check_size(image, display)
     if not 0 <= view < display.views:
@@ -320,19 +297,13 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], coded for ``display``.
-    display
-        The panel.
-    count
-        Number of views; the panel's by default. Others are spread over the same cone.
-    width, height
-        Size of the pictures; the panel's by default.
+    image : uint8 [H, W, 3], coded for ``display``.
+    count : Number of views; the panel's by default. Others are spread over the same cone.
+    width, height : Size of the pictures; the panel's by default.
 
     Yields
     ------
-    view
-        uint8 [height, width, 3].
+    view : uint8 [height, width, 3].
     """
     check_size(image, display)
     count, width, height = count or display.views, width or display.width, height or display.height
@@ -365,26 +336,20 @@ def simulate(image: UInt8, display: Display, eye: Sequence[float] = (0.0,), *,
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], coded for ``display``.
-    display
-        The panel.
-    eye
-        (x,) or (x, y) of the eye in half panel heights; lenses have no vertical parallax, so only x
-        matters.
-    crosstalk
-        Sigma in views of the Gaussian lobe with which other views leak in, as light; 0 = none. At
-        the cone's edges the views of its other edge leak in, too, as through real lenses.
-    distance
-        Distance of the eye; the viewing distance by default.
-    block
-        A pixel of the picture is the mean light of a square of so many pixels of the panel, as
-        eyes see those that are too fine for them.
+    image : uint8 [H, W, 3], coded for ``display``.
+    display : The panel.
+    eye : (x,) or (x, y) of the eye in half panel heights; lenses have no vertical parallax, so
+        only x matters.
+    crosstalk : Sigma in views of the Gaussian lobe with which other views leak in, as light; 0 =
+        none. At the cone's edges the views of its other edge leak in, too, as through real
+        lenses.
+    distance : Distance of the eye; the viewing distance by default.
+    block : A pixel of the picture is the mean light of a square of so many pixels of the panel,
+        as eyes see those that are too fine for them.
 
     Returns
     -------
-    picture
-        float32 [H // block, W // block, 3] in [0, 1].
+    picture : float32 [H // block, W // block, 3] in [0, 1].
     """
     check_size(image, display)
     far = display.distance if distance is None else distance

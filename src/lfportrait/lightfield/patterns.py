@@ -196,16 +196,13 @@ def pattern(display: Display, kind: str = "views") -> UInt8:
 
     Parameters
     ----------
-    display
-        The panel.
-    kind
-        ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``: order
-        of the sub-pixels; ``"depth"``: grids at five depths. What to look for is described above.
+    kind : ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``:
+        order of the sub-pixels; ``"depth"``: grids at five depths. What to look for is
+        described above.
 
     Returns
     -------
-    image
-        uint8 [H, W, 3].
+    image : uint8 [H, W, 3].
     """
     if kind not in PATTERNS:
         raise UserError(f"there is no pattern {kind!r}; choose {', '.join(PATTERNS)}")

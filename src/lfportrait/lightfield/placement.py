@@ -87,23 +87,13 @@ class EncodeConfig(PlacementConfig):
 
 @dataclass(frozen=True)
 class Placement:
-    """The similarity that puts the field's world into the display frame.
+    """The similarity that puts the field's world into the display frame."""
 
-    Attributes
-    ----------
-    scale
-        Half panel heights per world unit.
-    shift
-        (x, y, z) of the world's origin in the display frame.
-    turn
-        Angle about the vertical axis in radians; positive turns the face to the panel's right.
-    depth
-        Factor by which z, seen from the head's middle, is flattened once the head stands there.
-    """
-
-    scale: float
-    shift: tuple[float, float, float]
+    scale: float  # Half panel heights per world unit.
+    shift: tuple[float, float, float]  # (x, y, z) of the world's origin in the display frame.
+    # Angle about the vertical axis in radians; positive turns the face to the panel's right.
     turn: float = 0.0
+    # Factor by which z, seen from the head's middle, is flattened once the head stands there.
     depth: float = 1.0
 
     @staticmethod
@@ -158,38 +148,25 @@ class DepthReport:
     """A panel's depth budget, and its consequences for a head.
 
     All depths are in half panel heights, positive in front of the panel.
-
-    Attributes
-    ----------
-    front, back
-        Limits of what is sharp; ``back`` is minus infinity where nothing behind ever blurs.
-    head_front, head_back
-        The foremost and the hindmost point of the head.
-    sharp_percent
-        Share of the head's depth that lies within the limits.
-    front_blur, back_blur
-        Width of the blur at the head's foremost and hindmost point, in lenses; up to 1 is sharp.
-    best_focus
-        ``focus`` with which most of the head is sharp.
-    sharp_size
-        Largest ``size`` of a head that is sharp from front to back at that focus.
-    sharp_depth_scale
-        Largest ``depth_scale`` with which the head is sharp from front to back at that focus.
-    millimetres
-        Millimetres in half a panel height; 0 = not known.
     """
 
+    # front, back: Limits of what is sharp; ``back`` is minus infinity where nothing behind ever
+    # blurs.
     front: float
     back: float
+    # head_front, head_back: The foremost and the hindmost point of the head.
     head_front: float
     head_back: float
-    sharp_percent: float
+    sharp_percent: float  # Share of the head's depth that lies within the limits.
+    # front_blur, back_blur: Width of the blur at the head's foremost and hindmost point, in lenses;
+    # up to 1 is sharp.
     front_blur: float
     back_blur: float
-    best_focus: float
-    sharp_size: float
+    best_focus: float  # ``focus`` with which most of the head is sharp.
+    sharp_size: float  # Largest ``size`` of a head that is sharp from front to back at that focus.
+    # Largest ``depth_scale`` with which the head is sharp from front to back at that focus.
     sharp_depth_scale: float
-    millimetres: float
+    millimetres: float  # Millimetres in half a panel height; 0 = not known.
 
     @staticmethod
     def of(display: Display, config: EncodeConfig | None = None, views: float = 0.0) -> DepthReport:

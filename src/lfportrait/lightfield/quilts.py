@@ -40,8 +40,7 @@ def quilt_part(name: str) -> re.Match[str] | None:
 
     Raises
     ------
-    UserError
-        If the name has two layouts that differ.
+    UserError : If the name has two layouts that differ.
     """
     found = list(_QUILT.finditer(name))
     numbered = [part for part in found if part[1]]
@@ -62,22 +61,13 @@ def _number(text: str | None) -> float:
 
 @dataclass(frozen=True)
 class QuiltHint:
-    """What one place says of a quilt's layout, in part or whole.
+    """What one place says of a quilt's layout, in part or whole."""
 
-    Attributes
-    ----------
-    place
-        Where it is said, for messages.
-    columns, rows
-        0 where nothing is said.
-    aspect
-        Width over height of what a view shows; 0 where nothing is said.
-    """
-
-    place: str
+    place: str  # Where it is said, for messages.
+    # columns, rows: 0 where nothing is said.
     columns: int = 0
     rows: int = 0
-    aspect: float = 0.0
+    aspect: float = 0.0  # Width over height of what a view shows; 0 where nothing is said.
 
     @staticmethod
     def of_name(name: str) -> QuiltHint | None:
@@ -85,8 +75,7 @@ class QuiltHint:
 
         Raises
         ------
-        UserError
-            If it gives an impossible layout, or two.
+        UserError : If it gives an impossible layout, or two.
         """
         part = quilt_part(name)
         if part is None or part[1] is None:
@@ -102,8 +91,7 @@ class QuiltHint:
 
         Raises
         ------
-        UserError
-            If they are impossible, or only one of columns and rows is given.
+        UserError : If they are impossible, or only one of columns and rows is given.
         """
         if (columns > 0) != (rows > 0) or min(columns, rows) < 0:
             raise UserError("give both --columns and --rows of the quilt, or neither")
@@ -146,8 +134,7 @@ class QuiltLayout:
 
         Raises
         ------
-        UserError
-            If it is impossible, or the name gives two.
+        UserError : If it is impossible, or the name gives two.
         """
         hint = QuiltHint.of_name(name)
         if hint is None:
@@ -261,22 +248,17 @@ def layout_of_file(path: Path, display: Display | None = None, *,
 
     Parameters
     ----------
-    path
-        The quilt, a picture or a video.
-    display
-        Its aspect is taken where only columns and rows are given.
-    asked
-        What the user says; it comes first.
+    path : The quilt, a picture or a video.
+    display : Its aspect is taken where only columns and rows are given.
+    asked : What the user says; it comes first.
 
     Returns
     -------
-    layout
-        None if nothing gives it.
+    layout : None if nothing gives it.
 
     Raises
     ------
-    UserError
-        If the name gives an impossible layout, or two.
+    UserError : If the name gives an impossible layout, or two.
     """
     hints = [hint for hint in (asked, QuiltHint.of_name(path.name)) if hint is not None]
     hints += _beside(path)
@@ -325,8 +307,7 @@ def layout_for(path: Path, display: Display | None, *, asked: QuiltHint | None =
 
     Raises
     ------
-    UserError
-        If nothing gives the layout, or the file can't be read.
+    UserError : If nothing gives the layout, or the file can't be read.
     """
     layout = layout_of_file(path, display, asked=asked)
     if layout is not None:

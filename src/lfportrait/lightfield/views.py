@@ -109,21 +109,15 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
 
     Parameters
     ----------
-    field
-        The field.
-    cameras, views
-        Batch of cameras, and which of them; all by default.
-    background
-        Grey level or RGB behind the field.
-    ground
-        What is behind it instead.
-    device
-        Where to compute (`lfportrait.device.gpu_adapter`).
+    cameras, views : Batch of cameras, and which of them; all by default.
+    background : Grey level or RGB behind the field.
+    ground : What is behind it instead.
+    device : Where to compute (`lfportrait.device.gpu_adapter`).
 
     Yields
     ------
-    rendering
-        Of the next view. What it holds may be overwritten once the one after is asked for.
+    rendering : Of the next view. What it holds may be overwritten once the one after is asked
+        for.
     """
     wanted = list(range(len(cameras)) if views is None else views)
     x, z = field.bounds[:, 0], field.bounds[:, 2]
@@ -178,18 +172,14 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
 
     Parameters
     ----------
-    field, display, config
-        As for `lfportrait.lightfield.coding`.
-    name
-        File name that gives columns and rows, and may give the aspect; by default the layout is the
-        display's customary one.
-    device
-        Where to compute (`lfportrait.device.gpu_adapter`).
+    field, display, config : As for `lfportrait.lightfield.coding`.
+    name : File name that gives columns and rows, and may give the aspect; by default the layout
+        is the display's customary one.
+    device : Where to compute (`lfportrait.device.gpu_adapter`).
 
     Returns
     -------
-    quilt, name
-        uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
+    quilt, name : uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
     """
     config = composed(field, display, config or EncodeConfig())
     ground = ground_of(field, display, config)
@@ -224,16 +214,14 @@ class Renderer(Protocol):
 
         Parameters
         ----------
-        cameras, view
-            A batch of pinhole cameras and which of them: ``cameras.rays(view)`` are its rays. The
-            world is the portrait frame: +y up, +z out of the face, the head within [-1, 1]^3.
-        background
-            Grey level in [0, 1] behind the scene.
+        cameras, view : A batch of pinhole cameras and which of them: ``cameras.rays(view)`` are
+            its rays. The world is the portrait frame: +y up, +z out of the face, the head
+            within [-1, 1]^3.
+        background : Grey level in [0, 1] behind the scene.
 
         Returns
         -------
-        rendering
-            Of the camera's size. Coding uses its ``color`` alone.
+        rendering : Of the camera's size. Coding uses its ``color`` alone.
         """
 
 
@@ -243,29 +231,22 @@ def encode_views(renderer: Renderer, display: Display, config: EncodeConfig | No
 
     Parameters
     ----------
-    renderer
-        The scene.
-    display
-        The panel.
-    config
-        Placement of the scene in front of the panel (size, shifts, focus, turn, depth scale) and
-        the grey level behind it.
-    sampling
-        How views are interlaced.
-    height
-        Rows of a view's picture. By default a view has as many pixels as an eye sees of the panel:
-        one for each lens in each row, about as many across as down.
+    renderer : The scene.
+    display : The panel.
+    config : Placement of the scene in front of the panel (size, shifts, focus, turn, depth
+        scale) and the grey level behind it.
+    sampling : How views are interlaced.
+    height : Rows of a view's picture. By default a view has as many pixels as an eye sees of the
+        panel: one for each lens in each row, about as many across as down.
 
     Returns
     -------
-    image
-        uint8 [H, W, 3]: show it on the panel pixel for pixel, unscaled.
+    image : uint8 [H, W, 3]: show it on the panel pixel for pixel, unscaled.
 
     Raises
     ------
-    UserError
-        If the configuration composes the picture, which needs a field, or a picture has another
-        size than its camera.
+    UserError : If the configuration composes the picture, which needs a field, or a picture has
+        another size than its camera.
     """
     config = config or EncodeConfig()
     if config.compose:

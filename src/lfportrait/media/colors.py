@@ -50,20 +50,13 @@ _UNSAID = 2
 
 @dataclass(frozen=True)
 class ColorSpace:
-    """What the numbers of a picture mean.
+    """What the numbers of a picture mean."""
 
-    Attributes
-    ----------
-    name : For people.
-    primaries : Chromaticities as in `lfportrait.color.SRGB`.
-    curve : ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is
-        linear).
-    source : What says so, for people; empty where nothing does.
-    """
-
-    name: str = "sRGB"
-    primaries: tuple[float, ...] = SRGB
+    name: str = "sRGB"  # For people.
+    primaries: tuple[float, ...] = SRGB  # Chromaticities as in `lfportrait.color.SRGB`.
+    # ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is linear).
     curve: str = "srgb"
+    # What says so, for people; empty where nothing does.
     source: str = field(default="", compare=False)
 
     @property
@@ -251,8 +244,7 @@ def srgb(picture: Image.Image, stream: BinaryIO | None = None) -> Image.Image:
 
     Raises
     ------
-    OSError, ValueError, SyntaxError
-        If its data are damaged.
+    OSError, ValueError, SyntaxError : If its data are damaged.
     """
     return srgb_from(picture, picture.info.get("icc_profile"), color_space(picture, stream))
 
@@ -346,8 +338,8 @@ def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:
 
     Returns
     -------
-    name, transform : The transform is None where the profile is sRGB itself. None instead of both
-        for a damaged profile, or one of another kind of picture.
+    name, transform : The transform is None where the profile is sRGB itself. None instead of
+        both for a damaged profile, or one of another kind of picture.
     """
     from PIL import ImageCms
 

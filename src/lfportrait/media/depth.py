@@ -89,28 +89,23 @@ class DepthMap:
 
     The map is stretched over the whole picture: pixel (x, y) of it shows what the picture shows at
     (x W / w, y H / h), in pixel edges. All phones keep a smaller map than the picture.
-
-    Attributes
-    ----------
-    values : float32 [h, w], NaN = unknown; distances or inverse distances (``kind``).
-    kind : ``"distance"`` (larger is farther) or ``"inverse"`` (larger is nearer, 0 = no end).
-    metric : Whether ``values`` are in metres, or 1 / metres, by the camera's own word. Where not,
-        their scale is unknown, and with it, for inverse ones, perhaps their zero.
-    along : ``"axis"``: the distance of the plane through the point that faces the camera, which is
-        z in the camera's frame; ``"ray"``: the distance of the point.
-    near, far : The range that the file notes, as distances in the unit of ``values``; None where it
-        notes none, or no end.
-    confidence : float32 [h, w] in [0, 1], 1 = sure, or None.
-    source : ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
     """
 
-    values: Float32
+    values: Float32  # float32 [h, w], NaN = unknown; distances or inverse distances (``kind``).
+    # ``"distance"`` (larger is farther) or ``"inverse"`` (larger is nearer, 0 = no end).
     kind: Literal["distance", "inverse"]
+    # Whether ``values`` are in metres, or 1 / metres, by the camera's own word. Where not, their
+    # scale is unknown, and with it, for inverse ones, perhaps their zero.
     metric: bool
+    # ``"axis"``: the distance of the plane through the point that faces the camera, which is z in
+    # the camera's frame; ``"ray"``: the distance of the point.
     along: Literal["axis", "ray"] = "axis"
+    # near, far: The range that the file notes, as distances in the unit of ``values``; None where
+    # it notes none, or no end.
     near: float | None = None
     far: float | None = None
-    confidence: Float32 | None = None
+    confidence: Float32 | None = None  # float32 [h, w] in [0, 1], 1 = sure, or None.
+    # ``"heic"``, ``"gdepth"``, ``"dynamic depth"``, ``"apple jpeg"`` or ``"data set"``.
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -210,8 +205,7 @@ def properties(packet: bytes, namespace: str) -> list[dict[str, str]]:
 
     Raises
     ------
-    XmpError
-        If it is no XML, or declares entities, which XMP never does.
+    XmpError : If it is no XML, or declares entities, which XMP never does.
     """
     if b"<!" in packet.replace(b"<!--", b""):
         raise XmpError("the XMP declares entities")
@@ -257,8 +251,7 @@ def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, 
 
     Raises
     ------
-    XmpError
-        If the format is unknown or the range makes no sense.
+    XmpError : If the format is unknown or the range makes no sense.
     """
     linear = table.get("Format", "RangeInverse").lower()
     if linear not in ("rangelinear", "rangeinverse"):
@@ -298,8 +291,7 @@ def apple_depth(shares: Float32, packet: bytes, source: str) -> DepthMap | None:
 
     Raises
     ------
-    XmpError
-        If the notes are damaged.
+    XmpError : If the notes are damaged.
     """
     table = {name: value for one in properties(packet, APPLE) for name, value in one.items()}
     kind = _APPLE_KINDS.get(_pixel_format(table.get("NativeFormat", "")))
@@ -353,8 +345,7 @@ def heic_depth(path: Path) -> DepthMap | None:
 
     Raises
     ------
-    Exception
-        Whatever pillow-heif raises for a damaged file.
+    Exception : Whatever pillow-heif raises for a damaged file.
     """
     try:
         import pillow_heif
@@ -445,8 +436,7 @@ def jpeg_depth(path: Path) -> DepthMap | None:
 
     Raises
     ------
-    Exception
-        If its depth is damaged: what Pillow, base64 and the parser of XML raise.
+    Exception : If its depth is damaged: what Pillow, base64 and the parser of XML raise.
     """
     with open(path, "rb") as stream:
         notes, more, pictures = _notes(stream)

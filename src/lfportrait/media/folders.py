@@ -85,15 +85,10 @@ def files_below(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Listing:
-    """Pictures of a folder, and what is left out.
+    """Pictures of a folder, and what is left out."""
 
-    Attributes
-    ----------
-    files : The pictures, in natural order.
-    left_out : Other pictures and videos by the reason why they are not among them, in few words.
-    """
-
-    files: list[Path]
+    files: list[Path]  # The pictures, in natural order.
+    # Other pictures and videos by the reason why they are not among them, in few words.
     left_out: dict[str, list[Path]] = field(default_factory=dict)
 
 

@@ -98,8 +98,8 @@ def open_picture(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
 
     Raises
     ------
-    OSError, ValueError, SyntaxError
-        If it is missing, no picture, damaged, too large, or a raw photo.
+    OSError, ValueError, SyntaxError : If it is missing, no picture, damaged, too large, or a raw
+        photo.
     """
     path = Path(path)
     kind = kind_of(path)
@@ -131,13 +131,12 @@ def read_image(path: str | os.PathLike[str]) -> UInt8:
 
     Returns
     -------
-    image
-        uint8 [H, W, 3] (sRGB) or [H, W, 4] (straight alpha) where the file has an alpha channel.
+    image : uint8 [H, W, 3] (sRGB) or [H, W, 4] (straight alpha) where the file has an alpha
+        channel.
 
     Raises
     ------
-    UserError
-        If the file is missing, not a picture or damaged.
+    UserError : If the file is missing, not a picture or damaged.
     """
     try:
         with open_picture(path) as picture:
@@ -174,8 +173,7 @@ def open_header(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
 
     Raises
     ------
-    OSError, ValueError, SyntaxError
-        As in `open_picture`.
+    OSError, ValueError, SyntaxError : As in `open_picture`.
     """
     with open_picture(path) as picture:
         stream = file_of(picture)
@@ -291,8 +289,7 @@ def read_mask(path: Path) -> UInt8:
 
     Raises
     ------
-    UserError
-        If the file is missing, damaged, or no mask.
+    UserError : If the file is missing, damaged, or no mask.
     """
     try:
         with open_picture(path) as picture:
@@ -310,8 +307,7 @@ def mask_values(picture: Image.Image, name: str) -> UInt8:
 
     Raises
     ------
-    UserError
-        If it is no mask.
+    UserError : If it is no mask.
     """
     if picture.mode == "P" and "transparency" not in picture.info:
         return _of_palette(picture, name)

@@ -57,8 +57,7 @@ def receive(stream: IO[bytes]) -> Any:
 
     Raises
     ------
-    EOFError
-        If the other side is gone.
+    EOFError : If the other side is gone.
     """
     (count,) = struct.unpack("<Q", _exactly(stream, 8))
     sizes = struct.unpack(f"<{count}Q", _exactly(stream, 8 * count))
@@ -91,15 +90,12 @@ class Child:
 
     Parameters
     ----------
-    entry
-        Module and function, ``"lfportrait.gpu.process:main"``; the function makes a `Pipe` first.
-    log
-        File for what it prints; by default that goes where this process prints its errors.
-    settings
-        Environment variables that differ from this process's.
-    group
-        Whether it has a process group of its own: Ctrl-C in the terminal does not reach it, and it
-        is paused and ended with all that it has started.
+    entry : Module and function, ``"lfportrait.gpu.process:main"``; the function makes a `Pipe`
+        first.
+    log : File for what it prints; by default that goes where this process prints its errors.
+    settings : Environment variables that differ from this process's.
+    group : Whether it has a process group of its own: Ctrl-C in the terminal does not reach it,
+        and it is paused and ended with all that it has started.
     """
 
     def __init__(self, entry: str, log: Path | None = None,
@@ -141,8 +137,7 @@ class Child:
 
         Raises
         ------
-        OSError
-            If it has ended.
+        OSError : If it has ended.
         """
         send(self._stdin, message)
 
@@ -151,8 +146,7 @@ class Child:
 
         Raises
         ------
-        EOFError
-            When it has ended.
+        EOFError : When it has ended.
         """
         return receive(self._stdout)
 
@@ -172,8 +166,7 @@ class Child:
 
         Raises
         ------
-        UserError
-            On systems that can't.
+        UserError : On systems that can't.
         """
         if not CAN_PAUSE:
             raise UserError("this system can't pause a process; cancel the job instead: it goes on "
@@ -208,8 +201,7 @@ class Pipe:
 
     Attributes
     ----------
-    requests
-        What the parent has sent.
+    requests : What the parent has sent.
     """
 
     def __init__(self) -> None:
@@ -268,10 +260,8 @@ def serve(work: Callable[[Any, Callable[..., None]], Any],
 
     Parameters
     ----------
-    work
-        Does a request: it is given that, and what tells the parent a message in between.
-    read
-        Reads an error.
+    work : Does a request: it is given that, and what tells the parent a message in between.
+    read : Reads an error.
     """
     pipe = Pipe()
     while True:
@@ -300,31 +290,20 @@ class Workers(Runner[AnyTask]):
 
     Parameters
     ----------
-    slots
-        Processes.
-    begin
-        Starts one, for its first task.
-    ask
-        What is sent of a task; what it raises is how the task ends.
-    died
-        Of a task whose process has died.
-    attempts
-        How often a task is given out whose process dies.
-    memory
-        Bytes that tasks may take together; None: any.
-    stay
-        Whether a process goes on with other tasks.
-    said
-        Called with the messages between, by `wait`.
-    read
-        Reads an error of ``ask``.
-    wake
-        Called from any thread when there is something for `wait` to take in.
+    slots : Processes.
+    begin : Starts one, for its first task.
+    ask : What is sent of a task; what it raises is how the task ends.
+    died : Of a task whose process has died.
+    attempts : How often a task is given out whose process dies.
+    memory : Bytes that tasks may take together; None: any.
+    stay : Whether a process goes on with other tasks.
+    said : Called with the messages between, by `wait`.
+    read : Reads an error of ``ask``.
+    wake : Called from any thread when there is something for `wait` to take in.
 
     Attributes
     ----------
-    children
-        The processes of the tasks that run, by the tasks' names.
+    children : The processes of the tasks that run, by the tasks' names.
     """
 
     def __init__(self, slots: int, begin: Callable[[AnyTask], Child],

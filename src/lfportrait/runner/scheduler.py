@@ -25,30 +25,14 @@ from ..stages import finished_record
 
 @dataclass(frozen=True)
 class Task:
-    """A piece of work: files in, files out.
+    """A piece of work: files in, files out."""
 
-    Attributes
-    ----------
-    name
-        Its place in the plan; what follows the last ``/`` is the name of its record.
-    stage
-        The kind of work.
-    folder
-        Where it writes, relative to the results.
-    outputs
-        What it writes there.
-    key
-        Hash of all that the outputs depend on.
-    needs
-        Names of the tasks whose outputs it reads.
-    """
-
-    name: str
-    stage: str
-    folder: str
-    outputs: tuple[str, ...]
-    key: str
-    needs: tuple[str, ...]
+    name: str  # Its place in the plan; what follows the last ``/`` is the name of its record.
+    stage: str  # The kind of work.
+    folder: str  # Where it writes, relative to the results.
+    outputs: tuple[str, ...]  # What it writes there.
+    key: str  # Hash of all that the outputs depend on.
+    needs: tuple[str, ...]  # Names of the tasks whose outputs it reads.
 
     @property
     def record(self) -> str:
@@ -66,18 +50,10 @@ def finished(task: Task, results: Path) -> dict[str, Any] | None:
 
 @dataclass
 class Plan(Generic[AnyTask]):
-    """Tasks, each after those that it needs.
+    """Tasks, each after those that it needs."""
 
-    Attributes
-    ----------
-    tasks
-        By name.
-    refused
-        What can't be begun at all, and why.
-    """
-
-    tasks: dict[str, AnyTask] = field(default_factory=dict)
-    refused: dict[str, str] = field(default_factory=dict)
+    tasks: dict[str, AnyTask] = field(default_factory=dict)  # By name.
+    refused: dict[str, str] = field(default_factory=dict)  # What can't be begun at all, and why.
 
     def wanted(self) -> list[AnyTask]:
         """The tasks that nothing else needs: what the user gets."""
@@ -108,21 +84,11 @@ _SLACK = 1.2
 
 @dataclass(frozen=True)
 class Need:
-    """Resources of a piece of work.
+    """Resources of a piece of work."""
 
-    Attributes
-    ----------
-    seconds
-        Time on one core; by the clock where that is what is learnt.
-    memory
-        Peak of its process in bytes.
-    disk
-        Bytes that it writes.
-    """
-
-    seconds: float
-    memory: int = 0
-    disk: int = 0
+    seconds: float  # Time on one core; by the clock where that is what is learnt.
+    memory: int = 0  # Peak of its process in bytes.
+    disk: int = 0  # Bytes that it writes.
 
     @classmethod
     def of(cls, cost: Mapping[str, Any]) -> Need:
@@ -135,10 +101,8 @@ class Costs:
 
     Parameters
     ----------
-    usual
-        What kinds take before any was measured.
-    file
-        Keeps what is learnt, if given.
+    usual : What kinds take before any was measured.
+    file : Keeps what is learnt, if given.
     """
 
     def __init__(self, usual: Mapping[str, Need] | None = None, file: Path | None = None) -> None:
@@ -178,22 +142,13 @@ _FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 @dataclass(frozen=True)
 class Failure:
-    """An error, read.
+    """An error, read."""
 
-    Attributes
-    ----------
-    code
-        ``user_error``, ``disk_full``, ``memory``, ``killed``: a process was ended from outside, or
-        ``internal``: a fault of ours.
-    message
-        One line: what is wrong and what to do.
-    trace
-        Where a fault of ours was; else empty.
-    """
-
+    # ``user_error``, ``disk_full``, ``memory``, ``killed``: a process was ended from outside, or
+    # ``internal``: a fault of ours.
     code: str
-    message: str
-    trace: str = ""
+    message: str  # One line: what is wrong and what to do.
+    trace: str = ""  # Where a fault of ours was; else empty.
 
 
 def failure_of(error: BaseException) -> Failure:
@@ -224,33 +179,15 @@ _PATIENCE = 0.5
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a task ended.
+    """How a task ended."""
 
-    Attributes
-    ----------
-    task
-        Its name.
-    error
-        Cause of the failure, on one line; empty if it is done.
-    figures
-        Of the work.
-    fault
-        The traceback of an internal error; empty for errors of the user.
-    worker
-        Machine and process that did it.
-    again
-        Whether it had been done before.
-    code
-        Of the failure (`Failure`); empty if it is done.
-    """
-
-    task: str
-    error: str = ""
-    figures: dict[str, Any] = field(default_factory=dict)
-    fault: str = ""
-    worker: str = ""
-    again: bool = False
-    code: str = ""
+    task: str  # Its name.
+    error: str = ""  # Cause of the failure, on one line; empty if it is done.
+    figures: dict[str, Any] = field(default_factory=dict)  # Of the work.
+    fault: str = ""  # The traceback of an internal error; empty for errors of the user.
+    worker: str = ""  # Machine and process that did it.
+    again: bool = False  # Whether it had been done before.
+    code: str = ""  # Of the failure (`Failure`); empty if it is done.
 
     @classmethod
     def failed(cls, task: str, failure: Failure, worker: str = "") -> Outcome:
@@ -293,8 +230,7 @@ class Here(Runner[AnyTask]):
 
     Parameters
     ----------
-    work
-        Does a task, and returns its outcome; what it raises ends the run.
+    work : Does a task, and returns its outcome; what it raises ends the run.
     """
 
     slots = 1
@@ -339,19 +275,13 @@ class Schedule(Generic[AnyTask]):
 
     Parameters
     ----------
-    runner
-        Runs them; it is not closed.
-    heard
-        Called with each task when it begins, and with its outcome when it has ended.
-    lost
-        Called with each task that can't begin, and the name of the task before it that failed; it
-        may add the task again, with other needs.
-    memory
-        Bytes that a task takes.
-    lane
-        What a task stands in: tasks of one lane begin in their order, past those of another.
-    at_once
-        Tasks of a lane that run at once; by default as many as the runner takes.
+    runner : Runs them; it is not closed.
+    heard : Called with each task when it begins, and with its outcome when it has ended.
+    lost : Called with each task that can't begin, and the name of the task before it that
+        failed; it may add the task again, with other needs.
+    memory : Bytes that a task takes.
+    lane : What a task stands in: tasks of one lane begin in their order, past those of another.
+    at_once : Tasks of a lane that run at once; by default as many as the runner takes.
     """
 
     def __init__(self, runner: Runner[AnyTask],
@@ -460,19 +390,14 @@ def run_tasks(tasks: Iterable[AnyTask], runner: Runner[AnyTask],
 
     Parameters
     ----------
-    tasks
-        Each after those that it needs; needs that are not among them are done.
-    runner
-        Runs them; it is not closed.
-    heard
-        Called with each task when it begins, and with its outcome when it has ended.
-    memory
-        Bytes that a task takes.
+    tasks : Each after those that it needs; needs that are not among them are done.
+    runner : Runs them; it is not closed.
+    heard : Called with each task when it begins, and with its outcome when it has ended.
+    memory : Bytes that a task takes.
 
     Returns
     -------
-    lost
-        Names of the tasks that could not begin, and of the one before each that failed.
+    lost : Names of the tasks that could not begin, and of the one before each that failed.
     """
     lost: dict[str, str] = {}
 

@@ -265,9 +265,9 @@ def pull(pairs, members, order, positions, scales, axes, camera, flat, out):
 
     Parameters
     ----------
-    out : float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3), the
-        position (3, by the middle's place in the picture alone); the weight in the picture, 0 for
-        splats that are hidden or not in ``order``.
+    out : float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3),
+        the position (3, by the middle's place in the picture alone); the weight in the picture,
+        0 for splats that are hidden or not in ``order``.
     """
     sums = np.zeros((len(positions), 10), np.float32)
     for member in range(len(members)):
@@ -314,8 +314,8 @@ def code_rows(filled, values, tolerance, residual, decoded):
     Parameters
     ----------
     filled : bool [Z, Y, X], where rows are; they are numbered in this order, x fastest.
-    values : uint8 [N, C]. The channels after the first are corrected by what the first one's guess
-        lacked: colors rise and fall together.
+    values : uint8 [N, C]. The channels after the first are corrected by what the first one's
+        guess lacked: colors rise and fall together.
     tolerance : uint8 [N], the largest error of each row.
     residual : uint8 [C, N] out: what the guesses lack, modulo 256.
     decoded : uint8 [N, C] out: the values as they are read back.

@@ -160,28 +160,21 @@ class Export(ABC):
 
     Attributes
     ----------
-    name
-        Short, one among all kinds.
-    title, purpose
-        For people, in English; one line each.
-    ending, suffixes
-        What the studio puts behind a name (``.glb``, ``_2x1.jpg``); suffixes that it can be written
-        with, by default that of ``ending``.
-    mark
-        How a name's stem must end to ask for this kind; empty: its suffix is enough.
-    contents
-        What ``--kind`` calls it, by default its name; several kinds may be one in several formats.
-    parameters, options
-        A frozen data class, whose fields are ``--NAME.FIELD``; those that the studio asks for.
-    megabytes
-        A file of a head of 64 photos takes about; 0: nobody knows.
-    group
-        Where the studio's page shows it: ``panel``, ``screen``, ``solid``, ``splats`` or
+    name : Short, one among all kinds.
+    title, purpose : For people, in English; one line each.
+    ending, suffixes : What the studio puts behind a name (``.glb``, ``_2x1.jpg``); suffixes that
+        it can be written with, by default that of ``ending``.
+    mark : How a name's stem must end to ask for this kind; empty: its suffix is enough.
+    contents : What ``--kind`` calls it, by default its name; several kinds may be one in several
+        formats.
+    parameters, options : A frozen data class, whose fields are ``--NAME.FIELD``; those that the
+        studio asks for.
+    megabytes : A file of a head of 64 photos takes about; 0: nobody knows.
+    group : Where the studio's page shows it: ``panel``, ``screen``, ``solid``, ``splats`` or
         ``further``; empty: nowhere.
-    needs_display
-        Whether it is made for a panel.
-    command
-        What writes it on the command line; the name of a file asks only for kinds of ``export``.
+    needs_display : Whether it is made for a panel.
+    command : What writes it on the command line; the name of a file asks only for kinds of
+        ``export``.
     """
 
     name: ClassVar[str]
@@ -205,21 +198,17 @@ class Export(ABC):
 
         Parameters
         ----------
-        field
-            The field; a `StyledField` where the file holds one.
-        path, parameters, context
-            The file; an instance of ``parameters``; what else there is.
+        field : The field; a `StyledField` where the file holds one.
+        path, parameters, context : The file; an instance of ``parameters``; what else there is.
 
         Returns
         -------
-        figures
-            For ``--json``; whole numbers are also printed. ``out``, where the file has another name
-            than ``path``, and ``bytes``, where there are files beside it.
+        figures : For ``--json``; whole numbers are also printed. ``out``, where the file has
+            another name than ``path``, and ``bytes``, where there are files beside it.
 
         Raises
         ------
-        UserError
-            If the parameters make no sense or the file can't be written.
+        UserError : If the parameters make no sense or the file can't be written.
         """
 
     def check(self) -> None:
@@ -259,8 +248,7 @@ class Export(ABC):
 
         Raises
         ------
-        UserError
-            As `write`, and where the code of another package fails.
+        UserError : As `write`, and where the code of another package fails.
         """
         with blamed(self):
             figures = self.write(field, path, self.parameters() if parameters is None
@@ -556,8 +544,7 @@ def export_of(path: Path, kind: str = "auto") -> Export:
 
     Raises
     ------
-    UserError
-        If nothing is written under such a name, or not of this kind.
+    UserError : If nothing is written under such a name, or not of this kind.
     """
     known = [one for one in exports().values() if one.command == "export"]
     suffix, name = path.suffix.lower(), path.name
@@ -593,24 +580,20 @@ def export_field(field: VoxelField, path: Path, parameters: Any = None,
 
     Parameters
     ----------
-    field, path
-        The field and the file (`lfportrait formats` lists the names).
-    parameters
-        `ExportConfig`, whose ``kind`` may say what a 3D file is to hold; `FrameConfig`,
+    field, path : The field and the file (`lfportrait formats` lists the names).
+    parameters : `ExportConfig`, whose ``kind`` may say what a 3D file is to hold; `FrameConfig`,
         `PageConfig`, or what another kind has.
-    context
-        Placement, display and progress.
+    context : Placement, display and progress.
 
     Returns
     -------
-    figures
-        ``kind``, ``bytes`` of the file with those beside it, ``out``, and what belongs to the kind:
-        ``points``, ``faces``, ``splats`` and their ``psnr``, ``views``, ``parallax_percent``.
+    figures : ``kind``, ``bytes`` of the file with those beside it, ``out``, and what belongs to
+        the kind: ``points``, ``faces``, ``splats`` and their ``psnr``, ``views``,
+        ``parallax_percent``.
 
     Raises
     ------
-    UserError
-        If the name asks for nothing known, or the parameters do not go with it.
+    UserError : If the name asks for nothing known, or the parameters do not go with it.
     """
     export = export_of(path, parameters.kind if isinstance(parameters, ExportConfig) else "auto")
     if parameters is not None and not isinstance(parameters, export.parameters):

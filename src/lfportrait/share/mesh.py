@@ -51,21 +51,14 @@ PIECE = 4
 
 @dataclass(frozen=True)
 class TexturedMesh:
-    """A mesh of V corners with a picture on it.
+    """A mesh of V corners with a picture on it."""
 
-    Attributes
-    ----------
-    vertices, normals : float32 [V, 3].
-    places : float32 [V, 2], where in the picture, 0 to 1; x to the right, y down.
-    faces : int32 [F, 3], counter-clockwise from outside.
-    picture : uint8 [H, W, 3], sRGB.
-    """
-
+    # vertices, normals: float32 [V, 3].
     vertices: Float32
     normals: Float32
-    places: Float32
-    faces: Int32
-    picture: UInt8
+    places: Float32  # float32 [V, 2], where in the picture, 0 to 1; x to the right, y down.
+    faces: Int32  # int32 [F, 3], counter-clockwise from outside.
+    picture: UInt8  # uint8 [H, W, 3], sRGB.
 
 
 def bake_texture(field: VoxelField, mesh: Mesh) -> TexturedMesh:

@@ -65,10 +65,8 @@ def sweep_degrees(frames: int, cone: float) -> Float64:
 
     Parameters
     ----------
-    frames
-        Number of frames of one loop.
-    cone
-        Full width in degrees: the yaw runs 0, +cone/2, 0, -cone/2, 0.
+    frames : Number of frames of one loop.
+    cone : Full width in degrees: the yaw runs 0, +cone/2, 0, -cone/2, 0.
     """
     return 0.5 * cone * np.sin(2.0 * np.pi * np.arange(frames) / frames)
 
@@ -79,16 +77,11 @@ def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
 
     Parameters
     ----------
-    cone
-        Full width in degrees.
-    frames
-        Number of frames of one loop.
-    size
-        Width and height of the pictures in pixels.
-    field
-        Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
-    pitch
-        Degrees above the horizon.
+    cone : Full width in degrees.
+    frames : Number of frames of one loop.
+    size : Width and height of the pictures in pixels.
+    field : Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
+    pitch : Degrees above the horizon.
     """
     return _arc(sweep_degrees(frames, cone), size, field, pitch)
 
@@ -99,14 +92,10 @@ def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = 
 
     Parameters
     ----------
-    frames
-        Number of cameras.
-    size
-        Width and height of the pictures in pixels.
-    field
-        Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
-    pitch
-        Degrees above the horizon.
+    frames : Number of cameras.
+    size : Width and height of the pictures in pixels.
+    field : Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
+    pitch : Degrees above the horizon.
     """
     return _arc(360.0 * np.arange(frames) / frames, size, field, pitch)
 
@@ -136,21 +125,15 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
 
     Parameters
     ----------
-    field
-        What to show, head centred and framed.
-    cone, frames, size
-        See `sweep_cameras`.
-    background
-        Grey level or RGB behind the head, in [0, 1].
-    ground
-        What panels show behind the head is shown instead, where there is such a ground.
-    device
-        Where to compute (`lfportrait.device.gpu_adapter`).
+    field : What to show, head centred and framed.
+    cone, frames, size : See `sweep_cameras`.
+    background : Grey level or RGB behind the head, in [0, 1].
+    ground : What panels show behind the head is shown instead, where there is such a ground.
+    device : Where to compute (`lfportrait.device.gpu_adapter`).
 
     Yields
     ------
-    frame
-        uint8 [size, size, 3].
+    frame : uint8 [size, size, 3].
     """
     cameras = sweep_cameras(cone, frames, size, field)
     plane = None if ground is None else sweep_ground(field, ground, cameras)
@@ -219,8 +202,7 @@ def write_loop(field: VoxelField, path: Path, config: LoopConfig,
 
     Raises
     ------
-    UserError
-        If the file can't be written.
+    UserError : If the file can't be written.
     """
     frames = _frames(field, config, context)
     if path.suffix.lower() == ".mp4":

@@ -29,47 +29,27 @@ from ..media.pictures import read_image
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture with its caption.
+    """A picture with its caption."""
 
-    Attributes
-    ----------
-    image
-        A file, or [H, W] or [H, W, 3 or 4], uint8 or float in [0, 1].
-    caption
-        Text below it.
-    exact
-        Every pixel matters (coded pictures, masks): embedded without loss and shown with hard
-        pixels at its own size.
-    width
-        Larger pictures are embedded scaled down to this width in pixels; 0 = as they are.
-    """
-
+    # A file, or [H, W] or [H, W, 3 or 4], uint8 or float in [0, 1].
     image: str | Path | NDArray[Any]
-    caption: str = ""
+    caption: str = ""  # Text below it.
+    # Every pixel matters (coded pictures, masks): embedded without loss and shown with hard pixels
+    # at its own size.
     exact: bool = False
+    # Larger pictures are embedded scaled down to this width in pixels; 0 = as they are.
     width: int = 640
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table; numbers are set right and rounded for reading.
+    """A table; numbers are set right and rounded for reading."""
 
-    Attributes
-    ----------
-    rows
-        Cells of each row: text, numbers, None (empty).
-    header
-        Names of the columns; none by default.
-    bars
-        Index of a column of numbers that is drawn as bars, too (times of stages); -1 = none.
-    caption
-        Text above it.
-    """
-
-    rows: Sequence[Sequence[Any]]
-    header: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]]  # Cells of each row: text, numbers, None (empty).
+    header: Sequence[str] = ()  # Names of the columns; none by default.
+    # Index of a column of numbers that is drawn as bars, too (times of stages); -1 = none.
     bars: int = -1
-    caption: str = ""
+    caption: str = ""  # Text above it.
 
 
 @dataclass
@@ -78,9 +58,8 @@ class Section:
 
     Attributes
     ----------
-    layout
-        ``strip``: pictures of one height in a row that scrolls; ``grid``: columns; ``wide``: one
-        below the other in full width.
+    layout : ``strip``: pictures of one height in a row that scrolls; ``grid``: columns;
+        ``wide``: one below the other in full width.
     """
 
     title: str
@@ -106,8 +85,7 @@ class Report:
 
     Attributes
     ----------
-    key_figures
-        Up to about six (label, value) pairs shown large below the title.
+    key_figures : Up to about six (label, value) pairs shown large below the title.
     """
 
     title: str
@@ -235,16 +213,13 @@ def write_report(path: str | Path, report: Report) -> None:
 
     Parameters
     ----------
-    path
-        ``report.html``; it appears when it is complete.
-    report
-        What to show. Texts are escaped; sections without content, and files that don't exist, are
-        left out.
+    path : ``report.html``; it appears when it is complete.
+    report : What to show. Texts are escaped; sections without content, and files that don't
+        exist, are left out.
 
     Raises
     ------
-    UserError
-        If a picture is damaged or the file can't be written.
+    UserError : If a picture is damaged or the file can't be written.
     """
     sections = [section for section in report.sections if not section.empty()]
     links = "".join(f'<a href="#{_anchor(section.title)}">{html.escape(section.title)}</a>'

@@ -75,38 +75,29 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
 
     Parameters
     ----------
-    path
-        ``.mp4``, ``.mov`` or ``.mkv``, or ``.webm`` for VP9; it appears when it is complete.
-    frames
-        Frames [H, W, 3] of one size, uint8 or float in [0, 1]; taken one at a time, so a generator
-        needs the memory of one frame only. With ``"420"`` odd sides grow by one pixel.
-    fps
-        Frames per second.
-    quality
-        The encoder's constant rate factor, 0 (finest) to 51 (VP9: 63); 17 looks like the original.
-        Not used where ``coding`` is ``"lossless"``.
-    coding
-        ``"420"`` for people; ``"444"`` and ``"lossless"`` for pictures coded for a panel. The
-        latter two hold no frames back, which would take gigabytes at a panel's size. Only H.264
-        has them.
-    preset
-        How thoroughly ``"420"`` is coded: ``"veryfast"`` takes less than half the time of
+    path : ``.mp4``, ``.mov`` or ``.mkv``, or ``.webm`` for VP9; it appears when it is complete.
+    frames : Frames [H, W, 3] of one size, uint8 or float in [0, 1]; taken one at a time, so a
+        generator needs the memory of one frame only. With ``"420"`` odd sides grow by one
+        pixel.
+    fps : Frames per second.
+    quality : The encoder's constant rate factor, 0 (finest) to 51 (VP9: 63); 17 looks like the
+        original. Not used where ``coding`` is ``"lossless"``.
+    coding : ``"420"`` for people; ``"444"`` and ``"lossless"`` for pictures coded for a panel.
+        The latter two hold no frames back, which would take gigabytes at a panel's size. Only
+        H.264 has them.
+    preset : How thoroughly ``"420"`` is coded: ``"veryfast"`` takes less than half the time of
         ``"medium"`` for files that are a twentieth larger, ``"superfast"`` a quarter of it for
         files that are a third larger. H.264 alone.
-    codec
-        ``"h264"``, ``"hevc"`` or ``"vp9"``.
-    comment
-        Written into the file's metadata.
+    codec : ``"h264"``, ``"hevc"`` or ``"vp9"``.
+    comment : Written into the file's metadata.
 
     Returns
     -------
-    count
-        Number of frames written.
+    count : Number of frames written.
 
     Raises
     ------
-    UserError
-        If there are no frames, the format is unknown or the file can't be written.
+    UserError : If there are no frames, the format is unknown or the file can't be written.
     """
     import av
 
@@ -250,15 +241,11 @@ def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
 
     Parameters
     ----------
-    field, display, config
-        As for `encode`; ``config`` is the beginning of the motion.
-    sequence
-        The motion.
+    field, display, config : As for `encode`; ``config`` is the beginning of the motion.
 
     Yields
     ------
-    image
-        uint8 [H, W, 3], as the viewer sees the panel.
+    image : uint8 [H, W, 3], as the viewer sees the panel.
     """
     mask = ViewMask.build(display)
     for frame in range(sequence.frames):
@@ -317,24 +304,19 @@ def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
 
     Parameters
     ----------
-    field, display, config, sequence
-        As for `each_frame`.
-    out
-        ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is complete; a name without a
-        suffix: a folder of PNG files, which is resumed if some of them exist.
-    step
-        Called after each frame.
+    field, display, config, sequence : As for `each_frame`.
+    out : ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is complete; a name
+        without a suffix: a folder of PNG files, which is resumed if some of them exist.
+    step : Called after each frame.
 
     Returns
     -------
-    figures
-        ``frames``: their number; ``kept``: how many of them were there.
+    figures : ``frames``: their number; ``kept``: how many of them were there.
 
     Raises
     ------
-    UserError
-        If there are no frames, ``out`` is neither a video nor a folder, or the folder holds
-        pictures of another sequence.
+    UserError : If there are no frames, ``out`` is neither a video nor a folder, or the folder
+        holds pictures of another sequence.
     """
     out = Path(out)
     if sequence.frames < 1:

@@ -26,18 +26,11 @@ _HALF_WRITTEN = 3600.0
 
 
 class KernelCache(NamedTuple):
-    """Where compiled kernels are kept.
+    """Where compiled kernels are kept."""
 
-    Attributes
-    ----------
-    folder : What all of their folders lie in; None where none can be written.
-    functions : How many functions have compiled code there.
-    bytes : What it takes on the disk.
-    """
-
-    folder: Path | None
-    functions: int
-    bytes: int
+    folder: Path | None  # What all of their folders lie in; None where none can be written.
+    functions: int  # How many functions have compiled code there.
+    bytes: int  # What it takes on the disk.
 
 
 def vector_unit() -> tuple[str, int]:

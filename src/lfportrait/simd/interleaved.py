@@ -255,8 +255,9 @@ def look_up_way() -> str:
 
     Returns
     -------
-    way : ``"permuted"``: picked from two registers in one step (AVX-512 BW); ``"near"``: gathered,
-        but for stretches of 16 places `make_near_look_up` is quicker (AVX2); or ``"gathered"``.
+    way : ``"permuted"``: picked from two registers in one step (AVX-512 BW); ``"near"``:
+        gathered, but for stretches of 16 places `make_near_look_up` is quicker (AVX2); or
+        ``"gathered"``.
     """
     found = features()
     if found.get("avx512bw"):
@@ -274,8 +275,8 @@ def make_look_up(way: str | None = None) -> Callable[..., Any]:
     Returns
     -------
     look_up : ``look_up(array, start, index)``: the float16 values array[start + index] and
-        array[start + index + 1] lane by lane, as two float lanes. The array is C-contiguous uint16
-        and holds 64 values from ``start`` on; int lanes ``index`` lie in 0..62.
+        array[start + index + 1] lane by lane, as two float lanes. The array is C-contiguous
+        uint16 and holds 64 values from ``start`` on; int lanes ``index`` lie in 0..62.
     """
     if (way or look_up_way()) != "permuted":
         @identified("look up", False)
@@ -333,8 +334,8 @@ def make_near_look_up() -> Callable[..., Any]:
     Returns
     -------
     look_up : ``look_up(array, start, other, index)`` as `make_look_up` has it, but for the first
-        eight lanes the stretch begins at ``start``, for the last eight at ``other``. ``index`` lies
-        in 0..`NEAR`, and the array holds 17 values from either start on.
+        eight lanes the stretch begins at ``start``, for the last eight at ``other``. ``index``
+        lies in 0..`NEAR`, and the array holds 17 values from either start on.
     """
     pair = types.UniTuple(F, 2)
     eight, places = ir.VectorType(ir.FloatType(), 8), ir.VectorType(_I32, 8)

@@ -208,8 +208,7 @@ def limit_vectors() -> None:
 
     Raises
     ------
-    UserError
-        If it is no level, or one that this processor does not have.
+    UserError : If it is no level, or one that this processor does not have.
     """
     level = _level()
     if level is None:

@@ -181,8 +181,7 @@ def clean_name(name: str) -> str:
 
     Raises
     ------
-    Refusal
-        If it can't: it is empty, hidden, a device's, or holds what paths are made of.
+    Refusal : If it can't: it is empty, hidden, a device's, or holds what paths are made of.
     """
     name = unicodedata.normalize("NFC", name).strip()
     stem = name.partition(".")[0].strip().lower()
@@ -199,8 +198,7 @@ def folder_name(title: str) -> str:
 
     Raises
     ------
-    Refusal
-        If nothing is left of it.
+    Refusal : If nothing is left of it.
     """
     name = _FORBIDDEN.sub("-", unicodedata.normalize("NFC", title))
     name = "".join("-" if unicodedata.category(sign) in _FORMLESS else sign for sign in name)

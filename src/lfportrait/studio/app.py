@@ -147,21 +147,14 @@ def run(folder: Path, port: int = 0, *, browse: bool = True, quiet: bool = False
 
     Parameters
     ----------
-    folder
-        Of the projects.
-    port
-        On the loopback address; 0 takes a free one.
-    browse
-        Open the browser.
-    quiet
-        Do not print the address, but where the browser is not opened.
-    ready
-        Called with the address, once it can be reached.
+    port : On the loopback address; 0 takes a free one.
+    browse : Open the browser.
+    quiet : Do not print the address, but where the browser is not opened.
+    ready : Called with the address, once it can be reached.
 
     Raises
     ------
-    UserError
-        If the port is taken, or the folder can't be used.
+    UserError : If the port is taken, or the folder can't be used.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere this would let others take the port over
@@ -236,8 +229,8 @@ class Keys:
 
     Parameters
     ----------
-    port : That the server listens on: browsers give a machine's cookies to all its ports, so that
-        two studios need two names.
+    port : That the server listens on: browsers give a machine's cookies to all its ports, so
+        that two studios need two names.
     """
 
     def __init__(self, port: int) -> None:
@@ -264,7 +257,6 @@ class Guard:
     Parameters
     ----------
     app : What is guarded.
-    keys : Of the run.
     patience : Seconds in which JSON must be there, and in which an upload must go on.
     """
 

@@ -63,9 +63,8 @@ def batch_file(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    desk : The studio.
-    data : ``projects``, ``styles`` and ``displays``, ids each; ``versions``: sitters in the style
-        of a version, in its strength and with the regions that it keeps.
+    data : ``projects``, ``styles`` and ``displays``, ids each; ``versions``: sitters in the
+        style of a version, in its strength and with the regions that it keeps.
 
     Returns
     -------
@@ -123,12 +122,7 @@ def _photos(folder: Path, project: Project) -> dict[str, str]:
 
 
 class _Styles:
-    """The styles of a jobs file: paintings, each in the mixtures that are wanted.
-
-    Parameters
-    ----------
-    folder : Of the file.
-    """
+    """The styles of a jobs file: paintings, each in the mixtures that are wanted."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -174,7 +168,6 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
 
     Parameters
     ----------
-    desk : The studio.
     data : ``versions``: pairs of a project and a version; ``title``.
 
     Returns

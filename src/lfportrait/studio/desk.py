@@ -37,12 +37,7 @@ _LOW, _AGAIN = 2 << 30, 120.0
 
 
 class Desk:
-    """All parts of a studio.
-
-    Parameters
-    ----------
-    folder : Of the projects.
-    """
+    """All parts of a studio."""
 
     def __init__(self, folder: Path) -> None:
         self.projects = Projects(folder)

@@ -29,19 +29,13 @@ _ALIKE = 0.2
 
 @dataclass(frozen=True)
 class Panel:
-    """A display that can be chosen.
+    """A display that can be chosen."""
 
-    Attributes
-    ----------
-    id, kind : ``preset`` or ``file``.
-    display : Its parameters.
-    path : Its file; None for a preset.
-    """
-
+    # id, kind: ``preset`` or ``file``.
     id: str
     kind: str
-    display: Display
-    path: Path | None = None
+    display: Display  # Its parameters.
+    path: Path | None = None  # Its file; None for a preset.
 
     @property
     def source(self) -> str:

@@ -72,8 +72,7 @@ class Events:
 
         Parameters
         ----------
-        number
-            Of the last line that it has seen; None where it has just asked for the state.
+        number : Of the last line that it has seen; None where it has just asked for the state.
         """
         page: asyncio.Queue[str | None] = asyncio.Queue()
         with self._lock:
@@ -107,12 +106,9 @@ class Child(runner.Child):
 
     Parameters
     ----------
-    entry
-        Module and function, ``"lfportrait.studio.work.jobs:serve"``.
-    log
-        File for what it prints.
-    offline
-        Whether it may ask no network for anything.
+    entry : Module and function, ``"lfportrait.studio.work.jobs:serve"``.
+    log : File for what it prints.
+    offline : Whether it may ask no network for anything.
     """
 
     def __init__(self, entry: str, log: Path, *, offline: bool = True) -> None:

@@ -27,30 +27,17 @@ ENDED = ("done", "failed", "cancelled")
 
 @dataclass
 class StageState:
-    """One stage of a job.
+    """One stage of a job."""
 
-    Attributes
-    ----------
-    name : Fixed, for the page.
-    state : ``waiting``, ``running``, ``done``, ``failed`` or ``skipped``.
-    progress : 0 to 1, or None where it is not known.
-    note : What is being done, in English.
-    seconds : It has taken so far.
-    need : It will take, as far as is known.
-    pictures : How often it was drawn.
-    pages : How often a page was written that turns the head as far as it is made.
-    begun : When it began, in seconds since 1970.
-    """
-
-    name: str
-    state: str = "waiting"
-    progress: float | None = None
-    note: str = ""
-    seconds: float = 0.0
-    need: float = 0.0
-    pictures: int = 0
-    pages: int = 0
-    begun: float = 0.0
+    name: str  # Fixed, for the page.
+    state: str = "waiting"  # ``waiting``, ``running``, ``done``, ``failed`` or ``skipped``.
+    progress: float | None = None  # 0 to 1, or None where it is not known.
+    note: str = ""  # What is being done, in English.
+    seconds: float = 0.0  # It has taken so far.
+    need: float = 0.0  # It will take, as far as is known.
+    pictures: int = 0  # How often it was drawn.
+    pages: int = 0  # How often a page was written that turns the head as far as it is made.
+    begun: float = 0.0  # When it began, in seconds since 1970.
 
     def left(self, spent: float, pace: float = 1.0) -> float:
         """Seconds that it will go on, after so many; ``pace`` counts where it waits."""
@@ -70,8 +57,8 @@ class JobState:
     Attributes
     ----------
     id, kind, project, version, export : What is done, for whom.
-    state
-        ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or ``stopped``.
+    state : ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or
+        ``stopped``.
     order : What the process needs to know beside that.
     after : Id of the job whose end it waits for, or None.
     created, started, ended : In seconds since 1970.

@@ -38,38 +38,28 @@ def _words(config: Any, usual: Any, start: str) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Order:
-    """One job.
+    """One job."""
 
-    Attributes
-    ----------
-    kind : ``head``, ``fine``, ``check``, ``export`` or ``networks``.
-    pictures : Folder for the stages' pictures.
-    folder, job, source : The project's, the job's (`lfportrait make --out`), and what the capture
-        is made of.
-    demo : Whether the built-in head is to be photographed first.
-    options : ``quick``, and ``parameters`` by their dotted names.
-    display : A preset's name or a display file.
-    style, style_id, name : The painting (a picture or a built-in name), its id, and the project's
-        name.
-    version : Folder of the version.
-    mix : Arguments of `lfportrait.stylize.StyledField.mix`.
-    more : What else the kind needs.
-    """
-
-    kind: str
-    pictures: Path
+    kind: str  # ``head``, ``fine``, ``check``, ``export`` or ``networks``.
+    pictures: Path  # Folder for the stages' pictures.
+    # folder, job, source: The project's, the job's (`lfportrait make --out`), and what the capture
+    # is made of.
     folder: Path = Path()
     job: Path = Path()
     source: Path = Path()
-    demo: bool = False
+    demo: bool = False  # Whether the built-in head is to be photographed first.
+    # ``quick``, and ``parameters`` by their dotted names.
     options: dict[str, Any] = field(default_factory=dict)
-    display: str = "generic-4k"
+    display: str = "generic-4k"  # A preset's name or a display file.
+    # style, style_id, name: The painting (a picture or a built-in name), its id, and the project's
+    # name.
     style: str = ""
     style_id: str = ""
     name: str = ""
-    version: Path = Path()
+    version: Path = Path()  # Folder of the version.
+    # Arguments of `lfportrait.stylize.StyledField.mix`.
     mix: dict[str, Any] = field(default_factory=dict)
-    more: dict[str, Any] = field(default_factory=dict)
+    more: dict[str, Any] = field(default_factory=dict)  # What else the kind needs.
 
     def panel(self) -> Display:
         """The display."""

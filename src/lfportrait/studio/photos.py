@@ -203,8 +203,7 @@ def photo_picture(project: Project, path: Path, size: int) -> Path:
 
     Raises
     ------
-    Refusal
-        If the photo can't be read, or is a video.
+    Refusal : If the photo can't be read, or is a video.
     """
     if size not in _SIDES:
         raise Refusal("bad_request", f"size must be one of {_SIDES}", field="size")

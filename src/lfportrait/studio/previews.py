@@ -87,20 +87,16 @@ class Previews:
 
         Parameters
         ----------
-        name, facts
-            The question.
-        slot
-            A newer question of the same slot takes its place, as long as it waits.
-        turn
-            When it is asked; by default at once with a slot, else next.
-        gone
-            Returns when nobody waits for the answer any more: a question that still waits is then
-            dropped. One that is being answered is answered to its end.
+        name, facts : The question.
+        slot : A newer question of the same slot takes its place, as long as it waits.
+        turn : When it is asked; by default at once with a slot, else next.
+        gone : Returns when nobody waits for the answer any more: a question that still waits is
+            then dropped. One that is being answered is answered to its end.
 
         Raises
         ------
-        Refusal
-            If it can't be answered, nobody waits for it, or a newer one of the same slot came.
+        Refusal : If it can't be answered, nobody waits for it, or a newer one of the same slot
+            came.
         """
         if turn is None:
             turn = Turn.NOW if slot else Turn.NEXT

@@ -53,12 +53,7 @@ ADVICE = {"photos": "add photos of the sitter first",
 
 
 class Project:
-    """One sitter's folder.
-
-    Parameters
-    ----------
-    folder : The folder.
-    """
+    """One sitter's folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -181,8 +176,7 @@ class Projects:
 
     Raises
     ------
-    UserError
-        If it can't be written to, or another studio has it open.
+    UserError : If it can't be written to, or another studio has it open.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -48,19 +48,13 @@ MIRROR = [*range(16, -1, -1), *range(26, 16, -1), 27, 28, 29, 30, 35, 34, 33, 32
 
 @dataclass(frozen=True)
 class Style:
-    """One style of the gallery.
+    """One style of the gallery."""
 
-    Attributes
-    ----------
-    id, kind : ``builtin``, ``mine`` or ``project``.
-    name : For people: the file's name without its ending, or the built-in one.
-    path : The picture; None for a built-in style.
-    """
-
+    # id, kind: ``builtin``, ``mine`` or ``project``.
     id: str
     kind: str
-    name: str
-    path: Path | None = None
+    name: str  # For people: the file's name without its ending, or the built-in one.
+    path: Path | None = None  # The picture; None for a built-in style.
 
     @property
     def source(self) -> str:
@@ -265,7 +259,6 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
 
     Parameters
     ----------
-    style : The painting.
     data : A PNG whose values are places in `BY_HAND`.
     size : Width and height that it must have.
     """

@@ -24,17 +24,13 @@ PORTRAIT = "portrait"
 
 @dataclass(frozen=True)
 class Version:
-    """One version.
+    """One version."""
 
-    Attributes
-    ----------
-    id, folder : Of the version.
-    data : What ``version.json`` holds: ``name``, ``created``, ``style`` (its id), ``mix``, ``fine``
-        (stamp of what was made fine).
-    """
-
+    # id, folder: Of the version.
     id: str
     folder: Path
+    # What ``version.json`` holds: ``name``, ``created``, ``style`` (its id), ``mix``, ``fine``
+    # (stamp of what was made fine).
     data: dict[str, Any]
 
     @property
@@ -163,8 +159,7 @@ def checked_mix(mix: Any) -> dict[str, Any]:
 
     Raises
     ------
-    Refusal
-        If it is none.
+    Refusal : If it is none.
     """
     if mix is None:
         return {}

@@ -35,40 +35,20 @@ OWN = ("skin", "paper")
 
 @dataclass(frozen=True)
 class FieldTask:
-    """Inputs of another package's method.
+    """Inputs of another package's method."""
 
-    Attributes
-    ----------
-    field
-        The real field; its density stays as it is.
-    capture
-        Its capture.
-    exemplar
-        The painting.
-    background
-        Grey level behind the head.
-    seed
-        Seed of the order of the views and of all other choices.
-    progress
-        Progress line.
-    dump
-        Folder for pictures of intermediates; None writes none.
-    transfer
-        How a view is painted by example, where a method starts from one.
-    device
-        Where networks compute, a choice of ``--device``; a method that has some calls
-        `lfportrait.device.torch_device` with it, and puts that device's name
-        (`lfportrait.device.device_name`) into its figures as ``device``.
-    """
-
-    field: VoxelField
-    capture: Capture
-    exemplar: Exemplar
-    background: float = 1.0
-    seed: int = 0
-    progress: Progress | None = None
-    dump: Path | None = None
+    field: VoxelField  # The real field; its density stays as it is.
+    capture: Capture  # Its capture.
+    exemplar: Exemplar  # The painting.
+    background: float = 1.0  # Grey level behind the head.
+    seed: int = 0  # Seed of the order of the views and of all other choices.
+    progress: Progress | None = None  # Progress line.
+    dump: Path | None = None  # Folder for pictures of intermediates; None writes none.
+    # How a view is painted by example, where a method starts from one.
     transfer: TransferConfig = option(default_factory=TransferConfig)
+    # Where networks compute, a choice of ``--device``; a method that has some calls
+    # `lfportrait.device.torch_device` with it, and puts that device's name
+    # (`lfportrait.device.device_name`) into its figures as ``device``.
     device: str = "auto"
 
     def tell(self, note: str, steps: int = 0) -> None:
@@ -83,24 +63,15 @@ class FieldTask:
 
 @dataclass(frozen=True)
 class FieldMethod:
-    """A method of another package.
+    """A method of another package."""
 
-    Attributes
-    ----------
-    parameters
-        Class of its parameters, a frozen data class whose fields have defaults.
-    paint
-        Gives the colors of the field's rows, float32 [N, 3], and figures with ``seconds``. Its
-        module, and all that this imports, is part of a result's key.
-    needs_face
-        Whether it asks for the capture's landmarks.
-    networks
-        Networks of the registry (`lfportrait.models`) that it can't do without.
-    """
-
+    # Class of its parameters, a frozen data class whose fields have defaults.
     parameters: type[Any]
+    # Gives the colors of the field's rows, float32 [N, 3], and figures with ``seconds``. Its
+    # module, and all that this imports, is part of a result's key.
     paint: Callable[[FieldTask, Any], tuple[Float32, dict[str, Any]]]
-    needs_face: bool = True
+    needs_face: bool = True  # Whether it asks for the capture's landmarks.
+    # Networks of the registry (`lfportrait.models`) that it can't do without.
     networks: tuple[str, ...] = ()
 
 
@@ -109,8 +80,7 @@ def field_method(name: str) -> FieldMethod:
 
     Raises
     ------
-    UserError
-        If no installed package has it.
+    UserError : If no installed package has it.
     """
     found: FieldMethod = chosen(GROUP, name, OWN)
     return found

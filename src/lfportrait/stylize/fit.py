@@ -26,27 +26,17 @@ from .kernels import gather_colors, scatter_colors
 
 @dataclass
 class StyleView:
-    """One view, cropped to what it shows of the head.
+    """One view, cropped to what it shows of the head."""
 
-    Attributes
-    ----------
-    content : float32 [h, w, 3]: I_c, the real field's render on the background.
-    example : float32 [h, w, 3]: I_e, its example-based transfer on the background.
-    alpha : float32 [h, w].
-    confidence : float32 [h, w]: how frontally the surface is seen, 0 to 1.
-    weights : The crop's pixels as a linear map of the lattice's colors.
-    trust : float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
-        grazing.
-    result : What the transfer did, for ``--dump``; None unless asked for.
-    """
-
-    content: Float32
-    example: Float32
-    alpha: Float32
-    confidence: Float32
-    weights: SampleWeights
+    content: Float32  # float32 [h, w, 3]: I_c, the real field's render on the background.
+    example: Float32  # float32 [h, w, 3]: I_e, its example-based transfer on the background.
+    alpha: Float32  # float32 [h, w].
+    confidence: Float32  # float32 [h, w]: how frontally the surface is seen, 0 to 1.
+    weights: SampleWeights  # The crop's pixels as a linear map of the lattice's colors.
+    # float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
+    # grazing.
     trust: Float32 | None = None
-    result: Any = None
+    result: Any = None  # What the transfer did, for ``--dump``; None unless asked for.
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -112,7 +102,6 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
 
     Parameters
     ----------
-    field : The real field.
     cameras, view : Which view.
     transfer : Example-based transfer; None leaves the content as the example.
     guide : Guide anchored to the surface; None = from the landmarks' projections in each view.

@@ -219,20 +219,16 @@ def load_network(name: str, half: bool = False, place: str = "cpu") -> FeatureNe
 
     Parameters
     ----------
-    name
-        ``"vgg16"``, ``"resnet50"``, ``"vgg19-se"``, ``"vgg19-se-deep"`` or ``"embedded"``.
-    half
-        Let a large network compute in bfloat16 where the processor does (`has_half_numbers`): half
-        the time, three digits. For descents; what is measured should not depend on the processor.
-        GPUs are fast enough without.
-    place
-        Torch's name of where it computes, and where its pictures must lie
+    name : ``"vgg16"``, ``"resnet50"``, ``"vgg19-se"``, ``"vgg19-se-deep"`` or ``"embedded"``.
+    half : Let a large network compute in bfloat16 where the processor does (`has_half_numbers`):
+        half the time, three digits. For descents; what is measured should not depend on the
+        processor. GPUs are fast enough without.
+    place : Torch's name of where it computes, and where its pictures must lie
         (`lfportrait.device.torch_device`).
 
     Raises
     ------
-    UserError
-        If the name is unknown or the weights are missing.
+    UserError : If the name is unknown or the weights are missing.
     """
     if name == "embedded":
         file = resources.files("lfportrait.stylize") / "embedded.safetensors"
@@ -261,10 +257,8 @@ def content_loss(features: torch.Tensor, wanted: torch.Tensor,
 
     Parameters
     ----------
-    features, wanted
-        [C, h, w], of the render and of the content picture.
-    inside
-        bool [h, w], the places that count; by default all.
+    features, wanted : [C, h, w], of the render and of the content picture.
+    inside : bool [h, w], the places that count; by default all.
     """
     squared = (features - wanted).square().mean(dim=0)
     return squared.mean() if inside is None else squared[inside].mean()
@@ -279,19 +273,14 @@ def nearest_neighbour_loss(features: torch.Tensor, style: torch.Tensor, *,
 
     Parameters
     ----------
-    features
-        [N, C], features of the render.
-    style
-        [M, C], features of the style.
-    chunk
-        Rows of ``features`` compared at once.
-    half
-        Search in bfloat16: of two neighbours that are equally near to three digits, either.
+    features : [N, C], features of the render.
+    style : [M, C], features of the style.
+    chunk : Rows of ``features`` compared at once.
+    half : Search in bfloat16: of two neighbours that are equally near to three digits, either.
 
     Returns
     -------
-    loss
-        Scalar in [0, 2]; 0 for a picture compared with itself.
+    loss : Scalar in [0, 2]; 0 for a picture compared with itself.
     """
     unit = functional.normalize(features, dim=1, eps=1e-6)
     style_unit = functional.normalize(style, dim=1, eps=1e-6)
@@ -318,12 +307,9 @@ def laplacian_loss(image: torch.Tensor, wanted: torch.Tensor, *, pool: int = 1,
 
     Parameters
     ----------
-    image, wanted
-        [3, H, W] in [0, 1].
-    pool
-        Average pooling before the Laplacian: 1 sees single strokes, 4 to 16 the contours.
-    reduction
-        ``"mean"`` or ``"sum"``.
+    image, wanted : [3, H, W] in [0, 1].
+    pool : Average pooling before the Laplacian: 1 sees single strokes, 4 to 16 the contours.
+    reduction : ``"mean"`` or ``"sum"``.
     """
     squared = (laplacian(image, pool) - laplacian(wanted, pool)).square()
     return squared.sum() if reduction == "sum" else squared.mean()

@@ -71,7 +71,7 @@ def matching_curve(source: Float64, target: Float64) -> Float32:
 
     Returns
     -------
-    float32 [BINS] : What values at the middle of each bin become, for `toned`; the values
+    float32 [BINS]: What values at the middle of each bin become, for `toned`; the values
         themselves where one of the histograms is empty.
     """
     middles = (np.arange(BINS) + 0.5) / BINS
@@ -188,8 +188,7 @@ class MixConfig:
 
         Raises
         ------
-        UserError
-            If a region is not of the form NAME=VALUE.
+        UserError : If a region is not of the form NAME=VALUE.
         """
         regions: dict[str, RegionValue] = dict(read_regions(self.region))
         return {"strength": self.strength, "identity": self.identity, "regions": regions,
@@ -215,24 +214,17 @@ class StyledField(VoxelField):
 
     Attributes
     ----------
-    painted
-        float32 [S, N, 3], sRGB in [0, 1]: colors of the lattice rows in each of S styles, at full
-        strength, the same from all sides.
-    styles
-        Names of the S styles.
-    photo
-        float32 [N, 3], sRGB in [0, 1]: the real field's mean colors.
-    labels
-        uint8 [N, R], how far a row lies in each of R regions; 255 is wholly inside.
-    regions
-        Names of the R regions.
-    mixture
-        The arguments of `mix` that `sh` was made with.
-    painted_texels
-        int8 [S, H, W, 3], the texture's texels in each style at full strength, or None.
-    texel_rows
-        int32 [H / 4, W / 4], rounded up: the lattice row whose shares in a mix a block of 4x4
-        texels takes; or None.
+    painted : float32 [S, N, 3], sRGB in [0, 1]: colors of the lattice rows in each of S styles,
+        at full strength, the same from all sides.
+    styles : Names of the S styles.
+    photo : float32 [N, 3], sRGB in [0, 1]: the real field's mean colors.
+    labels : uint8 [N, R], how far a row lies in each of R regions; 255 is wholly inside.
+    regions : Names of the R regions.
+    mixture : The arguments of `mix` that `sh` was made with.
+    painted_texels : int8 [S, H, W, 3], the texture's texels in each style at full strength, or
+        None.
+    texel_rows : int32 [H / 4, W / 4], rounded up: the lattice row whose shares in a mix a block
+        of 4x4 texels takes; or None.
     """
 
     painted: Float32
@@ -281,21 +273,16 @@ class StyledField(VoxelField):
 
         Parameters
         ----------
-        real
-            The field, with which densities, cube and background are shared.
-        painted, styles, photo, labels, regions
-            As the attributes; colors are clipped to [0, 1]. By default the regions are
-            `lfportrait.labels.PICTURE_LABELS`.
-        textures, texel_rows
-            One texture for each style, all of the same places, and the attribute of that name; or
-            neither.
+        real : The field, with which densities, cube and background are shared.
+        painted, styles, photo, labels, regions : As the attributes; colors are clipped to [0,
+            1]. By default the regions are `lfportrait.labels.PICTURE_LABELS`.
+        textures, texel_rows : One texture for each style, all of the same places, and the
+            attribute of that name; or neither.
 
         Raises
         ------
-        UserError
-            If two styles have one name.
-        ValueError
-            If the arrays do not fit together, or hold values that are not finite.
+        UserError : If two styles have one name.
+        ValueError : If the arrays do not fit together, or hold values that are not finite.
         """
         if regions is None:
             regions = PICTURE_LABELS
@@ -321,33 +308,25 @@ class StyledField(VoxelField):
 
         Parameters
         ----------
-        strength
-            0 leaves the photo's colors, 1 gives the painting's; linear between.
-        identity
-            0 to 1: so much of the painting's luma gives way to the photo's, which a rising curve
-            has given the distribution of the painting's (rows count by their opacity). Light and
-            shade are then the person's, tones and chroma the painting's.
-        regions
-            What regions get: a number that multiplies the strength in it, the name of another
-            style, or both, as a pair or as text (``"STYLE:0.5"``). Numbers above 1, up to 4, go on
-            beyond the painting, away from the photo, and are clipped to [0, 1]. Regions are mixed
-            by their soft labels; where they overlap, the later one counts.
-        keep_colors
-            Take the luma of all this alone, with the photo's chroma.
-        keep
-            Regions that stay as in the photo, whatever else is said of them.
-        style
-            Style of everything else; None takes the first.
+        strength : 0 leaves the photo's colors, 1 gives the painting's; linear between.
+        identity : 0 to 1: so much of the painting's luma gives way to the photo's, which a
+            rising curve has given the distribution of the painting's (rows count by their
+            opacity). Light and shade are then the person's, tones and chroma the painting's.
+        regions : What regions get: a number that multiplies the strength in it, the name of
+            another style, or both, as a pair or as text (``"STYLE:0.5"``). Numbers above 1, up
+            to 4, go on beyond the painting, away from the photo, and are clipped to [0, 1].
+            Regions are mixed by their soft labels; where they overlap, the later one counts.
+        keep_colors : Take the luma of all this alone, with the photo's chroma.
+        keep : Regions that stay as in the photo, whatever else is said of them.
+        style : Style of everything else; None takes the first.
 
         Returns
         -------
-        styled
-            A field with other `sh`, degree 0; everything else is shared.
+        styled : A field with other `sh`, degree 0; everything else is shared.
 
         Raises
         ------
-        UserError
-            If a region or a style is unknown, or a number out of range.
+        UserError : If a region or a style is unknown, or a number out of range.
         """
         strength = number(strength, "the strength", 1.0)
         identity = number(identity, "the identity", 1.0)
@@ -439,13 +418,11 @@ class StyledField(VoxelField):
 
         Parameters
         ----------
-        path
-            File name, ending in ``.npz``.
+        path : File name, ending in ``.npz``.
 
         Raises
         ------
-        UserError
-            If the file has another ending or can't be written.
+        UserError : If the file has another ending or can't be written.
         """
         more: dict[str, Any] = {}
         if self.texture is not None and self.painted_texels is not None:
@@ -466,15 +443,12 @@ class StyledField(VoxelField):
 
         Parameters
         ----------
-        path
-            The file.
-        shown
-            The same file as `VoxelField.load` reads it, where it has been read already.
+        path : The file.
+        shown : The same file as `VoxelField.load` reads it, where it has been read already.
 
         Raises
         ------
-        UserError
-            If the file is missing, damaged, or a field without colors to mix.
+        UserError : If the file is missing, damaged, or a field without colors to mix.
         """
         plain_field = VoxelField.load(path) if shown is None else shown
         arrays = read_arrays(path, (*_KEYS, *_TEXTURE_KEYS))
@@ -517,21 +491,17 @@ def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
 
     Parameters
     ----------
-    path
-        The file.
-    shown
-        The same file as `VoxelField.load` reads it, where it has been read already; what is laid
-        out of it is used.
+    path : The file.
+    shown : The same file as `VoxelField.load` reads it, where it has been read already; what is
+        laid out of it is used.
 
     Returns
     -------
-    field
-        A `StyledField`, or a plain `VoxelField` where the file holds one.
+    field : A `StyledField`, or a plain `VoxelField` where the file holds one.
 
     Raises
     ------
-    UserError
-        If the file is missing, damaged or not a field.
+    UserError : If the file is missing, damaged or not a field.
     """
     plain_field = VoxelField.load(path) if shown is None else shown
     mixable = "painted" in read_arrays(path, ("painted",))

@@ -60,7 +60,8 @@ class Refinement:
     model : The colors; changed in place.
     views : What they should show.
     config : Weights, networks, steps.
-    constants : Content features by view of an earlier refinement of the same views (`Constants`).
+    constants : Content features by view of an earlier refinement of the same views
+        (`Constants`).
     device : Where the networks compute, a choice of ``--device``. The colors stay in the main
         memory: a step takes one render there and one gradient back.
     """
@@ -317,8 +318,7 @@ def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
 
     Parameters
     ----------
-    field, capture, exemplar
-        As small as can be; the capture has landmarks.
+    field, capture, exemplar : As small as can be; the capture has landmarks.
     """
     assert capture.landmarks is not None
     skin = Skin.of(field, capture.landmarks, capture.cameras, pixels=64.0, networks=False)

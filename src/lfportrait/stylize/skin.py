@@ -51,21 +51,14 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
 
     Parameters
     ----------
-    path
-        The field's file.
-    field
-        The field, or what gives it: it is needed only where there is no skin yet.
-    capture
-        Its capture, with landmarks.
-    pixels
-        Pixels per world unit.
-    kept
-        The skin's file, where it is not to lie beside the field's.
+    field : The field, or what gives it: it is needed only where there is no skin yet.
+    capture : Its capture, with landmarks.
+    pixels : Pixels per world unit.
+    kept : The skin's file, where it is not to lie beside the field's.
 
     Raises
     ------
-    UserError
-        If the capture has no landmarks, or ``pixels`` is out of range.
+    UserError : If the capture has no landmarks, or ``pixels`` is out of range.
     """
     if capture.landmarks is None:
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
@@ -148,8 +141,6 @@ def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1)
 
     Parameters
     ----------
-    field : The real field.
-    skin : Of the field.
     background : Grey level behind the head.
     step : Use every ``step``-th pixel; a power of two up to 16.
     """
@@ -231,10 +222,8 @@ class ChartLattice:
 
     Parameters
     ----------
-    field : Its densities count.
-    skin : Of the field.
-    step : Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is made
-        when it is needed: all of them take four times the room of a preview's.
+    step : Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is
+        made when it is needed: all of them take four times the room of a preview's.
     arrays : From `arrays` of such a lattice, instead of finding the weights again.
     whole : Keep all maps at the full resolution, too: for several paintings.
 
@@ -363,7 +352,8 @@ def surface_texture(styled: VoxelField, painting: Painting,
     ----------
     styled : The field with its colors after the painting, the same in all directions.
     painting : On the field's skin.
-    lattice : How the field shows in its charts at the painting's resolution, where that is known.
+    lattice : How the field shows in its charts at the painting's resolution, where that is
+        known.
     """
     skin, step = painting.skin, painting.step
     once = lattice is None and step == 1

@@ -72,13 +72,10 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
 
     Parameters
     ----------
-    skin
-        Of a field (`Skin.of`).
-    exemplar
-        The painting.
-    config
-        Parameters; ``preview`` halves the resolution. For several paintings by one exemplar, keep
-        a `SkinPainter`.
+    skin : Of a field (`Skin.of`).
+    exemplar : The painting.
+    config : Parameters; ``preview`` halves the resolution. For several paintings by one
+        exemplar, keep a `SkinPainter`.
     """
     config = config or StylizeConfig()
     return Painters().of(exemplar, skin, config).paint(skin, PREVIEW if config.preview else 1)
@@ -103,12 +100,8 @@ class Sitter:
 
     Parameters
     ----------
-    field, capture
-        The real field, and its capture with landmarks.
-    config
-        Parameters.
-    skin
-        Of the field; None computes it.
+    field, capture : The real field, and its capture with landmarks.
+    skin : Of the field; None computes it.
     """
 
     def __init__(self, field: VoxelField, capture: Capture, config: StylizeConfig,
@@ -198,8 +191,7 @@ class NearbyPainters(Painters):
 
     Parameters
     ----------
-    kept
-        Painters that may serve, too.
+    kept : Painters that may serve, too.
     """
 
     MOST = 1
@@ -361,27 +353,20 @@ def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[E
 
     Parameters
     ----------
-    field, capture
-        The real radiance field, and its capture: the landmarks in space, and where the photos were
-        taken from.
-    exemplar
-        The painting with its landmarks, or several; the field shows the first.
-    config
-        Parameters.
-    progress
-        Progress line.
-    device
-        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
-    dump
-        Folder for pictures of intermediates; None writes none.
-    skin
-        Of the field, where it is known already (`Skin.of`).
+    field, capture : The real radiance field, and its capture: the landmarks in space, and where
+        the photos were taken from.
+    exemplar : The painting with its landmarks, or several; the field shows the first.
+    config : Parameters.
+    progress : Progress line.
+    device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
+        (`lfportrait.device`).
+    dump : Folder for pictures of intermediates; None writes none.
+    skin : Of the field, where it is known already (`Skin.of`).
 
     Raises
     ------
-    UserError
-        If the capture has no landmarks, a region to keep is unknown, or weights of networks are
-        missing.
+    UserError : If the capture has no landmarks, a region to keep is unknown, or weights of
+        networks are missing.
     """
     return stylize_with_figures(field, capture, exemplar, config, progress, device, dump, skin)[0]
 
@@ -395,39 +380,28 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
 
     Parameters
     ----------
-    field
-        The real radiance field.
-    capture
-        Its capture: the landmarks in space, and where the photos were taken from.
-    exemplar
-        The painting with its landmarks, or several; the field shows the first.
-    config
-        Parameters.
-    progress
-        Progress line.
-    device
-        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
-    dump
-        Folder for pictures of intermediates; None writes none.
-    skin
-        Of the field, where it is known already (`Skin.of`, `kept_skin`).
-    painters
-        Exemplars that were prepared before (`Session` keeps them).
+    field : The real radiance field.
+    capture : Its capture: the landmarks in space, and where the photos were taken from.
+    exemplar : The painting with its landmarks, or several; the field shows the first.
+    device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
+        (`lfportrait.device`).
+    dump : Folder for pictures of intermediates; None writes none.
+    skin : Of the field, where it is known already (`Skin.of`, `kept_skin`).
+    painters : Exemplars that were prepared before (`Session` keeps them).
 
     Returns
     -------
-    styled, figures
-        A field with direction-independent colors, which can be mixed again (`StyledField.mix`),
-        and with the same densities but for its vignette (`lfportrait.stylize.vignette`); and the
-        figures for ``--json``: per-term losses and gradient norms, networks, ``device`` (where the
-        networks computed; painting and fit are on the CPU), ``vignette`` (where the bust is cut
-        off: below, left, right), ``seconds``, ``notices`` on what sitter and exemplar do not share.
+    styled, figures : A field with direction-independent colors, which can be mixed again
+        (`StyledField.mix`), and with the same densities but for its vignette
+        (`lfportrait.stylize.vignette`); and the figures for ``--json``: per-term losses and
+        gradient norms, networks, ``device`` (where the networks computed; painting and fit are
+        on the CPU), ``vignette`` (where the bust is cut off: below, left, right), ``seconds``,
+        ``notices`` on what sitter and exemplar do not share.
 
     Raises
     ------
-    UserError
-        If the capture has no landmarks, a region to keep is unknown, or weights of networks are
-        missing.
+    UserError : If the capture has no landmarks, a region to keep is unknown, or weights of
+        networks are missing.
     """
     config = config or StylizeConfig()
     exemplars = [exemplar] if isinstance(exemplar, Exemplar) else list(exemplar)

@@ -72,19 +72,13 @@ SHEET = 9
 
 @dataclass(frozen=True)
 class End:
-    """A cut of a bust, and the width of the vignette at it.
+    """A cut of a bust, and the width of the vignette at it."""
 
-    Attributes
-    ----------
-    name : ``"below"``, ``"left"`` or ``"right"``, as seen from the front.
-    normal, height : Its plane: the bust lies where ``points @ normal > height``.
-    width : World units.
-    """
-
-    name: str
+    name: str  # ``"below"``, ``"left"`` or ``"right"``, as seen from the front.
+    # normal, height: Its plane: the bust lies where ``points @ normal > height``.
     normal: Float64
     height: float
-    width: float
+    width: float  # World units.
 
 
 def vignetted(field: VoxelField, capture: Capture, seed: int = 0) -> tuple[VoxelField, list[End]]:
@@ -121,22 +115,15 @@ def vignetted(field: VoxelField, capture: Capture, seed: int = 0) -> tuple[Voxel
 
 @dataclass(frozen=True)
 class _Low:
-    """The part of a field below the chin.
+    """The part of a field below the chin."""
 
-    Attributes
-    ----------
-    links : int32 [Z, Y, X], the lower part of the lattice.
-    rows, points : Lattice rows in it, int32 [N], and their places, float32 [N, 3].
-    solid : bool [N], the surface.
-    face : float64 [L, 3], landmarks.
-    chin, tall : Height of the chin, and of the face from there to the brows.
-    """
-
-    links: Int32
+    links: Int32  # int32 [Z, Y, X], the lower part of the lattice.
+    # rows, points: Lattice rows in it, int32 [N], and their places, float32 [N, 3].
     rows: Int32
     points: Float32
-    solid: Bool
-    face: Float64
+    solid: Bool  # bool [N], the surface.
+    face: Float64  # float64 [L, 3], landmarks.
+    # chin, tall: Height of the chin, and of the face from there to the brows.
     chin: float
     tall: float
 

@@ -177,18 +177,13 @@ class NetworkConfig(BaselineConfig):
 
 @dataclass
 class Painted:
-    """A picture stylised by a published method.
+    """A picture stylised by a published method."""
 
-    Attributes
-    ----------
-    image : float32 [H, W, 3] in [0, 1].
-    seconds : ``precalculation_seconds`` (once per style), ``guides_seconds`` and
-        ``synthesis_seconds`` (per picture).
-    pictures : Intermediates by name, uint8 or float in [0, 1].
-    """
-
-    image: Float32
+    image: Float32  # float32 [H, W, 3] in [0, 1].
+    # ``precalculation_seconds`` (once per style), ``guides_seconds`` and ``synthesis_seconds`` (per
+    # picture).
     seconds: dict[str, float]
+    # Intermediates by name, uint8 or float in [0, 1].
     pictures: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False)
 
     def dump(self, folder: str | Path) -> None:

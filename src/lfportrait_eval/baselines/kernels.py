@@ -118,8 +118,8 @@ def flood(red, green, appearance, style_red, style_green, style_appearance, seed
     style_red, style_green, style_appearance : int32 [w], [h], [h, w], guides of the exemplar.
     seeds : int32 [H, W], flat exemplar index that a pixel takes if it becomes a seed.
     box : (left, top, right, bottom): where seeds are set; chunks may grow out of it.
-    place, look, threshold : Weights of the error, and its limit in a chunk. A seed itself is always
-        accepted.
+    place, look, threshold : Weights of the error, and its limit in a chunk. A seed itself is
+        always accepted.
     out : int32 [H, W], filled with flat exemplar indices; `NOWHERE` where no chunk has come.
     """
     height, width = red.shape

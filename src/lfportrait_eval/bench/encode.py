@@ -74,36 +74,25 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
 
     Parameters
     ----------
-    field
-        The field to code.
-    sizes
-        Of `PANELS`.
-    masks
-        Of `MASKS`: with and without the stored mask guide (Shen et al. 2023, Table 1).
-    rivals
-        Of ``sizes``: where the other ways are measured.
-    repeats
-        The shortest of so many runs counts.
-    config
-        Coding.
-    device
-        Where to code, a choice of ``--device``; on a GPU there is no mask, and ``masks`` is left
-        out.
-    progress
-        Progress line.
+    field : The field to code.
+    sizes : Of `PANELS`.
+    masks : Of `MASKS`: with and without the stored mask guide (Shen et al. 2023, Table 1).
+    rivals : Of ``sizes``: where the other ways are measured.
+    repeats : The shortest of so many runs counts.
+    config : Coding.
+    device : Where to code, a choice of ``--device``; on a GPU there is no mask, and ``masks`` is
+        left out.
 
     Returns
     -------
-    figures
-        ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``,
-        ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps of
-        half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
-        `device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all
-        views rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``:
-        seconds at the middle size by their number and by degrees. ``mask``: a list with
-        ``build_seconds``,
-        ``load_seconds``, ``with_seconds`` (load and code), ``without_seconds`` (build and code),
-        ``bytes``.
+    figures : ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``,
+        ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps
+        of half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
+        `device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all views
+        rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``: seconds
+        at the middle size by their number and by degrees. ``mask``: a list with
+        ``build_seconds``, ``load_seconds``, ``with_seconds`` (load and code),
+        ``without_seconds`` (build and code), ``bytes``.
     """
     config = config or EncodeConfig()
     adapter = gpu_adapter(device)
@@ -141,17 +130,13 @@ def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, rep
 
     Parameters
     ----------
-    field
-        The field to code.
-    sizes
-        Of `MASKS`, at least one.
-    repeats, config, progress
-        As for `bench_encode`.
+    field : The field to code.
+    sizes : Of `MASKS`, at least one.
+    repeats, config, progress : As for `bench_encode`.
 
     Returns
     -------
-    rows
-        ``resolution``, and the figures of ``mask`` in `bench_encode`.
+    rows : ``resolution``, and the figures of ``mask`` in `bench_encode`.
     """
     config = config or EncodeConfig()
     # A small picture compiles the kernels before the clock starts.
@@ -253,9 +238,9 @@ def device_figures(field: VoxelField, display: Display, config: EncodeConfig,
 
     Returns
     -------
-    figures : ``device_seconds`` of coding, the field being there; ``shade_seconds`` of evaluating
-        its colors for the views; ``copy_seconds``: the floor, a copy of as many bytes as the field
-        and the picture have, within the device's memory.
+    figures : ``device_seconds`` of coding, the field being there; ``shade_seconds`` of
+        evaluating its colors for the views; ``copy_seconds``: the floor, a copy of as many
+        bytes as the field and the picture have, within the device's memory.
     """
     process = gpu_process(adapter)
     config = composed(field, display, config)
@@ -279,22 +264,16 @@ def bench_print(field: VoxelField, config: PrintConfig | None = None, *, repeats
 
     Parameters
     ----------
-    field
-        The field to print.
-    config
-        Page and lens sheet; by default 8 x 10 inches at 720 dpi without border, 60.12 lpi.
-    repeats
-        The shortest of so many runs counts.
-    progress
-        Progress line.
+    field : The field to print.
+    config : Page and lens sheet; by default 8 x 10 inches at 720 dpi without border, 60.12 lpi.
+    repeats : The shortest of so many runs counts.
 
     Returns
     -------
-    figures
-        ``rays`` and ``usual``: ``seconds`` with the file written, ``cpu_seconds`` of all cores
-        together, ``memory_bytes`` beyond the field's, ``psnr`` (dB) of what an eye sees through
-        the lenses at nine places, the mean and the ``worst``, against the field rendered from
-        there; ``usual`` also by its parts and ``times_slower``. ``pixels``,
+    figures : ``rays`` and ``usual``: ``seconds`` with the file written, ``cpu_seconds`` of all
+        cores together, ``memory_bytes`` beyond the field's, ``psnr`` (dB) of what an eye sees
+        through the lenses at nine places, the mean and the ``worst``, against the field
+        rendered from there; ``usual`` also by its parts and ``times_slower``. ``pixels``,
         ``pixels_per_lens``, ``depth_scale``.
     """
     config = config or PrintConfig(lpi=60.12, bleed=0.0, margin=0.0)

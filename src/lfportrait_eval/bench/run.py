@@ -74,25 +74,16 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
 
     Parameters
     ----------
-    capture
-        What to reconstruct.
-    config
-        Parameters; by default a schedule of a million and a half rays that takes seconds.
-    render_size
-        Width and height of the view that the rendering speed is measured on.
-    repeats
-        The fastest of so many renders counts.
-    plot
-        File for a picture of the PSNR over time.
-    device
-        Where to train and to render, a choice of ``--device``.
-    progress
-        Progress line.
+    capture : What to reconstruct.
+    config : Parameters; by default a schedule of a million and a half rays that takes seconds.
+    render_size : Width and height of the view that the rendering speed is measured on.
+    repeats : The fastest of so many renders counts.
+    plot : File for a picture of the PSNR over time.
+    device : Where to train and to render, a choice of ``--device``.
 
     Returns
     -------
-    figures
-        ``device``, by its name; ``seconds``, ``train_rays_per_second`` with everything,
+    figures : ``device``, by its name; ``seconds``, ``train_rays_per_second`` with everything,
         ``kernel_rays_per_second`` of casting forward and backward alone on the finest lattice,
         ``floor`` (`training_floor`, on a GPU `device_floor`) for the latter,
         ``render_rays_per_second``, ``test`` (PSNR, SSIM), ``voxels``, ``levels``, ``curve``
@@ -148,25 +139,17 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
 
     Parameters
     ----------
-    field, capture
-        The real field and its capture with landmarks.
-    exemplar
-        The painting; the embedded one by default.
-    by_views
-        How it is stylised by painted views; its steps of refinement are also those on the skin. By
-        default five views of 320 pixels, and six steps.
-    pixels
-        Of the skin per world unit; None: as by default.
-    progress
-        Progress line.
-    device
-        Where the networks compute, a choice of ``--device``.
+    field, capture : The real field and its capture with landmarks.
+    exemplar : The painting; the embedded one by default.
+    by_views : How it is stylised by painted views; its steps of refinement are also those on the
+        skin. By default five views of 320 pixels, and six steps.
+    pixels : Of the skin per world unit; None: as by default.
+    device : Where the networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures
-        ``device`` of the networks; ``skin_seconds``; ``preview_seconds`` (the second one, with
-        another seed); ``exemplar_seconds`` (preparing a painting); ``paint_seconds``,
+    figures : ``device`` of the networks; ``skin_seconds``; ``preview_seconds`` (the second one,
+        with another seed); ``exemplar_seconds`` (preparing a painting); ``paint_seconds``,
         ``fit_iteration_seconds``, ``step_seconds`` on the skin; the networks; and ``views`` by
         painted views: ``view_seconds`` (render, transfer, weights of a view),
         ``fit_iteration_seconds``, ``step_seconds``.
@@ -235,26 +218,18 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
 
     Parameters
     ----------
-    what
-        ``"encode"``, ``"print"``, ``"reconstruct"``, ``"transfer"``, ``"stylize"`` or ``"all"``.
-    field
-        Field file; without it, the embedded head is reconstructed first.
-    capture
-        Capture to reconstruct and stylise; the embedded one by default.
-    plot
-        File for a picture of the reconstruction's PSNR over time.
-    full
-        Reconstruct by the default schedule instead of in seconds.
-    device
-        Where to compute, a choice of ``--device``.
-    progress
-        Progress line.
+    what : ``"encode"``, ``"print"``, ``"reconstruct"``, ``"transfer"``, ``"stylize"`` or
+        ``"all"``.
+    field : Field file; without it, the embedded head is reconstructed first.
+    capture : Capture to reconstruct and stylise; the embedded one by default.
+    plot : File for a picture of the reconstruction's PSNR over time.
+    full : Reconstruct by the default schedule instead of in seconds.
+    device : Where to compute, a choice of ``--device``.
 
     Returns
     -------
-    figures
-        Those of the measurement, with ``machine`` and ``peak_memory_bytes``; for ``"all"`` one
-        entry each.
+    figures : Those of the measurement, with ``machine`` and ``peak_memory_bytes``; for ``"all"``
+        one entry each.
     """
     def run(name: str) -> dict[str, Any]:
         if name == "encode":
@@ -349,14 +324,15 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
     ----------
     rates : Of `machine_rates`.
     samples : Samples of a ray that take light.
-    rows : Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
-        must come from memory to be seen, and come and go when its record is taken up.
+    rows : Records of lattice points that a ray leaves (its packet's, by sixteen): each point's
+        row must come from memory to be seen, and come and go when its record is taken up.
     width : Values of a lattice point's row, 4 bytes each.
 
     Returns
     -------
-    figures : ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
-        ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
+    figures : ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``,
+        ``memory_rays_per_second``, ``compute_rays_per_second`` and the smaller of the two,
+        ``rays_per_second``.
     """
     lines = rows * 3.0 * width * 4.0 / 64.0
     # A sample: density, three colors and back five slopes of eight corners, and an exponential.
@@ -374,7 +350,6 @@ def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dic
 
     Parameters
     ----------
-    process : The device's process.
     rays : Rays of a step.
     rows, width : As for `training_floor`.
 
@@ -420,8 +395,7 @@ def read_measured(path: Path) -> dict[str, Any]:
 
     Raises
     ------
-    UserError
-        If it is no such file.
+    UserError : If it is no such file.
     """
     if not path.exists():
         return {"runs": {}, "figures": {}}
@@ -437,22 +411,16 @@ def record(path: Path, what: str, figures: Mapping[str, Any], command: str, *,
 
     Parameters
     ----------
-    path
-        The file; made where there is none.
-    what
-        What was measured, a choice of ``lfportrait bench``; before the figures' names, but for
-        ``all`` and ``job``, whose names begin with what they are.
-    figures
-        As the command's ``--json`` has them, with ``machine``.
-    command
-        The command.
-    date, commit
-        By default today's, and that of the checkout.
+    path : The file; made where there is none.
+    what : What was measured, a choice of ``lfportrait bench``; before the figures' names, but
+        for ``all`` and ``job``, whose names begin with what they are.
+    figures : As the command's ``--json`` has them, with ``machine``.
+    command : The command.
+    date, commit : By default today's, and that of the checkout.
 
     Raises
     ------
-    UserError
-        If the file exists and is none of measured figures.
+    UserError : If the file exists and is none of measured figures.
     """
     known = read_measured(path)
     commit = commit or commit_of_checkout()

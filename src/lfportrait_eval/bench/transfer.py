@@ -50,23 +50,16 @@ def bench_transfer(image: UInt8 | None = None,
 
     Parameters
     ----------
-    image, landmarks
-        uint8 [H, W, 3] and its [68, 2] landmarks; by default the embedded head, 768 x 1024.
-    exemplar
-        The painting; the embedded one by default.
-    repeats
-        The fastest of so many runs counts; the slow methods run once.
-    methods
-        Which of `METHODS`.
-    network
-        Training of the network; by default it lasts 20 seconds.
-    progress
-        Progress line.
+    image, landmarks : uint8 [H, W, 3] and its [68, 2] landmarks; by default the embedded head,
+        768 x 1024.
+    exemplar : The painting; the embedded one by default.
+    repeats : The fastest of so many runs counts; the slow methods run once.
+    methods : Which of `METHODS`.
+    network : Training of the network; by default it lasts 20 seconds.
 
     Returns
     -------
-    figures
-        For each method ``precalculation_seconds`` (once per style), ``guides_seconds``,
+    figures : For each method ``precalculation_seconds`` (once per style), ``guides_seconds``,
         ``synthesis_seconds`` (with voting and blending), ``frame_seconds``,
         ``frames_per_second``, ``patch_fidelity``. For ``styleblit`` also ``table_seconds`` and
         ``prepare_seconds`` (the whole pre-calculation); for ``faceblit``

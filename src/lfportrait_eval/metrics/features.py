@@ -66,9 +66,8 @@ def style_distance(pictures: Sequence[UInt8], exemplar: Sequence[UInt8],
 
     Returns
     -------
-    figures
-        ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see the
-        module for what these are, and are not.
+    figures : ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see
+        the module for what these are, and are not.
     """
     ours, theirs = (inception_features(those, device=device) for those in (pictures, exemplar))
     figures: dict[str, Any] = {f"fid_{name}": frechet_distance(ours[name], theirs[name])
@@ -83,20 +82,15 @@ def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None,
 
     Parameters
     ----------
-    a, b
-        float [H, W, 3] in [0, 1].
-    mask
-        bool [H, W], the pixels that count.
-    network
-        Name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand, else the
-        embedded network.
-    device
-        Where the network computes, a choice of ``--device``.
+    a, b : float [H, W, 3] in [0, 1].
+    mask : bool [H, W], the pixels that count.
+    network : Name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand,
+        else the embedded network.
+    device : Where the network computes, a choice of ``--device``.
 
     Returns
     -------
-    distance
-        0 (equal) to 4, mean over the layers.
+    distance : 0 (equal) to 4, mean over the layers.
     """
     import torch
 
@@ -269,24 +263,18 @@ def inception_features(pictures: Iterable[UInt8], batch: int = 8, *,
 
     Parameters
     ----------
-    pictures
-        uint8 [H, W, 3] each; resized to 299 x 299 (bilinear).
-    batch
-        Pictures at once.
-    full
-        Also the features of 2048 dimensions, after the last block (the usual FID).
-    device
-        Where the network computes, a choice of ``--device``.
+    pictures : uint8 [H, W, 3] each; resized to 299 x 299 (bilinear).
+    batch : Pictures at once.
+    full : Also the features of 2048 dimensions, after the last block (the usual FID).
+    device : Where the network computes, a choice of ``--device``.
 
     Returns
     -------
-    features
-        ``"64"``, ``"192"``, ``"768"``, and ``"2048"``: float64 [N, 64] and so on.
+    features : ``"64"``, ``"192"``, ``"768"``, and ``"2048"``: float64 [N, 64] and so on.
 
     Raises
     ------
-    UserError
-        If the weights (``inception``; ``inception-2048`` for the last) are missing.
+    UserError : If the weights (``inception``; ``inception-2048`` for the last) are missing.
     """
     import torch
 
@@ -407,24 +395,18 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
 
     Parameters
     ----------
-    a, b
-        float [H, W, 3] in [0, 1], at least 32 pixels wide and high.
-    mask
-        bool [H, W], the pixels that count; all by default.
-    network
-        Whose features.
-    device
-        Where the network computes, a choice of ``--device``.
+    a, b : float [H, W, 3] in [0, 1], at least 32 pixels wide and high.
+    mask : bool [H, W], the pixels that count; all by default.
+    network : Whose features.
+    device : Where the network computes, a choice of ``--device``.
 
     Returns
     -------
-    distance
-        0 for equal pictures, about 0.7 for unlike ones. NaN where the mask is empty.
+    distance : 0 for equal pictures, about 0.7 for unlike ones. NaN where the mask is empty.
 
     Raises
     ------
-    UserError
-        If its networks (`LPIPS_NETWORKS`) are missing; nothing is downloaded.
+    UserError : If its networks (`LPIPS_NETWORKS`) are missing; nothing is downloaded.
     """
     import torch
 

@@ -45,42 +45,28 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
 
     Parameters
     ----------
-    field, styled
-        The real and the stylised field (same densities).
-    exemplar
-        The painting; without it the distances to the style are left out.
-    cone
-        Width in degrees of the arc for consistency; identity is measured from -45 to +45.
-    views
-        Views on that arc.
-    size
-        Width and height of the renders in pixels.
-    crops
-        Crops of renders and exemplar compared by Inception features.
-    seed
-        Seed of the samples.
-    labels
-        Regions of the rows, for repeats; by default those that ``styled`` carries, if it does.
-    landmarks
-        [68, 3] in space, for the size of the face in the views for repeats.
-    wanted
-        What was painted, seen in a view, for the sharpness.
-    close
-        Width and height in pixels of the renders for repeats and sharpness.
-    progress
-        Progress line.
-    device
-        Where networks compute, a choice of ``--device``.
+    field, styled : The real and the stylised field (same densities).
+    exemplar : The painting; without it the distances to the style are left out.
+    cone : Width in degrees of the arc for consistency; identity is measured from -45 to +45.
+    views : Views on that arc.
+    size : Width and height of the renders in pixels.
+    crops : Crops of renders and exemplar compared by Inception features.
+    seed : Seed of the samples.
+    labels : Regions of the rows, for repeats; by default those that ``styled`` carries, if it
+        does.
+    landmarks : [68, 3] in space, for the size of the face in the views for repeats.
+    wanted : What was painted, seen in a view, for the sharpness.
+    close : Width and height in pixels of the renders for repeats and sharpness.
+    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures
-        ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the face
-        detector is at hand), ``content`` (feature distance of stylised and real views; LPIPS, too,
-        if its networks are at hand), ``style`` (if an exemplar is given), ``repeats``
-        (`region_repeats` at the ends and the middle of the arc, in profile and from behind; needs
-        an exemplar and labels), ``sharpness`` (of the views at the ends and in the middle, and
-        their ``mean``; needs ``wanted``). What could not be measured is None.
+    figures : ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the
+        face detector is at hand), ``content`` (feature distance of stylised and real views;
+        LPIPS, too, if its networks are at hand), ``style`` (if an exemplar is given),
+        ``repeats`` (`region_repeats` at the ends and the middle of the arc, in profile and from
+        behind; needs an exemplar and labels), ``sharpness`` (of the views at the ends and in
+        the middle, and their ``mean``; needs ``wanted``). What could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -127,15 +113,12 @@ def landmarks_kept(field: VoxelField, styled: VoxelField, size: int = 384) -> di
 
     Parameters
     ----------
-    field, styled
-        The real and the stylised field.
-    size
-        Width and height of the views in pixels.
+    field, styled : The real and the stylised field.
+    size : Width and height of the views in pixels.
 
     Returns
     -------
-    figures
-        See `lfportrait_eval.metrics.identity`.
+    figures : See `lfportrait_eval.metrics.identity`.
     """
     from lfportrait.face import detect_landmarks
 
@@ -187,25 +170,18 @@ def evaluate_job(job: str | Path, exemplar: Exemplar | None = None, *,
 
     Parameters
     ----------
-    job
-        Folder that `lfportrait make` or `demo` wrote.
-    exemplar
-        The job's exemplar, for the distances to the style.
-    progress
-        Progress line.
-    options
-        Passed on to `evaluate_field`.
+    job : Folder that `lfportrait make` or `demo` wrote.
+    exemplar : The job's exemplar, for the distances to the style.
+    options : Passed on to `evaluate_field`.
 
     Returns
     -------
-    figures
-        Those of `evaluate_field`, and ``test``: PSNR and SSIM of the held-out views of the real
-        field.
+    figures : Those of `evaluate_field`, and ``test``: PSNR and SSIM of the held-out views of the
+        real field.
 
     Raises
     ------
-    UserError
-        If the folder is not a finished job.
+    UserError : If the folder is not a finished job.
     """
     job = Path(job)
     for name in ("capture", "field.npz", "styled.npz"):

@@ -102,11 +102,11 @@ def nearest_patches(since, until, image, width, rows, columns, points, source, s
     rows, columns : int64 [Q], first pixels of the patches; neighbours one after the other.
     points : float32 [Q * 16], the patches' short vectors.
     side : Side of a patch in pixels.
-    keys, order : float32 [N * 16] and int64 [N], short vectors and numbers (y * (w - side + 1) + x)
-        of all patches of ``source``, in the order of the tree's leaves.
+    keys, order : float32 [N * 16] and int64 [N], short vectors and numbers (y * (w - side + 1) +
+        x) of all patches of ``source``, in the order of the tree's leaves.
     leaf : int64 [L + 1], the first patch of each leaf; L is a power of two.
-    low, high : float32 [2 L * 16], boxes of the tree's nodes: node n has the children 2 n and 2 n +
-        1, the root is 1, the leaves are L .. 2 L - 1.
+    low, high : float32 [2 L * 16], boxes of the tree's nodes: node n has the children 2 n and 2
+        n + 1, the root is 1, the leaves are L .. 2 L - 1.
     """
     pitch, source_pitch = 3 * width, 3 * source_width
     across, down = source_width - side + 1, source_height - side + 1

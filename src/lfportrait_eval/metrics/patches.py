@@ -61,10 +61,8 @@ class PatchIndex:
 
     Parameters
     ----------
-    exemplar
-        [h, w, 3], uint8 or float in [0, 1].
-    size
-        Side of a patch in pixels, odd.
+    exemplar : [h, w, 3], uint8 or float in [0, 1].
+    size : Side of a patch in pixels, odd.
     """
 
     def __init__(self, exemplar: NDArray[Any], size: int = 7) -> None:
@@ -107,10 +105,9 @@ class PatchIndex:
 
         Parameters
         ----------
-        image
-            [H, W, 3], uint8 or float in [0, 1].
-        rows, columns
-            [Q], the patches' first pixels, faster where neighbours follow each other.
+        image : [H, W, 3], uint8 or float in [0, 1].
+        rows, columns : [Q], the patches' first pixels, faster where neighbours follow each
+            other.
 
         Returns
         -------
@@ -182,21 +179,16 @@ def patch_fidelity(image: NDArray[Any], exemplar: NDArray[Any],
 
     Parameters
     ----------
-    image, exemplar
-        [H, W, 3] and [H', W', 3], uint8 or float in [0, 1].
-    mask
-        bool [H, W], where the middles of the patches may lie; everywhere by default.
-    size
-        Side of a patch in pixels, odd.
-    samples
-        Patches looked up, about; see `spread_places`.
-    seed
-        Seed of their places.
+    image, exemplar : [H, W, 3] and [H', W', 3], uint8 or float in [0, 1].
+    mask : bool [H, W], where the middles of the patches may lie; everywhere by default.
+    size : Side of a patch in pixels, odd.
+    samples : Patches looked up, about; see `spread_places`.
+    seed : Seed of their places.
 
     Returns
     -------
-    distance
-        Root mean square difference in CIE Lab over a patch's pixels (delta E), mean over the
-        patches; 0 for a picture copied from the exemplar. NaN where the mask leaves nothing.
+    distance : Root mean square difference in CIE Lab over a patch's pixels (delta E), mean over
+        the patches; 0 for a picture copied from the exemplar. NaN where the mask leaves
+        nothing.
     """
     return PatchIndex(exemplar, size).fidelity(image, mask, samples=samples, seed=seed)

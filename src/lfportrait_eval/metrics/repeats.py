@@ -77,21 +77,11 @@ LEAST_PEAK = 0.1
 
 
 class Repeat(NamedTuple):
-    """The strongest repeat of a region.
+    """The strongest repeat of a region."""
 
-    Attributes
-    ----------
-    peak
-        Correlation in [0, 1] of the region with itself, moved; NaN for an empty region.
-    lag
-        Down and to the right, in pixels; (0, 0) where there is no peak.
-    chance
-        In [0, 1], how high a peak independent strokes reach by chance at that overlap.
-    """
-
-    peak: float
-    lag: tuple[int, int]
-    chance: float
+    peak: float  # Correlation in [0, 1] of the region with itself, moved; NaN for an empty region.
+    lag: tuple[int, int]  # Down and to the right, in pixels; (0, 0) where there is no peak.
+    chance: float  # In [0, 1], how high a peak independent strokes reach by chance at that overlap.
 
 
 def luma(picture: NDArray[Any]) -> Float32:
@@ -174,25 +164,20 @@ def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
 
     Parameters
     ----------
-    picture
-        [H, W, 3], uint8 or float in [0, 1].
-    mask
-        bool [H, W], the region, without the silhouette.
-    unit
-        Size of the face in pixels (`lfportrait.example.face_size`), > 0.
-    overlap
-        Least share in (0, 1] of the region that must lie in the region again when it is moved.
+    picture : [H, W, 3], uint8 or float in [0, 1].
+    mask : bool [H, W], the region, without the silhouette.
+    unit : Size of the face in pixels (`lfportrait.example.face_size`), > 0.
+    overlap : Least share in (0, 1] of the region that must lie in the region again when it is
+        moved.
 
     Returns
     -------
-    repeat
-        See `Repeat`. Its peak is 0 where no lag but the lobe's overlaps enough, NaN where the mask
-        is empty.
+    repeat : See `Repeat`. Its peak is 0 where no lag but the lobe's overlaps enough, NaN where
+        the mask is empty.
 
     Raises
     ------
-    ValueError
-        If picture and mask differ in size, or the unit or the overlap is out of range.
+    ValueError : If picture and mask differ in size, or the unit or the overlap is out of range.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
@@ -239,23 +224,18 @@ def repeat_ratio(picture: NDArray[Any], mask: Bool, exemplar: NDArray[Any],
 
     Parameters
     ----------
-    picture, mask
-        [H, W, 3], uint8 or float in [0, 1], and the region, bool [H, W].
-    exemplar, exemplar_mask
-        The same of the exemplar, [h, w, 3] and [h, w], resized so that its face has the size of the
-        picture's.
-    unit
-        Size of either face in pixels.
-    overlap
-        See `strongest_repeat`.
+    picture, mask : [H, W, 3], uint8 or float in [0, 1], and the region, bool [H, W].
+    exemplar, exemplar_mask : The same of the exemplar, [h, w, 3] and [h, w], resized so that its
+        face has the size of the picture's.
+    unit : Size of either face in pixels.
+    overlap : See `strongest_repeat`.
 
     Returns
     -------
-    ratio
-        About 1 where the picture repeats itself no more than the exemplar does; NaN where one of
-        the regions is empty. The exemplar's peak is taken to be at least `LEAST_PEAK` and at least
-        what chance gives in the picture's region: a plain exemplar, or one with a larger region
-        under finer strokes, does not make a repeat of what is none.
+    ratio : About 1 where the picture repeats itself no more than the exemplar does; NaN where
+        one of the regions is empty. The exemplar's peak is taken to be at least `LEAST_PEAK`
+        and at least what chance gives in the picture's region: a plain exemplar, or one with a
+        larger region under finer strokes, does not make a repeat of what is none.
     """
     ours = strongest_repeat(picture, mask, unit, overlap=overlap)
     theirs = strongest_repeat(exemplar, exemplar_mask, unit, overlap=overlap)
@@ -284,18 +264,10 @@ BODY = ("neck", "clothes")
 
 @dataclass(frozen=True)
 class RowLabels:
-    """How far the rows of a field lie in each of some regions.
+    """How far the rows of a field lie in each of some regions."""
 
-    Attributes
-    ----------
-    weights
-        uint8 [N, R]; 255 is wholly inside.
-    names
-        Names of the R regions, as in `lfportrait.example.PICTURE_LABELS`.
-    """
-
-    weights: UInt8
-    names: tuple[str, ...]
+    weights: UInt8  # uint8 [N, R]; 255 is wholly inside.
+    names: tuple[str, ...]  # Names of the R regions, as in `lfportrait.example.PICTURE_LABELS`.
 
     @staticmethod
     def of(styled: VoxelField) -> RowLabels | None:
@@ -323,20 +295,15 @@ class RowLabels:
 
         Parameters
         ----------
-        field
-            A field whose rows these are.
-        cameras
-            V views.
-        names
-            Regions that are wanted; those without labels are left out.
-        margin
-            Pixels that a region keeps from its borders and from the head's silhouette.
+        field : A field whose rows these are.
+        cameras : V views.
+        names : Regions that are wanted; those without labels are left out.
+        margin : Pixels that a region keeps from its borders and from the head's silhouette.
 
         Returns
         -------
-        masks
-            For each view a bool [H, W] by region: pixels of the head (opacity over 0.5) that lie in
-            it by more than half.
+        masks : For each view a bool [H, W] by region: pixels of the head (opacity over 0.5) that
+            lie in it by more than half.
         """
         if len(self.weights) != len(field.density):
             raise ValueError(f"labels of {len(self.weights)} rows are not those of a field of "
@@ -380,21 +347,14 @@ def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    unit
-        Wanted size of its face in pixels (`Exemplar.size`).
-    names
-        Regions of `lfportrait.example.PICTURE_LABELS`; others are left out.
-    margin
-        Pixels that a region keeps from its borders.
+    unit : Wanted size of its face in pixels (`Exemplar.size`).
+    names : Regions of `lfportrait.example.PICTURE_LABELS`; others are left out.
+    margin : Pixels that a region keeps from its borders.
 
     Returns
     -------
-    picture
-        uint8 [h, w, 3].
-    masks
-        bool [h, w] by region.
+    picture : uint8 [h, w, 3].
+    masks : bool [h, w] by region.
     """
     labels = exemplar.regions().labels()
     height, width = exemplar.image.shape[:2]
@@ -418,28 +378,18 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
 
     Parameters
     ----------
-    styled
-        The stylised field.
-    exemplar
-        Its painting.
-    labels
-        Of the field's rows.
-    names
-        Regions to measure; ``body`` is neck, shoulders and clothes.
-    degrees
-        Yaws of the views.
-    size
-        Width and height of the views in pixels.
-    landmarks
-        [68, 3] in space, for the size of the face; see `face_unit`.
+    labels : Of the field's rows.
+    names : Regions to measure; ``body`` is neck, shoulders and clothes.
+    degrees : Yaws of the views.
+    size : Width and height of the views in pixels.
+    landmarks : [68, 3] in space, for the size of the face; see `face_unit`.
 
     Returns
     -------
-    figures
-        By region: ``views`` (the peak of `strongest_repeat` by yaw), ``exemplar`` (its own peak at
-        the same scale), ``chance`` (of the worst view) and ``ratio``, the worst view's peak over
-        that of the exemplar (`over_exemplar`). NaN where a view or the exemplar shows less than
-        `LEAST_AREA` of the region; the ratio is then over chance alone.
+    figures : By region: ``views`` (the peak of `strongest_repeat` by yaw), ``exemplar`` (its own
+        peak at the same scale), ``chance`` (of the worst view) and ``ratio``, the worst view's
+        peak over that of the exemplar (`over_exemplar`). NaN where a view or the exemplar shows
+        less than `LEAST_AREA` of the region; the ratio is then over chance alone.
     """
     unit = face_unit(styled, size, landmarks)
     cameras = arc_cameras(styled, degrees, size)
@@ -482,21 +432,17 @@ def gradient_energy(picture: NDArray[Any], mask: Bool) -> float:
 
     Parameters
     ----------
-    picture
-        [H, W, 3], uint8 or float in [0, 1]; NaN where it is unknown.
-    mask
-        bool [H, W], the pixels that count. A silhouette inside it counts as detail: erode it.
+    picture : [H, W, 3], uint8 or float in [0, 1]; NaN where it is unknown.
+    mask : bool [H, W], the pixels that count. A silhouette inside it counts as detail: erode it.
 
     Returns
     -------
-    energy
-        Luma squared per pixel squared, >= 0, by forward differences: of each pixel that is known
-        and in the mask together with those to its right and below. NaN without any.
+    energy : Luma squared per pixel squared, >= 0, by forward differences: of each pixel that is
+        known and in the mask together with those to its right and below. NaN without any.
 
     Raises
     ------
-    ValueError
-        If picture and mask differ in size.
+    ValueError : If picture and mask differ in size.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
@@ -510,27 +456,22 @@ def sharpness(rendered: NDArray[Any], wanted: NDArray[Any], mask: Bool, *,
 
     Parameters
     ----------
-    rendered
-        [H, W, 3], uint8 or float in [0, 1].
-    wanted
-        [H, W, 3], what was painted; NaN where it is unknown. Its values beside the head don't
-        matter.
-    mask
-        bool [H, W], the head.
-    margin
-        Pixels that the mask is eroded by, so that no silhouette counts. Holes of ``wanted`` are not
-        widened: only differences between known pixels count, the same ones in both pictures.
+    rendered : [H, W, 3], uint8 or float in [0, 1].
+    wanted : [H, W, 3], what was painted; NaN where it is unknown. Its values beside the head
+        don't matter.
+    mask : bool [H, W], the head.
+    margin : Pixels that the mask is eroded by, so that no silhouette counts. Holes of ``wanted``
+        are not widened: only differences between known pixels count, the same ones in both
+        pictures.
 
     Returns
     -------
-    ratio
-        >= 0; 1 where both are equally sharp. NaN where nothing is left to compare, or where
+    ratio : >= 0; 1 where both are equally sharp. NaN where nothing is left to compare, or where
         ``wanted`` is flat.
 
     Raises
     ------
-    ValueError
-        If the pictures and the mask differ in size.
+    ValueError : If the pictures and the mask differ in size.
     """
     if not rendered.shape[:2] == wanted.shape[:2] == mask.shape:
         raise ValueError(f"pictures {rendered.shape} and {wanted.shape} and a mask {mask.shape} "

@@ -63,19 +63,16 @@ def warp(image: NDArray[Any], cameras: Camera, source: int, target: int,
 
     Parameters
     ----------
-    image
-        float [H, W, 3], seen from view ``source``.
-    cameras, source, target
-        The two views.
-    depth_source, depth_target
-        float32 [H, W], depth along the optical axis, infinite where there is no surface.
+    image : float [H, W, 3], seen from view ``source``.
+    cameras, source, target : The two views.
+    depth_source, depth_target : float32 [H, W], depth along the optical axis, infinite where
+        there is no surface.
 
     Returns
     -------
-    warped
-        float32 [H', W', 3], the source's colors in the target view, bilinear; 0 where invalid.
-    valid
-        bool [H', W']: both views see the same surface there, away from depth edges.
+    warped : float32 [H', W', 3], the source's colors in the target view, bilinear; 0 where
+        invalid.
+    valid : bool [H', W']: both views see the same surface there, away from depth edges.
     """
     height, width = depth_target.shape
     valid = _smooth(depth_target)
@@ -111,9 +108,8 @@ def pair_error(target: NDArray[Any], warped: NDArray[Any], valid: Bool,
 
     Returns
     -------
-    rmse, normalised
-        Both NaN where no pixel is valid; the second also where the target's contrast is below one
-        grey level.
+    rmse, normalised : Both NaN where no pixel is valid; the second also where the target's
+        contrast is below one grey level.
     """
     if not valid.any():
         return float("nan"), float("nan")
@@ -135,24 +131,18 @@ def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering
 
     Parameters
     ----------
-    stylised
-        V stylised views, float [H, W, 3] in [0, 1].
-    renderings
-        The same views of the real field: colors for the floor, depths for the warps.
-    cameras
-        V cameras, in order along an arc.
-    gaps
-        Distances between the views of a pair; those that are too long are left out. The two
+    stylised : V stylised views, float [H, W, 3] in [0, 1].
+    renderings : The same views of the real field: colors for the floor, depths for the warps.
+    cameras : V cameras, in order along an arc.
+    gaps : Distances between the views of a pair; those that are too long are left out. The two
         outermost views are always compared, as ``extremes``.
-    compare
-        Further distances by name, of a stylised view and the other one warped into it.
+    compare : Further distances by name, of a stylised view and the other one warped into it.
 
     Returns
     -------
-    figures
-        For ``gap_1``, ``gap_7``, ..., ``extremes``: ``rmse``, ``floor_rmse`` (the real field),
-        ``normalised``, ``floor_normalised``, ``valid`` (share of the surface's pixels that count),
-        ``pairs``, and those of ``compare``; means over the pairs.
+    figures : For ``gap_1``, ``gap_7``, ..., ``extremes``: ``rmse``, ``floor_rmse`` (the real
+        field), ``normalised``, ``floor_normalised``, ``valid`` (share of the surface's pixels
+        that count), ``pairs``, and those of ``compare``; means over the pairs.
     """
     count = len(stylised)
     if not (len(renderings) == len(cameras) == count):
@@ -205,8 +195,7 @@ def landmark_error(found: NDArray[np.floating], wanted: NDArray[np.floating]) ->
 
     Parameters
     ----------
-    found, wanted
-        [68, 2] pixels, iBUG order. Normalised by ``wanted``'s eyes.
+    found, wanted : [68, 2] pixels, iBUG order. Normalised by ``wanted``'s eyes.
     """
     eyes = float(np.linalg.norm(wanted[_OUTER_EYES[0]] - wanted[_OUTER_EYES[1]]))
     return float(np.linalg.norm(found[_INNER] - wanted[_INNER], axis=1).mean()) / max(eyes, 1e-9)
@@ -218,15 +207,12 @@ def identity(stylised: Sequence[UInt8], real: Sequence[UInt8],
 
     Parameters
     ----------
-    stylised, real
-        uint8 [H, W, 3] each, pairs of the same view.
-    detect
-        Picture -> landmarks [68, 2] or None; e.g. `lfportrait.face.detect_landmarks`.
+    stylised, real : uint8 [H, W, 3] each, pairs of the same view.
+    detect : Picture -> landmarks [68, 2] or None; e.g. `lfportrait.face.detect_landmarks`.
 
     Returns
     -------
-    figures
-        ``nme`` (mean over the views where both faces are found, NaN if there is none),
+    figures : ``nme`` (mean over the views where both faces are found, NaN if there is none),
         ``detected`` (share of the faces found in the real views that are found in the stylised
         ones), ``views`` (faces found in the real views).
     """
@@ -248,10 +234,8 @@ def contour_correlation(a: NDArray[Any], b: NDArray[Any], mask: Bool) -> float:
 
     Parameters
     ----------
-    a, b
-        float [H, W, 3].
-    mask
-        bool [H, W], the pixels that count.
+    a, b : float [H, W, 3].
+    mask : bool [H, W], the pixels that count.
     """
     strengths = [ndimage.gaussian_gradient_magnitude(
         np.asarray(image, np.float64) @ (0.299, 0.587, 0.114), 1.5)[mask] for image in (a, b)]
@@ -273,12 +257,9 @@ def arc_cameras(field: VoxelField, degrees: Sequence[float] | NDArray[np.floatin
 
     Parameters
     ----------
-    field
-        Whose extent to frame.
-    degrees
-        Yaw of each camera; 0 is the front, positive yaws are towards +x.
-    size
-        Width and height of the pictures in pixels.
+    field : Whose extent to frame.
+    degrees : Yaw of each camera; 0 is the front, positive yaws are towards +x.
+    size : Width and height of the pictures in pixels.
     """
     front = sweep_cameras(0.0, 1, size, field)
     # A sweep's cameras differ in yaw alone: turn the frontal one about the vertical axis.
@@ -299,19 +280,13 @@ def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDA
 
     Parameters
     ----------
-    landmarks
-        [68, 3] in space.
-    degrees
-        Yaw of each camera.
-    size
-        Width and height of the pictures in pixels.
-    distance
-        Of the cameras from the middle of the head, in the field's units.
-    room
-        Height of what is seen, over 2.3 times the distance of brows and chin.
-    back
-        How far the middle lies behind the landmarks' mean, in the same heights: 0.13 for views
-        from the front, a quarter where profiles shall not lose the back of the head.
+    landmarks : [68, 3] in space.
+    degrees : Yaw of each camera.
+    size : Width and height of the pictures in pixels.
+    distance : Of the cameras from the middle of the head, in the field's units.
+    room : Height of what is seen, over 2.3 times the distance of brows and chin.
+    back : How far the middle lies behind the landmarks' mean, in the same heights: 0.13 for
+        views from the front, a quarter where profiles shall not lose the back of the head.
     """
     brows, chin = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmin(landmarks[:, 1]))
     high = 2.3 * (brows - chin)
@@ -326,12 +301,8 @@ def face_unit(field: VoxelField, size: int,
 
     Parameters
     ----------
-    field
-        The head.
-    size
-        Width and height of the view in pixels.
-    landmarks
-        [68, 3] in space; without them the size that heads usually have (`FACE`).
+    size : Width and height of the view in pixels.
+    landmarks : [68, 3] in space; without them the size that heads usually have (`FACE`).
     """
     if landmarks is None:
         return FACE * size
@@ -341,18 +312,10 @@ def face_unit(field: VoxelField, size: int,
 
 @dataclass(frozen=True)
 class Arc:
-    """The real field seen along an arc: what stylised fields are measured against.
+    """The real field seen along an arc: what stylised fields are measured against."""
 
-    Attributes
-    ----------
-    cameras
-        V cameras in order, an odd number for a view from the front.
-    real
-        V renderings.
-    """
-
-    cameras: Camera
-    real: list[Rendering]
+    cameras: Camera  # V cameras in order, an odd number for a view from the front.
+    real: list[Rendering]  # V renderings.
 
     @staticmethod
     def of(field: VoxelField, cone: float = 40.0, views: int = 21, size: int = 384,
@@ -361,16 +324,10 @@ class Arc:
 
         Parameters
         ----------
-        field
-            The real field.
-        cone
-            Width of the arc in degrees.
-        views
-            Number of views on it, evenly apart.
-        size
-            Width and height of a view in pixels.
-        say
-            Called with what is being done.
+        cone : Width of the arc in degrees.
+        views : Number of views on it, evenly apart.
+        size : Width and height of a view in pixels.
+        say : Called with what is being done.
         """
         cameras = arc_cameras(field, np.linspace(-cone / 2, cone / 2, views), size)
         real = []
@@ -407,21 +364,14 @@ def views_fidelity(styled: VoxelField, patches: PatchIndex,
 
     Parameters
     ----------
-    styled
-        The stylised field.
-    patches
-        The exemplar's patches.
-    degrees
-        Yaws of the views.
-    size
-        Width and height of the views in pixels.
-    seed
-        Of the patches' places.
+    degrees : Yaws of the views.
+    size : Width and height of the views in pixels.
+    seed : Of the patches' places.
 
     Returns
     -------
-    distance
-        Mean over the views of `PatchIndex.fidelity` on the head (opacity over 0.5), in delta E.
+    distance : Mean over the views of `PatchIndex.fidelity` on the head (opacity over 0.5), in
+        delta E.
     """
     cameras = arc_cameras(styled, degrees, size)
     shots = [styled.render(cameras, view) for view in range(len(cameras))]

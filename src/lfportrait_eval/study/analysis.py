@@ -29,18 +29,12 @@ _Z = 1.959963984540054
 
 @dataclass(frozen=True)
 class Share:
-    """A share with its 95 % interval.
+    """A share with its 95 % interval."""
 
-    Attributes
-    ----------
-    count, total
-        How many of how many.
-    share, low, high
-        The share and the ends of its interval.
-    """
-
+    # count, total: How many of how many.
     count: int
     total: int
+    # share, low, high: The share and the ends of its interval.
     share: float
     low: float
     high: float
@@ -51,10 +45,8 @@ def wilson(count: int, total: int, effective: float | None = None) -> Share:
 
     Parameters
     ----------
-    count, total
-        How many of how many; ``total`` is at least 1.
-    effective
-        How many independent answers these are worth; ``total`` by default.
+    count, total : How many of how many; ``total`` is at least 1.
+    effective : How many independent answers these are worth; ``total`` by default.
     """
     n = float(total if effective is None else effective)
     share = count / total
@@ -72,13 +64,11 @@ def effective_answers(counts: NDArray[np.integer]) -> float:
 
     Parameters
     ----------
-    counts
-        [people, 2] answers of each kind.
+    counts : [people, 2] answers of each kind.
 
     Returns
     -------
-    number
-        Never more than the answers.
+    number : Never more than the answers.
     """
     each = counts.sum(axis=1)
     people, total = len(counts), int(each.sum())
@@ -114,13 +104,11 @@ def kendall_agreement(counts: NDArray[np.integer]) -> float:
 
     Parameters
     ----------
-    counts
-        [items, 2] answers of each kind; items with fewer than two answers don't count.
+    counts : [items, 2] answers of each kind; items with fewer than two answers don't count.
 
     Returns
     -------
-    u
-        NaN if no item has two answers.
+    u : NaN if no item has two answers.
     """
     n = counts.sum(axis=1)
     couples = (n * (n - 1)).sum()
@@ -132,13 +120,12 @@ def fleiss_kappa(counts: NDArray[np.integer]) -> float:
 
     Parameters
     ----------
-    counts
-        [items, kinds] answers of each kind; each item has as many.
+    counts : [items, kinds] answers of each kind; each item has as many.
 
     Returns
     -------
-    kappa
-        NaN if the items have fewer than two answers, or not as many each, or all are of one kind.
+    kappa : NaN if the items have fewer than two answers, or not as many each, or all are of one
+        kind.
     """
     people = counts.sum(axis=1)
     if not len(counts) or people.min() != people.max() or people[0] < 2:
@@ -154,13 +141,11 @@ def krippendorff_alpha(counts: NDArray[np.integer]) -> float:
 
     Parameters
     ----------
-    counts
-        [items, kinds] answers of each kind; items with fewer than two answers don't count.
+    counts : [items, kinds] answers of each kind; items with fewer than two answers don't count.
 
     Returns
     -------
-    alpha
-        NaN if nothing can be compared, or all answers are of one kind.
+    alpha : NaN if nothing can be compared, or all answers are of one kind.
     """
     counts = counts[counts.sum(axis=1) > 1]
     n = counts.sum(axis=1, keepdims=True)
@@ -175,19 +160,14 @@ def krippendorff_alpha(counts: NDArray[np.integer]) -> float:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Strengths of methods.
+    """Strengths of methods."""
 
-    Attributes
-    ----------
-    strength, low, high
-        [methods] logarithms of p with mean 0, and the ends of their 95 % intervals over people.
-    expected
-        [methods] share of choices that a method would win against each of the others in turn.
-    """
-
+    # strength, low, high: [methods] logarithms of p with mean 0, and the ends of their 95 %
+    # intervals over people.
     strength: Float64
     low: Float64
     high: Float64
+    # [methods] share of choices that a method would win against each of the others in turn.
     expected: Float64
 
 
@@ -203,27 +183,21 @@ def bradley_terry(wins: NDArray[np.floating], compared: Bool | None = None,
 
     Parameters
     ----------
-    wins
-        [..., methods, methods] how often the row's method was preferred to the column's; the
+    wins : [..., methods, methods] how often the row's method was preferred to the column's; the
         diagonal is 0.
-    compared
-        [methods, methods] which are taken to have met once more, undecided; by default all that
-        have met in any of ``wins``.
-    prior
-        Wins that each of two that were compared gets on top; 0 for the plain model, in which
+    compared : [methods, methods] which are taken to have met once more, undecided; by default
+        all that have met in any of ``wins``.
+    prior : Wins that each of two that were compared gets on top; 0 for the plain model, in which
         a method that always wins, or never does, has no finite strength.
-    steps, tolerance
-        Largest number of steps, and the change of a logarithm that ends them.
+    steps, tolerance : Largest number of steps, and the change of a logarithm that ends them.
 
     Returns
     -------
-    strength
-        [..., methods] logarithms of p, with mean 0.
+    strength : [..., methods] logarithms of p, with mean 0.
 
     Raises
     ------
-    ValueError
-        If the methods fall into groups that have never met.
+    ValueError : If the methods fall into groups that have never met.
     """
     met: Bool = np.asarray(wins + np.swapaxes(wins, -1, -2) > 0)
     if compared is None:
@@ -252,12 +226,9 @@ def rank(wins: NDArray[np.floating], samples: int = 2000, seed: int = 0) -> Rank
 
     Parameters
     ----------
-    wins
-        [people, methods, methods] see `bradley_terry`.
-    samples
-        How often people are drawn.
-    seed
-        Seed of it.
+    wins : [people, methods, methods] see `bradley_terry`.
+    samples : How often people are drawn.
+    seed : Seed of it.
     """
     people = len(wins)
     together = wins.sum(axis=0)
@@ -273,30 +244,18 @@ def rank(wins: NDArray[np.floating], samples: int = 2000, seed: int = 0) -> Rank
 
 @dataclass(frozen=True)
 class Trial:
-    """One pair as one person saw it.
+    """One pair as one person saw it."""
 
-    Attributes
-    ----------
-    pair, sitter, style
-        Number of the pair in the study, and who is painted in it and how.
-    left, right
-        Methods by side.
-    repeat
-        Whether the pair came for the second time.
-    choices
-        Question -> ``"left"`` or ``"right"``.
-    seconds
-        Question -> time that the answer took.
-    """
-
+    # pair, sitter, style: Number of the pair in the study, and who is painted in it and how.
     pair: int
     sitter: str
     style: str
+    # left, right: Methods by side.
     left: str
     right: str
-    repeat: bool
-    choices: dict[str, str]
-    seconds: dict[str, float]
+    repeat: bool  # Whether the pair came for the second time.
+    choices: dict[str, str]  # Question -> ``"left"`` or ``"right"``.
+    seconds: dict[str, float]  # Question -> time that the answer took.
 
     def winner(self, question: str) -> str:
         """The method that was preferred."""
@@ -305,25 +264,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Answers:
-    """All answers of one person.
+    """All answers of one person."""
 
-    Attributes
-    ----------
-    file
-        Where they come from.
-    study, person
-        Names of the study and of the person.
-    questions
-        What was asked.
-    trials
-        In the order in which they were shown.
-    """
-
-    file: Path
+    file: Path  # Where they come from.
+    # study, person: Names of the study and of the person.
     study: str
     person: str
-    questions: tuple[Question, ...]
-    trials: tuple[Trial, ...]
+    questions: tuple[Question, ...]  # What was asked.
+    trials: tuple[Trial, ...]  # In the order in which they were shown.
 
 
 def _need(right: bool, wrong: str) -> None:
@@ -424,21 +372,17 @@ def read_answers(files: Sequence[Path], study: Path | None = None,
 
     Parameters
     ----------
-    files
-        Answer files.
-    study
-        The study's ``study.json``, or its folder, to check the answers against; without it, the
-        study that most of the files answer counts.
+    files : Answer files.
+    study : The study's ``study.json``, or its folder, to check the answers against; without it,
+        the study that most of the files answer counts.
 
     Returns
     -------
-    answers, left_out
-        What can be used, and files with the reason why they can't.
+    answers, left_out : What can be used, and files with the reason why they can't.
 
     Raises
     ------
-    UserError
-        If no file can be used; the reasons are in it.
+    UserError : If no file can be used; the reasons are in it.
     """
     design = None if study is None else _design(study)
     read: list[Answers] = []
@@ -575,22 +519,19 @@ def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
 
     Parameters
     ----------
-    people
-        Answers of different people to the same study. Pairs that came again count for
+    people : Answers of different people to the same study. Pairs that came again count for
         ``self_agreement`` and ``left`` alone.
-    seed
-        Seed of the bootstrap.
+    seed : Seed of the bootstrap.
 
     Returns
     -------
-    figures
-        ``study``, ``people``, ``answers``, ``questions``, ``methods``; ``preferences`` for each
-        question and two methods (the share of the first with its Wilson interval, by the number of
-        ``effective`` answers, and by all as ``wilson_low`` and ``wilson_high``; for how many
-        people it was the one they chose more often, the sign test's ``p`` of that and ``p_holm``,
-        corrected for the number of tests); ``ranking`` by question (None if some methods have never
-        met); ``agreement``, ``self_agreement`` and ``left`` by question; ``not_compared``, methods
-        that no pair shows; ``seconds_per_answer``, the median.
+    figures : ``study``, ``people``, ``answers``, ``questions``, ``methods``; ``preferences`` for
+        each question and two methods (the share of the first with its Wilson interval, by the
+        number of ``effective`` answers, and by all as ``wilson_low`` and ``wilson_high``; for
+        how many people it was the one they chose more often, the sign test's ``p`` of that and
+        ``p_holm``, corrected for the number of tests); ``ranking`` by question (None if some
+        methods have never met); ``agreement``, ``self_agreement`` and ``left`` by question;
+        ``not_compared``, methods that no pair shows; ``seconds_per_answer``, the median.
     """
     shown = [(answers, trial) for answers in people for trial in answers.trials
              if not trial.repeat]

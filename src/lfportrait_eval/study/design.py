@@ -54,18 +54,10 @@ from lfportrait.version import __version__
 
 @dataclass(frozen=True)
 class Question:
-    """One question about a pair of portraits.
+    """One question about a pair of portraits."""
 
-    Attributes
-    ----------
-    name
-        Short name, in files and tables.
-    text
-        What people read; the answer is the left or the right portrait.
-    """
-
-    name: str
-    text: str
+    name: str  # Short name, in files and tables.
+    text: str  # What people read; the answer is the left or the right portrait.
 
 
 QUESTIONS = (
@@ -103,13 +95,12 @@ def questions_of(choice: str) -> tuple[Question, ...]:
 
     Parameters
     ----------
-    choice
-        ``"all"``, ``"paper"`` or a text file, one ``name: text`` a line; ``#`` begins a comment.
+    choice : ``"all"``, ``"paper"`` or a text file, one ``name: text`` a line; ``#`` begins a
+        comment.
 
     Raises
     ------
-    UserError
-        If the file is missing or a line is not a question.
+    UserError : If the file is missing or a line is not a question.
     """
     if choice in ("all", "paper"):
         return QUESTIONS if choice == "all" else QUESTIONS[:1]
@@ -141,22 +132,15 @@ _PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 
 @dataclass(frozen=True)
 class Entry:
-    """One portrait of the study.
+    """One portrait of the study."""
 
-    Attributes
-    ----------
-    method, sitter, style
-        Who painted whom, and how.
-    video
-        The portrait as it turns.
-    painting, photo
-        The exemplar and the sitter, uint8 [H, W, 3]; the photo is None where there is none.
-    """
-
+    # method, sitter, style: Who painted whom, and how.
     method: str
     sitter: str
     style: str
-    video: Path
+    video: Path  # The portrait as it turns.
+    # painting, photo: The exemplar and the sitter, uint8 [H, W, 3]; the photo is None where there
+    # is none.
     painting: UInt8 | None = field(default=None, compare=False, repr=False)
     photo: UInt8 | None = field(default=None, compare=False, repr=False)
 
@@ -258,22 +242,18 @@ def entries_of(jobs: Sequence[str], pictures: Sequence[Path] = ()) -> list[Entry
 
     Parameters
     ----------
-    jobs
-        Folders that `lfportrait make` or `demo` wrote, and videos; ``METHOD=PATH`` or
+    jobs : Folders that `lfportrait make` or `demo` wrote, and videos; ``METHOD=PATH`` or
         ``METHOD:SITTER:STYLE=PATH`` says what a portrait is called.
-    pictures
-        Paintings and photos, by the names of styles and sitters.
+    pictures : Paintings and photos, by the names of styles and sitters.
 
     Returns
     -------
-    entries
-        In order of sitter, style and method. Those of one sitter and style have the same painting
-        and photo.
+    entries : In order of sitter, style and method. Those of one sitter and style have the same
+        painting and photo.
 
     Raises
     ------
-    UserError
-        If something is missing, a method occurs twice, or there is nothing to compare.
+    UserError : If something is missing, a method occurs twice, or there is nothing to compare.
     """
     entries = _named([_entry(word) for word in jobs])
     extra = {path.stem: _on_white(read_image(path)) for path in pictures}
@@ -306,19 +286,12 @@ def entries_of(jobs: Sequence[str], pictures: Sequence[Path] = ()) -> list[Entry
 
 @dataclass(frozen=True)
 class Pair:
-    """Two portraits that are compared.
+    """Two portraits that are compared."""
 
-    Attributes
-    ----------
-    first, second
-        Numbers of the entries; the first is the left one unless sides are swapped.
-    methods
-        Their methods.
-    """
-
+    # first, second: Numbers of the entries; the first is the left one unless sides are swapped.
     first: int
     second: int
-    methods: tuple[str, str]
+    methods: tuple[str, str]  # Their methods.
 
 
 Sheet = tuple[tuple[int, bool], ...]
@@ -330,16 +303,13 @@ def pairs_of(entries: Sequence[Entry], seed: int = 0) -> list[Pair]:
 
     Parameters
     ----------
-    entries
-        The portraits.
-    seed
-        Seed of the order of sitters and styles.
+    entries : The portraits.
+    seed : Seed of the order of sitters and styles.
 
     Returns
     -------
-    pairs
-        In an order of which any stretch has the pairs of methods equally often, up to one, if each
-        sitter and style has all methods.
+    pairs : In an order of which any stretch has the pairs of methods equally often, up to one,
+        if each sitter and style has all methods.
     """
     generator = np.random.default_rng(seed)
     groups: dict[tuple[str, str], list[int]] = {}
@@ -391,20 +361,16 @@ def sheets_of(pairs: Sequence[Pair], pairs_per_person: int = 0) -> list[Sheet]:
 
     Parameters
     ----------
-    pairs
-        Those of `pairs_of`.
-    pairs_per_person
-        Pairs on one sheet; 0 for all.
+    pairs : Those of `pairs_of`.
+    pairs_per_person : Pairs on one sheet; 0 for all.
 
     Returns
     -------
-    sheets
-        Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
+    sheets : Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
 
     Raises
     ------
-    UserError
-        If there are fewer pairs than a person should see.
+    UserError : If there are fewer pairs than a person should see.
     """
     if not 0 <= pairs_per_person <= len(pairs):
         raise UserError(f"--pairs-per-person must be 1 to {len(pairs)}, the number of pairs, or 0 "
@@ -502,29 +468,22 @@ def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None
 
     Parameters
     ----------
-    jobs
-        What is compared: see `entries_of`.
-    out
-        Folder for ``index.html`` (opens offline), ``study.json`` and, where the videos are large,
-        ``media/``.
-    config
-        Questions, pairs and looks.
-    seed
-        Seed of the order in which pairs are dealt out.
-    progress
-        Progress line.
+    jobs : What is compared: see `entries_of`.
+    out : Folder for ``index.html`` (opens offline), ``study.json`` and, where the videos are
+        large, ``media/``.
+    config : Questions, pairs and looks.
+    seed : Seed of the order in which pairs are dealt out.
 
     Returns
     -------
-    figures
-        ``study`` (its name), ``methods``, ``groups`` of sitter and style, ``pairs``,
-        ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of the
-        ``media`` beside it.
+    figures : ``study`` (its name), ``methods``, ``groups`` of sitter and style, ``pairs``,
+        ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of
+        the ``media`` beside it.
 
     Raises
     ------
-    UserError
-        If an input can't be used, or the folder holds another study: answers to it would be lost.
+    UserError : If an input can't be used, or the folder holds another study: answers to it would
+        be lost.
     """
     config, out = config or StudyConfig(), Path(out)
     questions = questions_of(config.questions)
@@ -586,19 +545,13 @@ _BROWSERS = {("h264", "yuv420p"), ("h264", "yuvj420p"), ("vp8", "yuv420p"), ("vp
 
 @dataclass(frozen=True)
 class Clip:
-    """A video for the page.
+    """A video for the page."""
 
-    Attributes
-    ----------
-    data, kind : The file's bytes, and ``"mp4"`` or ``"webm"``.
-    seconds : How long it lasts.
-    size : Width and height in pixels.
-    """
-
+    # data, kind: The file's bytes, and ``"mp4"`` or ``"webm"``.
     data: bytes
     kind: str
-    seconds: float
-    size: tuple[int, int]
+    seconds: float  # How long it lasts.
+    size: tuple[int, int]  # Width and height in pixels.
 
 
 def _frames(container: Any) -> Iterator[UInt8]:
@@ -611,8 +564,7 @@ def clip_of(path: Path) -> Clip:
 
     Raises
     ------
-    UserError
-        If it can't be read or has no pictures.
+    UserError : If it can't be read or has no pictures.
     """
     import av
 

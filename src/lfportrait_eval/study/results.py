@@ -146,25 +146,20 @@ def write_results(files: Sequence[str | Path], out: str | Path, *, study: Path |
 
     Parameters
     ----------
-    files
-        Answer files.
-    out
-        Folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
+    files : Answer files.
+    out : Folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
         ``preferences.svg`` and ``ranking.svg``.
-    study
-        The study's ``study.json``, or its folder, to check the answers against.
-    seed
-        Seed of the bootstrap.
+    study : The study's ``study.json``, or its folder, to check the answers against.
+    seed : Seed of the bootstrap.
 
     Returns
     -------
-    figures
-        Those of `analyse`, and ``left_out``: files that can't be used, each with the ``reason``.
+    figures : Those of `analyse`, and ``left_out``: files that can't be used, each with the
+        ``reason``.
 
     Raises
     ------
-    UserError
-        If no file can be used.
+    UserError : If no file can be used.
     """
     people, left_out = read_answers([Path(file) for file in files], study)
     figures = analyse(people, seed)
@@ -192,10 +187,8 @@ class Row:
 
     Attributes
     ----------
-    label, note
-        What stands on the left and on the right of it.
-    value, low, high
-        The dot, and the ends of the line.
+    label, note : What stands on the left and on the right of it.
+    value, low, high : The dot, and the ends of the line.
     """
 
     label: str
@@ -227,23 +220,16 @@ def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, a
 
     Parameters
     ----------
-    groups
-        Heading and rows of each; at least one row in all.
-    title
-        What the drawing shows.
-    across
-        What the axis shows.
-    reference
-        Where a line marks no difference.
-    span
-        Ends of the axis; by default what the intervals need.
-    width
-        Width of the drawing in pixels.
+    groups : Heading and rows of each; at least one row in all.
+    title : What the drawing shows.
+    across : What the axis shows.
+    reference : Where a line marks no difference.
+    span : Ends of the axis; by default what the intervals need.
+    width : Width of the drawing in pixels.
 
     Returns
     -------
-    svg
-        The drawing as text.
+    svg : The drawing as text.
     """
     rows = [row for _, members in groups for row in members]
     if span is None:

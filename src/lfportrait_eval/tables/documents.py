@@ -29,20 +29,13 @@ FLOORS = {"field": "the field before style", "photos": "the photos"}
 
 @dataclass(frozen=True)
 class Column:
-    """One figure.
+    """One figure."""
 
-    Attributes
-    ----------
-    name : In the cells.
-    title : At the head of a table.
-    better : ``low``, ``high``, or ``one``: the nearer to 1 the better; empty: neither.
-    digits : Behind the point.
-    """
-
-    name: str
-    title: str
+    name: str  # In the cells.
+    title: str  # At the head of a table.
+    # ``low``, ``high``, or ``one``: the nearer to 1 the better; empty: neither.
     better: Literal["low", "high", "one", ""] = "low"
-    digits: int = 3
+    digits: int = 3  # Behind the point.
 
 
 @dataclass(frozen=True)
@@ -171,7 +164,8 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
     out : Folder.
     facts : What the run was: sizes, seed, machine, sitters, styles, methods.
     cells, floors : What was measured.
-    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
+    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are
+        none.
     failures : Cells that could not be measured.
     paintings : The styles' pictures by name, for the page; None writes none.
 
@@ -369,8 +363,7 @@ def place_in(path: Path) -> tuple[str, str]:
 
     Raises
     ------
-    UserError
-        If the file can't be read, or has no lines `BEGIN` and `END`.
+    UserError : If the file can't be read, or has no lines `BEGIN` and `END`.
     """
     try:
         text = path.read_text("utf-8")

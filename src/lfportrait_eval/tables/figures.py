@@ -81,10 +81,8 @@ class Target:
 
     Parameters
     ----------
-    sitter, exemplar
-        Who, and in whose manner.
-    crops, seed
-        Number of crops, and of all samples.
+    sitter, exemplar : Who, and in whose manner.
+    crops, seed : Number of crops, and of all samples.
     """
 
     def __init__(self, sitter: Sitter, exemplar: Exemplar, crops: int, seed: int) -> None:
@@ -128,19 +126,14 @@ def measure(views: Views, target: Target, example: Views | None = None,
 
     Parameters
     ----------
-    views
-        Of the method; those of the real field give its floor.
-    target
-        Sitter and style.
-    example
-        The same views painted by transfer, each by itself: the other reference of Table 2.
-    say
-        Called with what is being measured.
+    views : Of the method; those of the real field give its floor.
+    target : Sitter and style.
+    example : The same views painted by transfer, each by itself: the other reference of Table 2.
+    say : Called with what is being measured.
 
     Returns
     -------
-    figures
-        By name, see `summary.COLUMNS`; None where something can't be measured.
+    figures : By name, see `summary.COLUMNS`; None where something can't be measured.
     """
     say("consistency")
     figures = agreement(views, target.sitter)
@@ -165,15 +158,12 @@ def agreement(views: Views, sitter: Sitter) -> Figures:
 
     Parameters
     ----------
-    views
-        Of a method, or of the real field.
-    sitter
-        Whose field's depths say what is the same point.
+    views : Of a method, or of the real field.
+    sitter : Whose field's depths say what is the same point.
 
     Returns
     -------
-    figures
-        ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``;
+    figures : ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``;
         ``contrast``: gradient energy over the real field's.
     """
     arc, painted = sitter.arc, _floats(views.arc)
@@ -281,12 +271,9 @@ def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tup
 
     Parameters
     ----------
-    cameras
-        V cameras about the origin.
-    degrees
-        Wanted angle between the two.
-    count
-        At most so many; no camera is in two pairs, where there are enough.
+    cameras : V cameras about the origin.
+    degrees : Wanted angle between the two.
+    count : At most so many; no camera is in two pairs, where there are enough.
     """
     direction = cameras.position / np.linalg.norm(cameras.position, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.clip(direction @ direction.T, -1, 1)))
@@ -310,20 +297,14 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
 
     Parameters
     ----------
-    field, capture
-        Of the sitter.
-    gaps
-        Angle in degrees by name (``short``, ``long``).
-    size
-        Width in pixels that the photos are reduced to.
-    device
-        Where networks compute, a choice of ``--device``.
+    gaps : Angle in degrees by name (``short``, ``long``).
+    size : Width in pixels that the photos are reduced to.
+    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures
-        By gap ``rmse``, ``normalised``, ``lpips_...`` and ``degrees``, the mean angle of its
-        pairs; None where no two photos are as near.
+    figures : By gap ``rmse``, ``normalised``, ``lpips_...`` and ``degrees``, the mean angle of
+        its pairs; None where no two photos are as near.
     """
     cameras = capture.cameras.scaled(min(size / float(capture.cameras.width.max()), 1.0))
     shots: dict[int, Rendering] = {}

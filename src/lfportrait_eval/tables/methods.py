@@ -54,18 +54,11 @@ from ..metrics.views import Arc, head_cameras
 
 @dataclass(frozen=True)
 class MethodEntry:
-    """One method.
+    """One method."""
 
-    Attributes
-    ----------
-    kind
-        ``field``: colors a field; ``views``: paints each view by itself.
-    what
-        The method in a few words.
-    """
-
+    # ``field``: colors a field; ``views``: paints each view by itself.
     kind: Literal["field", "views"]
-    what: str
+    what: str  # The method in a few words.
 
 
 _FIELDS = {
@@ -132,30 +125,21 @@ def own_parameters(name: str, config: StylizeConfig) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes that a run is made of.
+    """Sizes that a run is made of."""
 
-    Attributes
-    ----------
-    pixels
-        Of the skin per world unit.
-    render_size, close_size
-        Width and height in pixels of the views on the arc, and of those that the head fills.
-    painted_size, painted_views, painted_steps
-        Of methods that paint views before they fit a field: width and height in pixels, views on
-        each of three arcs, refinement steps.
-    crops
-        Of renders and of the exemplar, for the distances of features.
-    network_pairs, network_seconds
-        Training of the network that paints single views: its examples, and seconds.
-    """
-
-    pixels: float
+    pixels: float  # Of the skin per world unit.
+    # render_size, close_size: Width and height in pixels of the views on the arc, and of those that
+    # the head fills.
     render_size: int
     close_size: int
+    # painted_size, painted_views, painted_steps: Of methods that paint views before they fit a
+    # field: width and height in pixels, views on each of three arcs, refinement steps.
     painted_size: int
     painted_views: int
     painted_steps: int
-    crops: int
+    crops: int  # Of renders and of the exemplar, for the distances of features.
+    # network_pairs, network_seconds: Training of the network that paints single views: its
+    # examples, and seconds.
     network_pairs: int
     network_seconds: float
 
@@ -196,8 +180,7 @@ class TablesConfig:
 
         Raises
         ------
-        UserError
-            If there is no such size or it is no number.
+        UserError : If there is no such size or it is no number.
         """
         kinds = {"float": float, "int": int}
         known = {one.name: kinds[str(one.type)] for one in fields(Sizes)}
@@ -266,20 +249,11 @@ def landmarks_in(cameras: Camera, view: int, landmarks: NDArray[np.floating],
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a sitter, as the user named it.
+    """Source of a sitter, as the user named it."""
 
-    Attributes
-    ----------
-    name
-        Of the sitter.
-    capture
-        Photos, a data set or a capture.
-    field
-        A field that was reconstructed from it; None: it is reconstructed once and kept.
-    """
-
-    name: str
-    capture: Path
+    name: str  # Of the sitter.
+    capture: Path  # Photos, a data set or a capture.
+    # A field that was reconstructed from it; None: it is reconstructed once and kept.
     field: Path | None = None
 
     def key(self) -> str:
@@ -293,15 +267,12 @@ def sources_of(captures: tuple[str, ...], fields: tuple[str, ...] = ()) -> list[
 
     Parameters
     ----------
-    captures
-        ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
-    fields
-        Field files in the order of the captures, where they are not named there.
+    captures : ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
+    fields : Field files in the order of the captures, where they are not named there.
 
     Raises
     ------
-    UserError
-        If there is none, a file is missing or a name is used twice.
+    UserError : If there is none, a file is missing or a name is used twice.
     """
     if not captures:
         raise UserError("name the sitters: --capture NAME=CAPTURE[:FIELD] ...")
@@ -334,20 +305,13 @@ class Sitter:
 
     Parameters
     ----------
-    name
-        Of the sitter.
-    field, capture
-        The real field, and its capture with landmarks.
-    file
-        The field's file, for the skin that is kept beside it.
-    pixels
-        Of the skin per world unit.
-    arc
-        Its width in degrees, its views, and their pixels a side.
-    close_size
-        Pixels a side of the close views.
-    device
-        Where networks compute, a choice of ``--device``.
+    name : Of the sitter.
+    field, capture : The real field, and its capture with landmarks.
+    file : The field's file, for the skin that is kept beside it.
+    pixels : Of the skin per world unit.
+    arc : Its width in degrees, its views, and their pixels a side.
+    close_size : Pixels a side of the close views.
+    device : Where networks compute, a choice of ``--device``.
     """
 
     def __init__(self, name: str, field: VoxelField, capture: Capture, file: Path, *,
@@ -409,14 +373,9 @@ Pictures = list[UInt8]
 
 @dataclass(frozen=True)
 class Views:
-    """The pictures that a method is measured by, on white.
+    """The pictures that a method is measured by, on white."""
 
-    Attributes
-    ----------
-    arc, close
-        uint8 [H, W, 3] each: along the arc, and the close views.
-    """
-
+    # arc, close: uint8 [H, W, 3] each: along the arc, and the close views.
     arc: Pictures
     close: Pictures
 
@@ -446,21 +405,16 @@ def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
 
     Parameters
     ----------
-    method
-        Of `METHODS`.
-    sitter, exemplar
-        Who, and in whose manner.
-    sizes, stylize, seed
-        Parameters.
-    progress
-        Updated with what is being done.
+    method : Of `METHODS`.
+    sitter, exemplar : Who, and in whose manner.
+    sizes, stylize, seed : Parameters.
+    progress : Updated with what is being done.
 
     Returns
     -------
-    views, figures
-        ``device`` of the networks; ``seconds``: ``once`` (what is done for all views), ``view``
-        (what each view takes on top of it); ``cpu_seconds`` and ``peak_memory_bytes`` of all of
-        it; ``networks``, where there are some.
+    views, figures : ``device`` of the networks; ``seconds``: ``once`` (what is done for all
+        views), ``view`` (what each view takes on top of it); ``cpu_seconds`` and
+        ``peak_memory_bytes`` of all of it; ``networks``, where there are some.
     """
     if METHODS[method].kind == "field":
         return _by_field(method, sitter, exemplar, sizes, stylize, seed, progress)

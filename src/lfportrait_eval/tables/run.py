@@ -139,15 +139,16 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
     sitter : Whose field is coded.
     exemplar : The style of the transfers; their photo is the embedded head, 768 x 1024, as the
         paper's pictures.
-    sizes, size : Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers
-        once.
+    sizes, size : Of this run; the shortest of some runs counts: ``quick`` codes twice and
+        transfers once.
     progress : Updated with what is being measured.
 
     Returns
     -------
     figures : ``table_1``: a row by resolution. ``fig_6``: by method of transfer
-        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one picture),
-        and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
+        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one
+        picture), and ``whole_seconds``, both for all views that a field is fitted to;
+        ``views``, how many.
     """
     repeats = 1 if size == "quick" else 3
     # Coding is fast; a single run would measure the machine's noise rather than the mask.
@@ -177,34 +178,23 @@ def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: 
 
     Parameters
     ----------
-    sources
-        The sitters (`sources_of`).
-    exemplars
-        The styles.
-    out
-        Folder for ``tables.md``, ``tables.csv``, ``tables.json``, ``index.html``; what was done is
-        kept there, too.
-    config
-        Methods and sizes.
-    open_capture
-        Makes a capture of what a sitter's source names.
-    seed
-        Of all random choices.
-    progress
-        Progress line.
-    device
-        Where networks compute, a choice of ``--device``.
+    sources : The sitters (`sources_of`).
+    exemplars : The styles.
+    out : Folder for ``tables.md``, ``tables.csv``, ``tables.json``, ``index.html``; what was
+        done is kept there, too.
+    config : Methods and sizes.
+    open_capture : Makes a capture of what a sitter's source names.
+    seed : Of all random choices.
+    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures
-        Those of ``tables.json``: ``cells``, ``floors``, ``summary`` (mean, deviation and number by
-        method and figure), ``not_measured`` with reasons, ``table_1``, ``fig_6``.
+    figures : Those of ``tables.json``: ``cells``, ``floors``, ``summary`` (mean, deviation and
+        number by method and figure), ``not_measured`` with reasons, ``table_1``, ``fig_6``.
 
     Raises
     ------
-    UserError
-        If parameters make no sense, or a sitter has no landmarks.
+    UserError : If parameters make no sense, or a sitter has no landmarks.
     """
     config = config or TablesConfig()
     config.check()
@@ -225,15 +215,10 @@ def _networks(group: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Step(Task):
-    """A task of the comparison, named as its record.
+    """A task of the comparison, named as its record."""
 
-    Attributes
-    ----------
-    source : The sitter.
-    style, method : Names, of a cell's tasks.
-    """
-
-    source: Source
+    source: Source  # The sitter.
+    # style, method: Names, of a cell's tasks.
     style: str = ""
     method: str = ""
 

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.capture.calibration.features import (
-    Features,
-    likely_pairs,
-    likeness,
-    worth_placing,
-)
+from lfportrait.capture.calibration.features import Features, likely_pairs, likeness, worth_placing
 
 
 def seen(rng, shared, count, own):

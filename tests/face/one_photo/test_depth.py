@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.face.one_photo.depth import (
-    hair_before,
-    hair_squares,
-    middle_behind,
-    sensed_depth,
-)
+from lfportrait.face.one_photo.depth import hair_before, hair_squares, middle_behind, sensed_depth
 from lfportrait.face.one_photo.parts import Parts, parts_of
 from lfportrait.media.depth import DepthMap
 

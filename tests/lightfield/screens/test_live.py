@@ -16,12 +16,7 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.gpu import Adapter
 from lfportrait.lightfield import Display, EncodeConfig, encode
-from lfportrait.lightfield.screens import (
-    OffscreenWindow,
-    fields_to_show,
-    show_field,
-    show_live,
-)
+from lfportrait.lightfield.screens import OffscreenWindow, fields_to_show, show_field, show_live
 from lfportrait.lightfield.screens.live import Controls, one_eyed
 from lfportrait.metrics import psnr
 from tests.fields import shell_field

@@ -125,10 +125,9 @@ class Opened:
 
     Attributes
     ----------
-    page
-        Playwright's.
-    complaints, requests
-        What the page told on the console or threw, and what it asked any network for.
+    page : Playwright's.
+    complaints, requests : What the page told on the console or threw, and what it asked any
+        network for.
     """
 
     def __init__(self, browser, path: Path, *, width=240, height=160, live=True, **context):

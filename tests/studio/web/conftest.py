@@ -70,12 +70,9 @@ class Studio:
 
     Attributes
     ----------
-    address
-        With the key of the run.
-    folder
-        Of the projects.
-    first
-        What lay there when it started (`files_in`).
+    address : With the key of the run.
+    folder : Of the projects.
+    first : What lay there when it started (`files_in`).
     """
 
     def __init__(self, folder: Path) -> None:
@@ -128,10 +125,9 @@ class Opened:
 
     Attributes
     ----------
-    page
-        Playwright's.
-    complaints, requests
-        What the page wrote on the console or threw, and the addresses that it asked for.
+    page : Playwright's.
+    complaints, requests : What the page wrote on the console or threw, and the addresses that it
+        asked for.
     """
 
     def __init__(self, browser, studio: Studio, hash_: str = "", *, width=1280, height=800,

@@ -50,19 +50,14 @@ Lens = tuple[float, tuple[int, int]]
 
 @dataclass(frozen=True)
 class TwoViews:
-    """The geometry of two views.
+    """The geometry of two views."""
 
-    Attributes
-    ----------
-    kind : COLMAP's name of it: ``CALIBRATED`` (with `essential`), ``UNCALIBRATED`` (with
-        `fundamental`) or ``PLANAR_OR_PANORAMIC`` (with `homography`).
-    inliers : bool [M], the matches that it explains.
-    fundamental, essential, homography : float64 [3, 3] each, by pixels, by image planes at distance
-        1, and by pixels; zero where it is not known.
-    """
-
+    # COLMAP's name of it: ``CALIBRATED`` (with `essential`), ``UNCALIBRATED`` (with `fundamental`)
+    # or ``PLANAR_OR_PANORAMIC`` (with `homography`).
     kind: Literal["CALIBRATED", "UNCALIBRATED", "PLANAR_OR_PANORAMIC"]
-    inliers: Bools
+    inliers: Bools  # bool [M], the matches that it explains.
+    # fundamental, essential, homography: float64 [3, 3] each, by pixels, by image planes at
+    # distance 1, and by pixels; zero where it is not known.
     fundamental: NDArray[np.float64]
     essential: NDArray[np.float64]
     homography: NDArray[np.float64]

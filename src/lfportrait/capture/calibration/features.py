@@ -60,18 +60,11 @@ _ASKED = 32
 
 @dataclass(frozen=True)
 class Features:
-    """Features of one photo.
+    """Features of one photo."""
 
-    Attributes
-    ----------
-    places : float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
-    descriptors : uint8 [K, 128], of length 512 within rounding.
-    large : int64 [F], indices of the largest features, F at most 700.
-    """
-
-    places: NDArray[np.float32]
-    descriptors: NDArray[np.uint8]
-    large: NDArray[np.int64]
+    places: NDArray[np.float32]  # float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
+    descriptors: NDArray[np.uint8]  # uint8 [K, 128], of length 512 within rounding.
+    large: NDArray[np.int64]  # int64 [F], indices of the largest features, F at most 700.
 
 
 def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] | None = None,
@@ -199,8 +192,8 @@ def likeness(features: list[Features], on_progress: Callable[[int, int], None] |
 
     Returns
     -------
-    alike : int64 [V, V], symmetric, 0 on the diagonal: matches among half of the largest features;
-        where these are fewer than `_ALIKE`, those among all of them, up to that.
+    alike : int64 [V, V], symmetric, 0 on the diagonal: matches among half of the largest
+        features; where these are fewer than `_ALIKE`, those among all of them, up to that.
     """
     count = len(features)
     alike = np.zeros((count, count), np.int64)
@@ -245,8 +238,8 @@ def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
 
     Returns
     -------
-    kept : int64 [K], in order. One after the other, that photo is taken which is least like those
-        taken before.
+    kept : int64 [K], in order. One after the other, that photo is taken which is least like
+        those taken before.
     """
     count = len(alike)
     if not _plenty(alike):

@@ -30,14 +30,7 @@ from ...temporary import temporary_folder
 from ..camera import Camera, pose_corrections, without_drift
 from ..capture import Capture
 from .database import Scene, room_for
-from .features import (
-    Features,
-    enough,
-    likely_pairs,
-    likeness,
-    match_features,
-    sift_features,
-)
+from .features import Features, enough, likely_pairs, likeness, match_features, sift_features
 from .mapping import place_photos
 
 __all__ = ["HeadMotion", "follow_head", "place_by_head"]
@@ -66,31 +59,19 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HeadMotion:
-    """What was found of the head's motion.
+    """What was found of the head's motion."""
 
-    Attributes
-    ----------
-    moved
-        Whether the head moved against the room.
-    pixels
-        Median distance of the head's matches from where the room's cameras put them; NaN if there
-        are too few matches.
-    own
-        The same by each pair's own two cameras.
-    after
-        The same by the cameras that follow the head; NaN where it is not followed.
-    degrees
-        Median angle between the cameras that follow the head and those of the room; 0 where it is
-        not followed.
-    followed
-        Numbers of the photos whose cameras follow the head; empty if none do.
-    """
-
-    moved: bool
+    moved: bool  # Whether the head moved against the room.
+    # Median distance of the head's matches from where the room's cameras put them; NaN if there are
+    # too few matches.
     pixels: float = np.nan
-    own: float = np.nan
+    own: float = np.nan  # The same by each pair's own two cameras.
+    # The same by the cameras that follow the head; NaN where it is not followed.
     after: float = np.nan
+    # Median angle between the cameras that follow the head and those of the room; 0 where it is not
+    # followed.
     degrees: float = 0.0
+    # Numbers of the photos whose cameras follow the head; empty if none do.
     followed: list[int] = field(default_factory=list)
 
 
@@ -217,18 +198,14 @@ def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int
 
     Parameters
     ----------
-    capture
-        Photos with rough cameras in the portrait frame, and with landmarks.
-    mattes
-        V rough mattes of the person, float32 [H, W] in [0, 1].
-    seed
-        Of the random sampling.
+    capture : Photos with rough cameras in the portrait frame, and with landmarks.
+    mattes : V rough mattes of the person, float32 [H, W] in [0, 1].
+    seed : Of the random sampling.
 
     Returns
     -------
-    capture
-        The photos that are placed, with cameras that are laid on the rough ones and have focal
-        lengths of their own; None where fewer than three are.
+    capture : The photos that are placed, with cameras that are laid on the rough ones and have
+        focal lengths of their own; None where fewer than three are.
     """
     import pycolmap
 
@@ -265,20 +242,16 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
 
     Parameters
     ----------
-    capture
-        Undistorted photos with the cameras estimated from the room, in the portrait frame.
-    mattes
-        V rough mattes of the person, float32 [H, W] in [0, 1].
-    seed
-        Of the random sampling.
-    tell
-        Called with a one-line report, if the head moved.
+    capture : Undistorted photos with the cameras estimated from the room, in the portrait frame.
+    mattes : V rough mattes of the person, float32 [H, W] in [0, 1].
+    seed : Of the random sampling.
+    tell : Called with a one-line report, if the head moved.
 
     Returns
     -------
-    capture, motion
-        The photos that the head places, with cameras that follow it, together as near to the given
-        ones as can be; the same capture where it held still, or can't be followed.
+    capture, motion : The photos that the head places, with cameras that follow it, together as
+        near to the given ones as can be; the same capture where it held still, or can't be
+        followed.
     """
     import pycolmap
 

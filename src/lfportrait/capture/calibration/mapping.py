@@ -56,7 +56,8 @@ def placed(model: Any, seen_again: NDArray[np.int64] | None = None) -> list[int]
     Parameters
     ----------
     model : COLMAP's reconstruction.
-    seen_again : int64 [V], features of each photo that have a checked match (`Scene.seen_again`).
+    seen_again : int64 [V], features of each photo that have a checked match
+        (`Scene.seen_again`).
     """
     return sorted(number - 1 for number, image in model.images.items() if image.has_pose
                   and image.num_points3D >= _FEWEST_POINTS
@@ -66,20 +67,12 @@ def placed(model: Any, seen_again: NDArray[np.int64] | None = None) -> list[int]
 
 @dataclass(frozen=True)
 class Placing:
-    """One try.
+    """One try."""
 
-    Attributes
-    ----------
-    how : What was tried, in words.
-    model : COLMAP's reconstruction, or None.
-    photos : Numbers (from 0) of the photos that it places.
-    groups : Number of each photo's lens in it.
-    """
-
-    how: str
-    model: Any
-    photos: list[int]
-    groups: list[int]
+    how: str  # What was tried, in words.
+    model: Any  # COLMAP's reconstruction, or None.
+    photos: list[int]  # Numbers (from 0) of the photos that it places.
+    groups: list[int]  # Number of each photo's lens in it.
 
 
 class _Mapper:
@@ -178,16 +171,12 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
     Parameters
     ----------
     pycolmap : The module.
-    scene : The photos.
     groups : Number of each photo's lens.
-    model : COLMAP's name of the lens model to place them with, of one term of distortion at most.
+    model : COLMAP's name of the lens model to place them with, of one term of distortion at
+        most.
     report : Called whenever a photo is placed.
     say : Called with each try and its result, if the first one leaves photos out.
     lens_known : Whether the lenses are as the scene says, and stay so.
-
-    Returns
-    -------
-    placing : The best try.
     """
     seen_again = scene.seen_again(pycolmap, groups, model)
     able = int((seen_again > 0).sum())
@@ -363,9 +352,9 @@ def adjust(pycolmap: Any, model: Any, wanted: str,
     model : COLMAP's reconstruction.
     wanted : A lens model of COLMAP to fit, or ``"auto"``.
     triangulated : Finds the points once more by the cameras of a reconstruction
-        (`Scene.triangulated`). Which matches are points was decided while the cameras were rough;
-        the cameras are adjusted once more to those that fit the adjusted ones, which makes them
-        better by a fifth.
+        (`Scene.triangulated`). Which matches are points was decided while the cameras were
+        rough; the cameras are adjusted once more to those that fit the adjusted ones, which
+        makes them better by a fifth.
 
     Returns
     -------

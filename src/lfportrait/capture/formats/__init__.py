@@ -81,8 +81,7 @@ def load_views(path: Path, holdout: int) -> Views:
 
     Raises
     ------
-    UserError
-        If ``path`` is no data set, or a damaged one.
+    UserError : If ``path`` is no data set, or a damaged one.
     """
     with blamed(found := _known(path)):
         return found.load(path, holdout)
@@ -117,8 +116,7 @@ def find_views(path: Path) -> DataSet:
 
     Raises
     ------
-    UserError
-        If ``path`` is no data set, or a damaged one.
+    UserError : If ``path`` is no data set, or a damaged one.
     """
     with blamed(found := _known(path)):
         return found.read(path, 0)

@@ -61,14 +61,13 @@ def calibrated_turns(upright: tuple[int, int], turns: int, size: tuple[int, int]
     ----------
     upright : Width and height of the upright picture.
     turns : As the file notes them: see `noted_turns`.
-    size : Width and height that were calibrated, or None where the program does not say; a picture
-        may be a reduced copy.
+    size : Width and height that were calibrated, or None where the program does not say; a
+        picture may be a reduced copy.
     name : Of the picture, for the message.
 
     Raises
     ------
-    UserError
-        If the picture fits neither way.
+    UserError : If the picture fits neither way.
     """
     stored = upright[::-1] if turns % 2 else upright
     if size is None or same_shape(size, stored):
@@ -111,8 +110,7 @@ def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
 
     Raises
     ------
-    UserError
-        If the mask is of another shape, or can't be read.
+    UserError : If the mask is of another shape, or can't be read.
     """
     mask = read_mask(place)
     height, width = picture.shape[:2]
@@ -155,99 +153,48 @@ def _outline_contrast(picture: UInt8, mask: UInt8) -> float:
 
 @dataclass(frozen=True)
 class Shot:
-    """One calibrated photo as a program's files have it.
+    """One calibrated photo as a program's files have it."""
 
-    Attributes
-    ----------
-    path
-        The picture's file.
-    name
-        Its name in the capture.
-    pose
-        float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
-    lens
-        Makes the lens of the picture as it was calibrated from its width and height in pixels.
-    size
-        Width and height of the pixels that were calibrated, where the program notes them.
-    masks
-        Folders where the picture's mask may lie; the first becomes its alpha (white is kept).
-    mask_name
-        The picture's name in these folders; that of its file where empty.
-    mask
-        The mask's file, where the data set names it; it goes before `masks`.
-    test
-        Whether it is held out, where the data set says so.
-    up
-        float64 [3], what is up in the source's world, for photos that lie on their sides without a
-        note; None where that is not known.
-    """
-
-    path: Path
-    name: str
-    pose: Float64
+    path: Path  # The picture's file.
+    name: str  # Its name in the capture.
+    pose: Float64  # float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
+    # Makes the lens of the picture as it was calibrated from its width and height in pixels.
     lens: Callable[[int, int], Lens]
+    # Width and height of the pixels that were calibrated, where the program notes them.
     size: tuple[int, int] | None = None
+    # Folders where the picture's mask may lie; the first becomes its alpha (white is kept).
     masks: tuple[Path, ...] = ()
-    mask_name: str = ""
+    mask_name: str = ""  # The picture's name in these folders; that of its file where empty.
+    # The mask's file, where the data set names it; it goes before `masks`.
     mask: Path | None = None
-    test: bool | None = None
+    test: bool | None = None  # Whether it is held out, where the data set says so.
+    # float64 [3], what is up in the source's world, for photos that lie on their sides without a
+    # note; None where that is not known.
     up: Float64 | None = None
 
 
 class DataSet(NamedTuple):
-    """What a reader finds before a picture is read.
+    """What a reader finds before a picture is read."""
 
-    Attributes
-    ----------
-    format
-        The program or format, for people.
-    shots
-        In the order of the views.
-    source
-        The file or folder that lists them, for messages.
-    box
-        As in `assemble`.
-    """
-
-    format: str
-    shots: list[Shot]
-    source: Path
-    box: Float64 | None = None
+    format: str  # The program or format, for people.
+    shots: list[Shot]  # In the order of the views.
+    source: Path  # The file or folder that lists them, for messages.
+    box: Float64 | None = None  # As in `assemble`.
 
 
 class Views(NamedTuple):
-    """Calibrated photos of a reader: the fields of a `Capture`, most without data of the head.
+    """Calibrated photos of a reader: the fields of a `Capture`, most without data of the head."""
 
-    Attributes
-    ----------
-    cameras
-        One a view, in the portrait frame.
-    images
-        uint8 [H, W, 3] a view.
-    alphas
-        uint8 [H, W] a view, or None where the photos have no mattes.
-    names
-        File names.
-    held_out
-        bool [V], views that are tested on.
-    frame
-        float64 [4, 4], from the source's frame to the portrait frame.
-    landmarks
-        float64 [68, 3] in the portrait frame (NaN = unknown), where the format keeps them.
-    figures
-        What calibration measured, where the format keeps it.
-    depths
-        What the photos' files keep of depth, one or None a view; None where no file has any.
-    """
-
-    cameras: Camera
-    images: Sequence[UInt8]
-    alphas: Sequence[UInt8] | None
-    names: list[str]
-    held_out: Bool
-    frame: Float64
+    cameras: Camera  # One a view, in the portrait frame.
+    images: Sequence[UInt8]  # uint8 [H, W, 3] a view.
+    alphas: Sequence[UInt8] | None  # uint8 [H, W] a view, or None where the photos have no mattes.
+    names: list[str]  # File names.
+    held_out: Bool  # bool [V], views that are tested on.
+    frame: Float64  # float64 [4, 4], from the source's frame to the portrait frame.
+    # float64 [68, 3] in the portrait frame (NaN = unknown), where the format keeps them.
     landmarks: Float64 | None = None
-    figures: dict[str, Any] | None = None
+    figures: dict[str, Any] | None = None  # What calibration measured, where the format keeps it.
+    # What the photos' files keep of depth, one or None a view; None where no file has any.
     depths: Sequence[DepthMap | None] | None = None
 
 
@@ -295,23 +242,17 @@ def assemble(poses: Float64, lenses: list[Lens],
 
     Parameters
     ----------
-    poses
-        float64 [V, 4, 4], camera-to-world, OpenCV axes, in the source's world.
-    lenses, pictures, names
-        One a view; pictures uint8 [H, W, 3 or 4].
-    held_out
-        bool [V], or None: every ``holdout``-th view is held out.
-    holdout
-        See ``held_out``; 0 holds out none.
-    box
-        float64 [2, 3], lowest and highest corner of the subject in the source's world, where known.
-    depths
-        One or None a view, upright; straightened as the photos are.
+    poses : float64 [V, 4, 4], camera-to-world, OpenCV axes, in the source's world.
+    lenses, pictures, names : One a view; pictures uint8 [H, W, 3 or 4].
+    held_out : bool [V], or None: every ``holdout``-th view is held out.
+    holdout : See ``held_out``; 0 holds out none.
+    box : float64 [2, 3], lowest and highest corner of the subject in the source's world, where
+        known.
+    depths : One or None a view, upright; straightened as the photos are.
 
     Raises
     ------
-    UserError
-        If a pose or a lens makes no sense.
+    UserError : If a pose or a lens makes no sense.
     """
     poses = _rigid(poses, names)
     images: list[UInt8] = []
@@ -352,17 +293,13 @@ def read_shots(found: DataSet, holdout: int) -> Views:
 
     Parameters
     ----------
-    found
-        Its shots.
-    holdout
-        As in `assemble`; every ``holdout``-th view is held out unless all shots say whether they
-        are.
+    holdout : As in `assemble`; every ``holdout``-th view is held out unless all shots say
+        whether they are.
 
     Raises
     ------
-    UserError
-        If no picture can be read, a picture and its camera are of different shapes, or a pose or
-        lens makes no sense.
+    UserError : If no picture can be read, a picture and its camera are of different shapes, or a
+        pose or lens makes no sense.
     """
     shots, source = found.shots, found.source
     poses, lenses, pictures, depths, kept = [], [], [], [], []
@@ -425,10 +362,8 @@ class CaptureFormat(ABC):
 
     Attributes
     ----------
-    name
-        The program or format, for people; one among all formats.
-    files
-        What it is recognised by, such as ``transforms.json``; for people.
+    name : The program or format, for people; one among all formats.
+    files : What it is recognised by, such as ``transforms.json``; for people.
     """
 
     name: ClassVar[str]
@@ -444,16 +379,13 @@ class CaptureFormat(ABC):
 
         Parameters
         ----------
-        path
-            A folder or file that is recognised.
-        holdout
-            Every ``holdout``-th picture becomes a test view where the format's custom says which;
-            0 holds out none.
+        path : A folder or file that is recognised.
+        holdout : Every ``holdout``-th picture becomes a test view where the format's custom says
+            which; 0 holds out none.
 
         Raises
         ------
-        UserError
-            If it is damaged.
+        UserError : If it is damaged.
         """
 
     def load(self, path: Path, holdout: int) -> Views:
@@ -465,8 +397,7 @@ class CaptureFormat(ABC):
 
         Raises
         ------
-        UserError
-            If this format is only read, or ``path`` can't be written.
+        UserError : If this format is only read, or ``path`` can't be written.
         """
         raise UserError(f"captures are not written as {self.name}")
 

@@ -52,19 +52,13 @@ from .assembly import CaptureFormat, DataSet, Shot
 
 @dataclass(frozen=True)
 class Placed:
-    """One aligned photo of a program's file.
+    """One aligned photo of a program's file."""
 
-    Attributes
-    ----------
-    name : File name, path or label.
-    pose : float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
-    lens : Makes the lens of the picture as it was calibrated from its width and height in pixels.
-    size : Width and height that were calibrated, where the file says.
-    """
-
-    name: str
-    pose: Float64
+    name: str  # File name, path or label.
+    pose: Float64  # float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
+    # Makes the lens of the picture as it was calibrated from its width and height in pixels.
     lens: Callable[[int, int], Lens]
+    # Width and height that were calibrated, where the file says.
     size: tuple[int, int] | None = None
 
 
@@ -269,19 +263,12 @@ def read_metashape(file: Path) -> list[Placed]:
 
 @dataclass(frozen=True)
 class _Photo:
-    """A photo as its chunk has it.
+    """A photo as its chunk has it."""
 
-    Attributes
-    ----------
-    record : Its element.
-    component : Id of the component that it is aligned in.
-    pose : float64 [4, 4], camera to component; None where it is not aligned.
-    loose : Whether it hangs on an aligned master in a way that the file does not say.
-    """
-
-    record: ElementTree.Element
-    component: str | None
-    pose: Float64 | None
+    record: ElementTree.Element  # Its element.
+    component: str | None  # Id of the component that it is aligned in.
+    pose: Float64 | None  # float64 [4, 4], camera to component; None where it is not aligned.
+    # Whether it hangs on an aligned master in a way that the file does not say.
     loose: bool = False
 
     @property

@@ -90,12 +90,9 @@ def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.
 
     Parameters
     ----------
-    image
-        uint8 or float in [0, 1], [H, W, 3].
-    sigma
-        Of the blur, in pixels: slower changes of light are taken out.
-    grain
-        Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
+    image : uint8 or float in [0, 1], [H, W, 3].
+    sigma : Of the blur, in pixels: slower changes of light are taken out.
+    grain : Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
     """
     luma = grey(image)
     out = np.empty_like(luma)
@@ -110,14 +107,9 @@ def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.
 
 @dataclass(frozen=True)
 class Distribution:
-    """Distribution of an appearance guide's values over [-1, 1].
+    """Distribution of an appearance guide's values over [-1, 1]."""
 
-    Attributes
-    ----------
-    share : float64 [bins + 1], share of the values below each of the bins' borders.
-    """
-
-    share: Float64
+    share: Float64  # float64 [bins + 1], share of the values below each of the bins' borders.
 
     @staticmethod
     def of(values: Float32, inside: NDArray[np.generic] | None = None,

@@ -54,16 +54,13 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
 
     Parameters
     ----------
-    shape
-        (H, W, ...) of the target.
-    target_landmarks, exemplar_landmarks
-        [M, 2] matching control points in pixels; rows with NaN on either side are left out.
-    weights
-        [M] importance of the control points.
-    softness
-        [M] in pixels, see `mls_similarity`.
-    grid
-        The map is evaluated every ``grid`` pixels and bilinear between; 1 evaluates every pixel.
+    shape : (H, W, ...) of the target.
+    target_landmarks, exemplar_landmarks : [M, 2] matching control points in pixels; rows with
+        NaN on either side are left out.
+    weights : [M] importance of the control points.
+    softness : [M] in pixels, see `mls_similarity`.
+    grid : The map is evaluated every ``grid`` pixels and bilinear between; 1 evaluates every
+        pixel.
 
     Returns
     -------
@@ -151,23 +148,14 @@ def pixel_centres(shape: tuple[int, ...]) -> Float32:
 
 @dataclass
 class Guides:
-    """Guides of one target picture.
+    """Guides of one target picture."""
 
-    Attributes
-    ----------
-    position
-        float32 [H, W, 2], exemplar pixel coordinates (x, y); NaN where nothing is to be painted.
-    appearance
-        float32 [H, W], grey minus blur in [-1, 1], matched to the exemplar's distribution.
-    labels
-        uint8 [H, W, K], soft region labels (255 = wholly inside), by `PICTURE_LABELS`.
-    anchor
-        float32 [H, W, 2], the pixel's place in the plane of the seed grid, in exemplar pixels.
-    """
-
+    # float32 [H, W, 2], exemplar pixel coordinates (x, y); NaN where nothing is to be painted.
     position: Float32
+    # float32 [H, W], grey minus blur in [-1, 1], matched to the exemplar's distribution.
     appearance: Float32
-    labels: UInt8
+    labels: UInt8  # uint8 [H, W, K], soft region labels (255 = wholly inside), by `PICTURE_LABELS`.
+    # float32 [H, W, 2], the pixel's place in the plane of the seed grid, in exemplar pixels.
     anchor: Float32
 
 

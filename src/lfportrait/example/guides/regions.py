@@ -32,25 +32,14 @@ from .filters import broad_blur, disk, gaussian_blur, grey, shrunk
 
 @dataclass(frozen=True)
 class FaceFrame:
-    """The upright frame of a face: origin between the eyes' height and the brows, unit = chin.
+    """The upright frame of a face: origin between the eyes' height and the brows, unit = chin."""
 
-    Attributes
-    ----------
-    origin
-        [2], middle of the brows.
-    right, down
-        [2] each, the face's axes in the picture, orthonormal.
-    height
-        Distance from the brows to the chin in pixels.
-    width
-        Distance of the jaw's ends in pixels.
-    """
-
-    origin: Float64
+    origin: Float64  # [2], middle of the brows.
+    # right, down: [2] each, the face's axes in the picture, orthonormal.
     right: Float64
     down: Float64
-    height: float
-    width: float
+    height: float  # Distance from the brows to the chin in pixels.
+    width: float  # Distance of the jaw's ends in pixels.
 
     @staticmethod
     def of(landmarks: NDArray[np.floating]) -> FaceFrame:
@@ -102,8 +91,8 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     ----------
     person, hair : float32 [H, W]; no hair if None.
     landmarks, frame : [68, 2] and the face's frame.
-    like : Labels (``hair``, ``body``) to give to those that stand in for them, where the exemplar
-        has none (`missing_labels`): hair to the skin, the body to the background.
+    like : Labels (``hair``, ``body``) to give to those that stand in for them, where the
+        exemplar has none (`missing_labels`): hair to the skin, the body to the background.
 
     Returns
     -------
@@ -216,14 +205,10 @@ class Regions:
 
     Attributes
     ----------
-    landmarks
-        float64 [68, 2].
-    person
-        float32 [H, W], head, hair, neck and clothes against the background.
-    hair
-        float32 [H, W], or None where hair and skin could not be separated.
-    known_nearest
-        `nearest`, where it is known already.
+    landmarks : float64 [68, 2].
+    person : float32 [H, W], head, hair, neck and clothes against the background.
+    hair : float32 [H, W], or None where hair and skin could not be separated.
+    known_nearest : `nearest`, where it is known already.
     """
 
     landmarks: Float64
@@ -427,23 +412,17 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
 
     Parameters
     ----------
-    image
-        uint8 or float in [0, 1], [H, W, 3].
-    landmarks
-        [68, 2].
-    mask
-        float32 [H, W], the person where it is known.
-    networks
-        Use the segmentation networks where their weights are at hand and the result is plausible.
-    size
-        Side of the picture that the network of the hair sees, a multiple of 32: paintings want 512,
-        for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and takes
-        two thirds of the time, in videos 256 will do.
-    by_color
-        Segment hair by color where the network's result is not plausible; slow.
-    denied
-        What only colors take for hair is none if the network finds less than this there: the
-        shaded half of a shaven head. 0 for paintings, of which the network knows little.
+    image : uint8 or float in [0, 1], [H, W, 3].
+    landmarks : [68, 2].
+    mask : float32 [H, W], the person where it is known.
+    networks : Use the segmentation networks where their weights are at hand and the result is
+        plausible.
+    size : Side of the picture that the network of the hair sees, a multiple of 32: paintings
+        want 512, for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair)
+        and takes two thirds of the time, in videos 256 will do.
+    by_color : Segment hair by color where the network's result is not plausible; slow.
+    denied : What only colors take for hair is none if the network finds less than this there:
+        the shaded half of a shaven head. 0 for paintings, of which the network knows little.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)
@@ -560,12 +539,9 @@ def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],
 
     Parameters
     ----------
-    photo
-        uint8 or float in [0, 1], [H, W, 3].
-    landmarks
-        [68, 2].
-    mask
-        float32 [H, W], the person where it is known.
+    photo : uint8 or float in [0, 1], [H, W, 3].
+    landmarks : [68, 2].
+    mask : float32 [H, W], the person where it is known.
     """
     height = FaceFrame.of(np.asarray(landmarks, np.float64)).height
     size = SIZE if height * SIZE >= SMALL * max(photo.shape[:2]) else LARGE

@@ -223,8 +223,8 @@ def own_body(since, until, position, style, top, labels, person):
     ----------
     position : float32 [H, W, 2], places in the exemplar; nothing changes where they are NaN or
         outside.
-    style, labels : int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body
-        and background.
+    style, labels : int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are
+        body and background.
     person : float32 [H, W], follows the background.
     """
     width = person.shape[1]

@@ -45,7 +45,8 @@ def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, i
 
     Parameters
     ----------
-    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a whole.
+    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a
+        whole.
     middle : Place (x, y) between its eyes, which the ground's middle lies behind.
     shape, side : Of the ground, and of a piece.
     rng : Chooses pieces.
@@ -168,14 +169,13 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
 
     Parameters
     ----------
-    exemplar : The painting.
     size : How large.
     seed : Of all random choices.
 
     Returns
     -------
-    picture, pixels
-        uint8 [h, w, 3], its middle level with the eyes, and its pixels per world unit.
+    picture, pixels : uint8 [h, w, 3], its middle level with the eyes, and its pixels per world
+        unit.
     """
     size = size or GroundSize()
     regions = exemplar.regions()
@@ -203,8 +203,7 @@ def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int =
 
     Returns
     -------
-    picture, pixels, light
-        As there.
+    picture, pixels, light : As there.
     """
     size = size or GroundSize()
 
@@ -245,18 +244,11 @@ def lit_side(exemplar: Exemplar) -> Float64:
 
 @dataclass
 class _Source:
-    """An exemplar's background at the ground's scale.
+    """An exemplar's background at the ground's scale."""
 
-    Attributes
-    ----------
-    picture : float32 [h, w, 3] in [0, 1], of the whole exemplar.
-    there : bool [h, w], where it is background.
-    middle : Place (x, y) between the eyes.
-    """
-
-    picture: Float32
-    there: Bool
-    middle: Float64
+    picture: Float32  # float32 [h, w, 3] in [0, 1], of the whole exemplar.
+    there: Bool  # bool [h, w], where it is background.
+    middle: Float64  # Place (x, y) between the eyes.
 
     @staticmethod
     def of(exemplar: Exemplar, shares: Float32, size: float) -> _Source:

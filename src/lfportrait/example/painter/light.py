@@ -37,16 +37,11 @@ DARKER_STEP, LIGHTER_STEP = 0.2, 0.3
 
 @dataclass(frozen=True)
 class Cells:
-    """A grid over N places of the unwrapped head.
+    """A grid over N places of the unwrapped head."""
 
-    Attributes
-    ----------
-    places : float64 [N, 2], column and row of each in cells; whole numbers are the cells' middles.
-    shape : Rows and columns.
-    """
-
+    # float64 [N, 2], column and row of each in cells; whole numbers are the cells' middles.
     places: Float64
-    shape: tuple[int, int]
+    shape: tuple[int, int]  # Rows and columns.
 
     @staticmethod
     def over(flat: Float32, side: float) -> Cells:

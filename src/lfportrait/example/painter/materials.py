@@ -83,23 +83,15 @@ STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN), (EARS, SKIN))
 
 @dataclass
 class ExemplarMaterials:
-    """Materials and looks of an exemplar at one scale.
+    """Materials and looks of an exemplar at one scale."""
 
-    Attributes
-    ----------
-    shares : float32 [h, w, 7] by `MATERIALS`.
-    tone, detail : float32 [h, w], luma blurred, and what that leaves out.
-    nearest : int32 [7, h, w], flat index of the nearest pixel of each material.
-    deep : The same, of the nearest pixel well inside each material.
-    present : bool [7], materials that it shows.
-    """
-
-    shares: Float32
+    shares: Float32  # float32 [h, w, 7] by `MATERIALS`.
+    # tone, detail: float32 [h, w], luma blurred, and what that leaves out.
     tone: Float32
     detail: Float32
-    nearest: Int32
-    deep: Int32
-    present: Bool
+    nearest: Int32  # int32 [7, h, w], flat index of the nearest pixel of each material.
+    deep: Int32  # The same, of the nearest pixel well inside each material.
+    present: Bool  # bool [7], materials that it shows.
 
     @property
     def luma(self) -> Float32:
@@ -167,7 +159,6 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     ----------
     shares : float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
     tone : float32 [N] in [0, 1], the sitter's.
-    theirs : The exemplar's materials.
     shown : bool [N], places that photos show; others don't show how light a neck is. None: all.
     """
     neck, face = (mostly(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
@@ -264,7 +255,6 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     Parameters
     ----------
     shares, tone : float32 [N, 7] and [N], the places to be painted.
-    theirs : The exemplar's materials.
     factor : Pixels to be painted for each place, times how much more often than evenly the
         exemplar's may be used; one number, or one for each material.
     reference : float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
@@ -335,19 +325,12 @@ def guide_agreement(guided: Float32, wanted: Float32, unit: float) -> Float32:
 
 @dataclass(frozen=True)
 class Placement:
-    """Where an exemplar has what N places are made of.
+    """Where an exemplar has what N places are made of."""
 
-    Attributes
-    ----------
-    material : int64 [N], what each place is mostly (`main_material`).
-    wanted
-        float32 [N, 2], where the guide leads, moved into like material; pixels of the exemplar.
-    agreement : float32 [N] in [0, 1], how far the exemplar has it where the guide leads.
-    """
-
-    material: Int64
+    material: Int64  # int64 [N], what each place is mostly (`main_material`).
+    # float32 [N, 2], where the guide leads, moved into like material; pixels of the exemplar.
     wanted: Float32
-    agreement: Float32
+    agreement: Float32  # float32 [N] in [0, 1], how far the exemplar has it where the guide leads.
 
     @staticmethod
     def of(shares: Float32, theirs: ExemplarMaterials, guided: Float32, unit: float) -> Placement:
@@ -377,9 +360,8 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
     Parameters
     ----------
     material : int64 [N], what the sitter's places are mostly (`main_material`).
-    theirs : The exemplar's.
-    wanted, plane
-        float32 [N, 2], the guided places in the exemplar and those in the plane; pixels.
+    wanted, plane : float32 [N, 2], the guided places in the exemplar and those in the plane;
+        pixels.
     tone : float32 [N], asked for.
     size : Of the exemplar's face in these pixels.
     """

@@ -18,13 +18,7 @@ from ...arrays import Float32, Int32, UInt8
 from ..exemplar import Exemplar
 from ..kernels.patches import ACTIVE
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
-from .materials import (
-    ROAM,
-    ExemplarMaterials,
-    even_uses,
-    material_guides,
-    resized_materials,
-)
+from .materials import ROAM, ExemplarMaterials, even_uses, material_guides, resized_materials
 from .picture_materials import EARS, NECK, SKIN
 
 PLACE, FAR_PLACE = 4.0, 0.15
@@ -51,10 +45,8 @@ class Atlas(Protocol):
 
     Attributes
     ----------
-    slots
-        int32 [H, W], the number of each pixel's place; -1 where there is none.
-    owner
-        int32 [H, W], the flat index of the pixel that owns what a pixel shows (copies at the
+    slots : int32 [H, W], the number of each pixel's place; -1 where there is none.
+    owner : int32 [H, W], the flat index of the pixel that owns what a pixel shows (copies at the
         charts' edges), or None where each owns its own.
     """
 
@@ -93,32 +85,23 @@ class PhotoAtlas:
 
 @dataclass
 class PatchRequest:
-    """What is to be painted at N places, and what is painted already.
+    """What is to be painted at N places, and what is painted already."""
 
-    Attributes
-    ----------
-    shares : float32 [N, 7] by `MATERIALS`.
-    tone, detail : float32 [N], luma and its fine part as the exemplar would have them.
-    wanted, begin : float32 [N, 2], places in the exemplar (in pixels of the painting's size): where
-        the guide leads, moved into like material, and where the search begins.
-    weight : float32 [N], of staying near ``wanted``, in units of a squared pixel.
-    sure : float32 [N, 2], how far detail and tone are to be trusted.
-    state : uint8 [H, W]: `ACTIVE` is to be painted, `FIXED` is, `FOREIGN` is another's copy,
-        `OUTSIDE` is nothing.
-    color : float32 [H, W, 3] in [0, 1], what is painted.
-    often
-        How often the exemplar's pixels may be used, against evenly: a number, or one a material.
-    """
-
-    shares: Float32
+    shares: Float32  # float32 [N, 7] by `MATERIALS`.
+    # tone, detail: float32 [N], luma and its fine part as the exemplar would have them.
     tone: Float32
     detail: Float32
+    # wanted, begin: float32 [N, 2], places in the exemplar (in pixels of the painting's size):
+    # where the guide leads, moved into like material, and where the search begins.
     wanted: Float32
     begin: Float32
-    weight: Float32
-    sure: Float32
+    weight: Float32  # float32 [N], of staying near ``wanted``, in units of a squared pixel.
+    sure: Float32  # float32 [N, 2], how far detail and tone are to be trusted.
+    # uint8 [H, W]: `ACTIVE` is to be painted, `FIXED` is, `FOREIGN` is another's copy, `OUTSIDE` is
+    # nothing.
     state: UInt8
-    color: Float32
+    color: Float32  # float32 [H, W, 3] in [0, 1], what is painted.
+    # How often the exemplar's pixels may be used, against evenly: a number, or one a material.
     often: float | Float32 = 1.0
 
 
@@ -130,7 +113,6 @@ class PatchPainter:
     exemplar, shares : The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
     search, seed : How patches are searched.
     sharp : Whether tones are compared with their detail, as on photos, or blurred, as on heads.
-    weights : Of the guides.
     """
 
     def __init__(self, exemplar: Exemplar, shares: Float32, search: PatchSearch, seed: int,

@@ -150,8 +150,8 @@ class PhotoPatches:
 
     Parameters
     ----------
-    exemplar, regions, labels
-        The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
+    exemplar, regions, labels : The painting, its regions, and its labels uint8 [h, w,
+        len(PICTURE_LABELS)].
     seed : Of the search.
     """
 
@@ -198,7 +198,7 @@ class PhotoPatches:
         Returns
         -------
         float32 [H, W, 3] in [0, 1]; the colors of ``result.synthesis`` in the face, and where
-        the guide is NaN.
+            the guide is NaN.
         """
         painted = result.synthesis.image
         height, width = photo.shape[:2]

@@ -39,8 +39,8 @@ def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
 
     Parameters
     ----------
-    photo, regions, labels
-        uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(PICTURE_LABELS)]).
+    photo, regions, labels : uint8 [H, W, 3], and its regions and labels (uint8 [H, W,
+        len(PICTURE_LABELS)]).
     shares : float32 [H, W, 7] by `MATERIALS`.
     """
     step = max(1, int(regions.frame.height / FACE))
@@ -106,8 +106,8 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
 
     Parameters
     ----------
-    photo, regions, labels
-        uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(PICTURE_LABELS)]).
+    photo, regions, labels : uint8 [H, W, 3], and its regions and labels (uint8 [H, W,
+        len(PICTURE_LABELS)]).
     position : float32 [H, W, 2], exemplar pixels; no NaN.
     painted_hair : float32 [h, w] in [0, 1], the exemplar's hair, or what it wears instead.
     present : bool [7], what the exemplar shows enough of; others stand in for the rest.
@@ -208,12 +208,11 @@ def photo_looks(photo: UInt8, landmarks: Float64, shares: Float32,
     Parameters
     ----------
     photo, landmarks, shares : uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 7].
-    theirs : The exemplar's.
 
     Returns
     -------
-    tone, detail, trust
-        float32 [H, W]; the background of the photo says nothing, a plain one is to stay plain.
+    tone, detail, trust : float32 [H, W]; the background of the photo says nothing, a plain one
+        is to stay plain.
     """
     shape, face = photo.shape[:2], face_size(landmarks)
     luma = grey(photo)

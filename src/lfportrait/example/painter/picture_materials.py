@@ -341,8 +341,8 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
     picture, regions, labels : Painting or photo, and what is known of it.
     strict : For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the
         more so the further away, or lie in the chin's shadow; what hangs there may be hair; and
-        paper in the color of skin is skin. Else all right below the jaw is neck: for photos, whose
-        bodies are painted of it.
+        paper in the color of skin is skin. Else all right below the jaw is neck: for photos,
+        whose bodies are painted of it.
     """
     return _shares(SmallPicture(picture, regions, labels), regions, strict)
 
@@ -580,7 +580,8 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
 
     Parameters
     ----------
-    exemplar, regions, labels, strict : As there; ``labels`` are the regions' own, uint8 [h, w, K].
+    exemplar, regions, labels, strict : As there; ``labels`` are the regions' own, uint8 [h, w,
+        K].
 
     Returns
     -------

@@ -57,7 +57,6 @@ def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
 
     Parameters
     ----------
-    exemplar : The painting.
     hair : float32 [h, w], its hair in [0, 1].
     labels : uint8 [h, w, len(PICTURE_LABELS)].
     """
@@ -261,8 +260,8 @@ def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32
     -------
     neck : float32 [h, w] in [0, 1], of a neck, place by place; what is far from all is none.
     strange : float32 [h, w] in [0, 1], of all flesh, what mostly is in its surroundings, too:
-        locks over a cheek, a beard's edge; shade, however deep, that is like nothing else is flesh.
-        Both 0 where too little is known.
+        locks over a cheek, a beard's edge; shade, however deep, that is like nothing else is
+        flesh. Both 0 where too little is known.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)

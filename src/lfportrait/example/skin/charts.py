@@ -54,18 +54,11 @@ CELL = 0.055
 
 @dataclass(frozen=True)
 class Shape:
-    """The large shape of a head: smoothed normals on a grid.
+    """The large shape of a head: smoothed normals on a grid."""
 
-    Attributes
-    ----------
-    normals : float32 [Z, Y, X, 3], not of unit length.
-    low : float64 [3], corner of the first cell.
-    cell : Side of a cell.
-    """
-
-    normals: Float32
-    low: Float64
-    cell: float
+    normals: Float32  # float32 [Z, Y, X, 3], not of unit length.
+    low: Float64  # float64 [3], corner of the first cell.
+    cell: float  # Side of a cell.
 
     def at(self, points: NDArray[np.floating]) -> Float32:
         """Unit normals of the large shape at points [..., 3], float32."""
@@ -77,33 +70,20 @@ class Shape:
 
 @dataclass(frozen=True)
 class Atlas:
-    """Charts side by side; sizes in pixels, places in the world.
+    """Charts side by side; sizes in pixels, places in the world."""
 
-    Attributes
-    ----------
-    cameras
-        One a chart.
-    boxes
-        int64 [C, 6]: the columns and rows x0, y0, x1, y1 of a chart that the atlas holds, and where
-        in the atlas the chart's pixel (0, 0) lies.
-    depth
-        float32 [H, W], along the chart's axis; infinite where there is no surface.
-    shown
-        [H, W, 3], the head as it is, sRGB: float32 in [0, 1], or uint8; or what gives it, where
-        it is in a file and not read yet.
-    owner
-        int32 [H, W]: flat index of the pixel that owns the surface point here, itself where it
-        does; beside the surface, within `MARGIN`, that of a near one, else -1.
-    shape
-        Normals of the large shape.
-    """
-
-    cameras: Camera
+    cameras: Camera  # One a chart.
+    # int64 [C, 6]: the columns and rows x0, y0, x1, y1 of a chart that the atlas holds, and where
+    # in the atlas the chart's pixel (0, 0) lies.
     boxes: Int64
-    depth: Float32
+    depth: Float32  # float32 [H, W], along the chart's axis; infinite where there is no surface.
+    # [H, W, 3], the head as it is, sRGB: float32 in [0, 1], or uint8; or what gives it, where it is
+    # in a file and not read yet.
     shown: Float32 | UInt8 | Callable[[], UInt8]
+    # int32 [H, W]: flat index of the pixel that owns the surface point here, itself where it does;
+    # beside the surface, within `MARGIN`, that of a near one, else -1.
     owner: Int32
-    shape: Shape
+    shape: Shape  # Normals of the large shape.
 
     @functools.cached_property
     def color(self) -> Float32:
@@ -147,17 +127,15 @@ class Atlas:
 
         Parameters
         ----------
-        points
-            float32 [N, 3] in the world.
-        before, behind
-            How far before a chart's surface, and under it, a point may lie, in world units.
+        points : float32 [N, 3] in the world.
+        before, behind : How far before a chart's surface, and under it, a point may lie, in
+            world units.
 
         Returns
         -------
-        places
-            float32 [N, 2], (x, y) in pixels of the atlas; NaN where no chart shows the point.
-        depth
-            float32 [N], how far it lies under the surface.
+        places : float32 [N, 2], (x, y) in pixels of the atlas; NaN where no chart shows the
+            point.
+        depth : float32 [N], how far it lies under the surface.
         """
         places = np.empty((len(points), 2), np.float32)
         depth = np.empty(len(points), np.float32)
@@ -182,15 +160,12 @@ def draw_atlas(field: VoxelField, pixels: float) -> Atlas:
 
     Parameters
     ----------
-    field
-        In the portrait frame.
-    pixels
-        Pixels of a chart per world unit.
+    field : In the portrait frame.
+    pixels : Pixels of a chart per world unit.
 
     Raises
     ------
-    UserError
-        If the field shows no surface.
+    UserError : If the field shows no surface.
     """
     charts = [chart for yaw, pitch in DIRECTIONS
               if (chart := _draw(field, yaw, pitch, pixels)) is not None]

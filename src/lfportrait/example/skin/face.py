@@ -36,14 +36,14 @@ class CopiedFace:
 
     Parameters
     ----------
-    transfer : Of the exemplar.
     hair, strand : float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
 
     Attributes
     ----------
     planes : float32 [h, w, 3]: the inside of the exemplar's face, what is near it, and hair over
         it.
-    labels : uint8 [h, w, K], the exemplar's labels with nothing but background outside of the face.
+    labels : uint8 [h, w, K], the exemplar's labels with nothing but background outside of the
+        face.
     """
 
     def __init__(self, transfer: Transfer, hair: Float32, strand: Float32) -> None:

@@ -76,7 +76,6 @@ class HatPainter:
     Parameters
     ----------
     exemplar, regions : The painting, bared or not, and its regions.
-    hat : Its hat.
     search, seed : Of the patches.
     """
 
@@ -115,8 +114,8 @@ class HatPainter:
         Parameters
         ----------
         skin, canvas : The lists of the canvas's N places, and where they lie.
-        position, anchor
-            float32 [N, 2], where the guide leads, and places in its plane; exemplar pixels.
+        position, anchor : float32 [N, 2], where the guide leads, and places in its plane;
+            exemplar pixels.
         size : Pixels of the canvas per pixel of the exemplar.
         color : float32 [H, W, 3] in [0, 1].
         """

@@ -96,7 +96,6 @@ def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
 
     Parameters
     ----------
-    skin : Of the sitter.
     labels : uint8 [N, K], the exemplar's where the guide leads.
     present : bool [7], what the exemplar shows; others stand in for the rest.
     """
@@ -219,24 +218,13 @@ class SkinConfig:
 
 @dataclass
 class Painting:
-    """A painted skin.
+    """A painted skin."""
 
-    Attributes
-    ----------
-    skin
-        What was painted on.
-    color
-        float32 [H / step, W / step, 3] in [0, 1], sRGB, of the atlas; copies and fringes filled.
-    step
-        Pixels of the atlas per pixel of the painting.
-    seconds
-        By step.
-    """
-
-    skin: Skin
+    skin: Skin  # What was painted on.
+    # float32 [H / step, W / step, 3] in [0, 1], sRGB, of the atlas; copies and fringes filled.
     color: Float32
-    step: int
-    seconds: dict[str, float]
+    step: int  # Pixels of the atlas per pixel of the painting.
+    seconds: dict[str, float]  # By step.
 
     def at(self, places: Float32) -> Float32:
         """Colors at places [N, 2] of the atlas, float32 [N, 3]; NaN where those are."""
@@ -250,29 +238,18 @@ class SkinPainter:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    config, transfer
-        Parameters; ``transfer`` those of the face.
-    seed
-        Of chunks and search.
-    fringe
-        Whether a painted fringe is taken off, for sitters whose own hair is known.
-    lids
-        Which of its eyes are to be shut (`asked_lids`).
-    wear
-        What of the painting's sitter is put on: its hat; its spectacles are left on.
+    config, transfer : Parameters; ``transfer`` those of the face.
+    seed : Of chunks and search.
+    fringe : Whether a painted fringe is taken off, for sitters whose own hair is known.
+    lids : Which of its eyes are to be shut (`asked_lids`).
+    wear : What of the painting's sitter is put on: its hat; its spectacles are left on.
 
     Attributes
     ----------
-    given
-        The exemplar as it was given.
-    exemplar
-        As it is painted by: from the front, with its eyes as the sitter's.
-    pose
-        Of the face in the painting.
-    turned
-        Whether the painting's own face is not from the front.
+    given : The exemplar as it was given.
+    exemplar : As it is painted by: from the front, with its eyes as the sitter's.
+    pose : Of the face in the painting.
+    turned : Whether the painting's own face is not from the front.
     """
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
@@ -307,13 +284,12 @@ class SkinPainter:
 
         Parameters
         ----------
-        landmarks
-            [68, 2] in pixels of the painting that was given.
+        landmarks : [68, 2] in pixels of the painting that was given.
 
         Returns
         -------
-        painter
-            None if they lie too far from those that the painting was prepared by (`NEARBY`).
+        painter : None if they lie too far from those that the painting was prepared by
+            (`NEARBY`).
         """
         first = self._first or self
         painted = first.given.landmarks
@@ -349,10 +325,7 @@ class SkinPainter:
 
         Parameters
         ----------
-        skin
-            Of the sitter.
-        step
-            Pixels of the atlas per painted pixel: 1, or 2 for a preview.
+        step : Pixels of the atlas per painted pixel: 1, or 2 for a preview.
         """
         with ThreadPoolExecutor(2) as aside:
             return self._painted(skin, step, aside)

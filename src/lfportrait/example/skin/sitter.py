@@ -131,34 +131,24 @@ class Skin:
 
     Attributes
     ----------
-    atlas
-        Charts side by side, [H, W].
-    plane
-        The unwrapping of the head by its landmarks.
-    pixels
-        Pixels of the charts per world unit.
-    index
-        int32 [N], flat index in the atlas of each owning pixel.
-    tone, detail, appearance
-        float32 [N]: luma blurred (`BLUR`); what that leaves out; the same without the photo's
-        grain. The latter two are weaker where photos saw a place at a graze (`CLEAR`).
-    contours
-        float32 [N] in [0, 1]: photo edge strength (edges, patterns) at a place.
-    hair
-        float32 [N] in [0, 1], or None where it could not be found.
-    clothes, ears
-        float32 [N] in [0, 1]; clothes are what lies below the chin and is not of the face's color.
-    seen
-        float32 [N] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras are
-        known.
-    outwards
-        bool [N], False where the large shape faces backwards: there is no face, and where a field
-        is open at the back one looks at its inside.
-    rows
-        float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
-        them.
-    kept
-        What paintings share, by what it is (`cached`).
+    atlas : Charts side by side, [H, W].
+    plane : The unwrapping of the head by its landmarks.
+    pixels : Pixels of the charts per world unit.
+    index : int32 [N], flat index in the atlas of each owning pixel.
+    tone, detail, appearance : float32 [N]: luma blurred (`BLUR`); what that leaves out; the same
+        without the photo's grain. The latter two are weaker where photos saw a place at a graze
+        (`CLEAR`).
+    contours : float32 [N] in [0, 1]: photo edge strength (edges, patterns) at a place.
+    hair : float32 [N] in [0, 1], or None where it could not be found.
+    clothes, ears : float32 [N] in [0, 1]; clothes are what lies below the chin and is not of the
+        face's color.
+    seen : float32 [N] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras
+        are known.
+    outwards : bool [N], False where the large shape faces backwards: there is no face, and where
+        a field is open at the back one looks at its inside.
+    rows : float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart
+        shows them.
+    kept : What paintings share, by what it is (`cached`).
     """
 
     atlas: Atlas
@@ -184,21 +174,15 @@ class Skin:
 
         Parameters
         ----------
-        field
-            In the portrait frame.
-        landmarks
-            float64 [68, 3].
-        cameras
-            Of the photos, to know which places they saw.
-        pixels
-            Pixels of the charts per world unit.
-        networks
-            Ask the segmentation network for hair, where its weights are at hand.
+        field : In the portrait frame.
+        landmarks : float64 [68, 3].
+        cameras : Of the photos, to know which places they saw.
+        pixels : Pixels of the charts per world unit.
+        networks : Ask the segmentation network for hair, where its weights are at hand.
 
         Raises
         ------
-        UserError
-            If the field shows no surface, or fewer than 20 landmarks are known.
+        UserError : If the field shows no surface, or fewer than 20 landmarks are known.
         """
         plane = HeadPlane(landmarks)
         atlas = draw_atlas(field, pixels)

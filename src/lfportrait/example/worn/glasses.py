@@ -61,16 +61,11 @@ STEPS = 32
 
 @dataclass(frozen=True)
 class Spectacles:
-    """The lines of a pair of spectacles, in the picture's pixels.
+    """The lines of a pair of spectacles, in the picture's pixels."""
 
-    Attributes
-    ----------
-    curves : float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen
-        (open).
-    width, unsure : Of the lines, and how far off they may be.
-    """
-
+    # float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen (open).
     curves: tuple[Float64, ...]
+    # width, unsure: Of the lines, and how far off they may be.
     width: float
     unsure: float
 
@@ -81,17 +76,14 @@ def spectacles(image: UInt8, landmarks: NDArray[np.floating],
 
     Parameters
     ----------
-    image
-        uint8 [H, W, 3], sRGB: the painting as it is given.
-    landmarks
-        float64 [68, 2], pixels.
-    pose
-        Of the face, if it is known.
+    image : uint8 [H, W, 3], sRGB: the painting as it is given.
+    landmarks : float64 [68, 2], pixels.
+    pose : Of the face, if it is known.
 
     Returns
     -------
     float32 [H, W] in [0, 1]: rims, bridge and temples, with the highlight and the shadow beside
-    them; zero everywhere where none are worn.
+        them; zero everywhere where none are worn.
     """
     found = find_spectacles(image, landmarks, pose)
     shape = image.shape[0], image.shape[1]

@@ -65,23 +65,14 @@ of a shade runs through it."""
 
 @dataclass(frozen=True)
 class Forehead:
-    """What is known of a painted forehead.
+    """What is known of a painted forehead."""
 
-    Attributes
-    ----------
-    covered : float32 [h, w] in [0, 1], where it is not bare.
-    bare : float32 [h, w] in [0, 1], skin of the face.
-    lit : The same with the nose: its light goes on there.
-    crown : float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
-    share : Of the forehead that is covered, in [0, 1].
-    other : Of the forehead that is covered or shaded by something else than hair, in [0, 1].
-    """
-
-    covered: Float32
-    bare: Float32
-    lit: Float32
-    crown: Float32
-    share: float
+    covered: Float32  # float32 [h, w] in [0, 1], where it is not bare.
+    bare: Float32  # float32 [h, w] in [0, 1], skin of the face.
+    lit: Float32  # The same with the nose: its light goes on there.
+    crown: Float32  # float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
+    share: float  # Of the forehead that is covered, in [0, 1].
+    # Of the forehead that is covered or shaded by something else than hair, in [0, 1].
     other: float
 
 
@@ -478,18 +469,11 @@ FINER = 1.2
 
 @dataclass(frozen=True)
 class Layer:
-    """A hat as it lies over a photo.
+    """A hat as it lies over a photo."""
 
-    Attributes
-    ----------
-    color : float32 [H, W, 3] in [0, 1], sRGB.
-    cover : float32 [H, W] in [0, 1], where it lies.
-    light : float32 [H, W] in [0, 1], what its shade leaves of the light below it.
-    """
-
-    color: Float32
-    cover: Float32
-    light: Float32
+    color: Float32  # float32 [H, W, 3] in [0, 1], sRGB.
+    cover: Float32  # float32 [H, W] in [0, 1], where it lies.
+    light: Float32  # float32 [H, W] in [0, 1], what its shade leaves of the light below it.
 
     def over(self, image: Float32) -> Float32:
         """A picture [H, W, 3] with it."""
@@ -504,7 +488,6 @@ class Hat:
     ----------
     exemplar : The painting as its sitter wears it.
     mask : float32 [h, w] in [0, 1], the hat (`headwear`).
-    regions : Of the painting.
     """
 
     def __init__(self, exemplar: Exemplar, mask: Float32, regions: Regions) -> None:
@@ -533,7 +516,6 @@ class Hat:
         Parameters
         ----------
         photo : uint8 or float in [0, 1], [H, W, 3].
-        regions : Of the photo.
 
         Returns
         -------

@@ -60,15 +60,11 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    fringe
-        Whether its hair is taken from the forehead, too.
+    fringe : Whether its hair is taken from the forehead, too.
 
     Returns
     -------
-    exemplar
-        Itself, if its forehead is bare.
+    exemplar : Itself, if its forehead is bare.
     """
     if abs(exemplar.pose().yaw) > NEARLY:
         return exemplar

@@ -47,24 +47,14 @@ UNKNOWN = 0.5
 
 @dataclass(frozen=True)
 class UprightFace:
-    """A face without its roll, `UNIT` pixels a unit of the head.
+    """A face without its roll, `UNIT` pixels a unit of the head."""
 
-    Attributes
-    ----------
-    pose : Of the face in the picture.
-    rotation : float64 [3, 3], of the pose, without its roll.
-    matrix : float64 [2, 3], from the picture's pixels to the upright ones.
-    grey : float32 `SHAPE` in [0, 1].
-    eyes : bool `SHAPE`: eyes and lids.
-    eye_middles : float64 [2, 2], (x, y) of the left and the right one in the picture.
-    """
-
-    pose: FacePose
-    rotation: Float64
-    matrix: Float64
-    grey: Float32
-    eyes: Bool
-    eye_middles: Float64
+    pose: FacePose  # Of the face in the picture.
+    rotation: Float64  # float64 [3, 3], of the pose, without its roll.
+    matrix: Float64  # float64 [2, 3], from the picture's pixels to the upright ones.
+    grey: Float32  # float32 `SHAPE` in [0, 1].
+    eyes: Bool  # bool `SHAPE`: eyes and lids.
+    eye_middles: Float64  # float64 [2, 2], (x, y) of the left and the right one in the picture.
 
     def places(self, points: Float64) -> Float64:
         """Upright pixels [..., 2] of points [..., 3] of the generic head."""
@@ -125,8 +115,9 @@ def ridges(face: UprightFace) -> Float32:
 
     Returns
     -------
-    float32 [2, DIRECTIONS, h, w] in [0, 1]: dark lines and light ones, by the direction of their
-    normal (n / DIRECTIONS of half a turn from x towards y), against the lines around them.
+    float32 [2, DIRECTIONS, h, w] in [0, 1]: dark lines and light ones, by the direction of
+        their normal (n / DIRECTIONS of half a turn from x towards y), against the lines around
+        them.
     """
     found = np.zeros((2, DIRECTIONS, *SHAPE), np.float32)
     for away, sigma in WIDTHS:
@@ -187,20 +178,12 @@ STIFF = 0.15
 
 @dataclass(frozen=True)
 class Rim:
-    """A rim that was followed, in upright pixels.
+    """A rim that was followed, in upright pixels."""
 
-    Attributes
-    ----------
-    points : float64 [FINE, 2], closed.
-    normals : float64 [FINE, 2].
-    answers : float64 [FINE] in [0, 1]: how much it is a line there.
-    known : bool [FINE]: what no lid hides.
-    """
-
-    points: Float64
-    normals: Float64
-    answers: Float64
-    known: Bool
+    points: Float64  # float64 [FINE, 2], closed.
+    normals: Float64  # float64 [FINE, 2].
+    answers: Float64  # float64 [FINE] in [0, 1]: how much it is a line there.
+    known: Bool  # bool [FINE]: what no lid hides.
 
     @property
     def middle(self) -> Float64:
@@ -470,8 +453,8 @@ def ways(gain: Float64) -> NDArray[np.int_]:
 
     Returns
     -------
-    columns : int [K, n], of each row; at most one aside of the row before, which costs `STIFF`. Of
-        equal ways the straight one.
+    columns : int [K, n], of each row; at most one aside of the row before, which costs `STIFF`.
+        Of equal ways the straight one.
     """
     tables, rows, width = gain.shape
     came = np.zeros(gain.shape, np.int8)

@@ -45,16 +45,11 @@ AHEAD, BEHIND = 0.6, 1.5
 
 @dataclass(frozen=True)
 class Sensed:
-    """A photo's depth on the grid of `Parts`.
+    """A photo's depth on the grid of `Parts`."""
 
-    Attributes
-    ----------
-    depth : float64 [h, w], along the camera's axis, portrait units; NaN where it is not known.
-    off : Median distance from the face's own depth, portrait units.
-    """
-
+    # float64 [h, w], along the camera's axis, portrait units; NaN where it is not known.
     depth: Float64
-    off: float
+    off: float  # Median distance from the face's own depth, portrait units.
 
 
 def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -> Sensed | None:
@@ -64,7 +59,6 @@ def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -
     ----------
     depth : What the photo's file keeps.
     camera : One view, the photo's.
-    parts : The photo's maps.
     near : float64 [h, w], depth of the fitted head's front on their grid, NaN beside it.
 
     Returns
@@ -163,7 +157,6 @@ def hair_squares(sensed: Sensed, middle: Float64, hair: Bools, given: Float64, c
 
     Parameters
     ----------
-    sensed : The photo's depth.
     middle : float64 [h, w], depth of the piece's middle.
     hair : bool [h, w].
     given : float64 [h, w], squares that are given already, NaN elsewhere.
@@ -186,7 +179,6 @@ def middle_behind(sensed: Sensed, front: Float64, middle: Float64, neck: Bools, 
 
     Parameters
     ----------
-    sensed : The photo's depth.
     front : float64 [h, w], squares of the half thicknesses in front.
     middle : float64 [h, w], its depth without a photo's.
     neck : bool [h, w], where the body meets the model's neck: there it stays.

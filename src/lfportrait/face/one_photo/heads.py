@@ -31,30 +31,24 @@ def head_from_photos(photos: Picture | Sequence[Picture], config: ReconstructCon
 
     Parameters
     ----------
-    photos
-        A file, a folder, or a picture uint8 [H, W, 3 or 4] in sRGB (with straight alpha, it is the
-        matte); or several of these. The most frontal one decides how the head looks.
-    config
-        Its resolution counts, and nothing else.
-    max_side
-        Files are reduced to this many pixels on their longer side; 0 keeps them.
-    progress
-        Progress line.
+    photos : A file, a folder, or a picture uint8 [H, W, 3 or 4] in sRGB (with straight alpha, it
+        is the matte); or several of these. The most frontal one decides how the head looks.
+    config : Its resolution counts, and nothing else.
+    max_side : Files are reduced to this many pixels on their longer side; 0 keeps them.
+    progress : Progress line.
 
     Returns
     -------
-    field
-        Of degree 0, in the portrait frame. It can be looked at over `PORTRAIT_CONE` degrees in all;
-        further out it is guessed.
-    capture
-        The photos with mattes, landmarks and cameras, the decisive one first: `lfportrait.stylize`
-        takes both.
+    field : Of degree 0, in the portrait frame. It can be looked at over `PORTRAIT_CONE` degrees
+        in all; further out it is guessed.
+    capture : The photos with mattes, landmarks and cameras, the decisive one first:
+        `lfportrait.stylize` takes both.
 
     Raises
     ------
-    UserError
-        If there is no photo or one can't be read, shows no face, several or a small one, or one
-        turned too far; if no head fits; or if the networks for landmarks and mattes are missing.
+    UserError : If there is no photo or one can't be read, shows no face, several or a small one,
+        or one turned too far; if no head fits; or if the networks for landmarks and mattes are
+        missing.
     """
     given: Sequence[Any] = (
         [photos] if isinstance(photos, (str, Path, np.ndarray)) else list(photos))

@@ -47,20 +47,11 @@ SQUARE = 6
 
 @dataclass(frozen=True)
 class Shot:
-    """A photo that colors a solid.
+    """A photo that colors a solid."""
 
-    Attributes
-    ----------
-    camera
-        One view.
-    colors
-        float32 [H, W, 3] in [0, 1], the person's alone (`clean_colors`).
-    hair
-        float32 [H, W], 1 in hair, 0 elsewhere, in between along a hairline; or None.
-    """
-
-    camera: Camera
-    colors: Float32
+    camera: Camera  # One view.
+    colors: Float32  # float32 [H, W, 3] in [0, 1], the person's alone (`clean_colors`).
+    # float32 [H, W], 1 in hair, 0 elsewhere, in between along a hairline; or None.
     hair: Float32 | None = None
 
     @staticmethod

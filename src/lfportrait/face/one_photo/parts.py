@@ -32,22 +32,14 @@ UNLIKE = 14.0
 
 @dataclass(frozen=True)
 class Parts:
-    """Maps [h, w] of a person.
+    """Maps [h, w] of a person."""
 
-    Attributes
-    ----------
-    camera : One view, whose picture is the grid.
-    cell : Width of a cell at the head, portrait units.
-    inside : float32, signed distance from the person's outline in cells, positive in the person.
-    hair : bool, hair in front.
-    bottom : Row at which the photo ends.
-    """
-
-    camera: Camera
-    cell: float
+    camera: Camera  # One view, whose picture is the grid.
+    cell: float  # Width of a cell at the head, portrait units.
+    # float32, signed distance from the person's outline in cells, positive in the person.
     inside: Float32
-    hair: Bools
-    bottom: float
+    hair: Bools  # bool, hair in front.
+    bottom: float  # Row at which the photo ends.
 
     def places(self, points: Float64) -> tuple[Float64, Float64]:
         """(row, column) of points [N, 3] for `at`, [2, N], and their depths [N]."""

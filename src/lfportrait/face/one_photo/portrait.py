@@ -25,16 +25,7 @@ from ...field import ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..detect import detect_faces, face_yaw
-from ..head_fit import (
-    HeadFit,
-    Picture,
-    View,
-    check_faces,
-    deviations_of,
-    fit_head,
-    refit,
-    unfit,
-)
+from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_head, refit, unfit
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
@@ -66,26 +57,20 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
 
     Parameters
     ----------
-    photos
-        One, or a few of any days and places. With an alpha channel they need no networks for
-        mattes. The most frontal one decides how the head looks.
-    progress
-        Progress line.
-    prior
-        Instead of the installed head.
+    photos : One, or a few of any days and places. With an alpha channel they need no networks
+        for mattes. The most frontal one decides how the head looks.
+    prior : Instead of the installed head.
 
     Returns
     -------
-    capture, figures
-        With mattes, landmarks and the fit, in the portrait frame, the decisive photo first; and
-        figures of the fit.
+    capture, figures : With mattes, landmarks and the fit, in the portrait frame, the decisive
+        photo first; and figures of the fit.
 
     Raises
     ------
-    UserError
-        If no photo shows a face, or the only one shows several, or a small one; if even the most
-        frontal one is turned too far, or no head fits it; or if networks are missing. Of several
-        photos those that can't be used are left out, with a warning.
+    UserError : If no photo shows a face, or the only one shows several, or a small one; if even
+        the most frontal one is turned too far, or no head fits it; or if networks are missing.
+        Of several photos those that can't be used are left out, with a warning.
     """
     def note(text: str) -> None:
         if progress is not None:
@@ -217,25 +202,20 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
 
     Parameters
     ----------
-    capture
-        Of `portrait_capture`.
-    config
-        Its resolution counts, and nothing else.
-    progress
-        Progress line. It is shown the head on a coarse lattice before the fine one is filled.
-    look
-        Is called then, too, with what gives that head; what it raises ends this.
+    capture : Of `portrait_capture`.
+    config : Its resolution counts, and nothing else.
+    progress : Progress line. It is shown the head on a coarse lattice before the fine one is
+        filled.
+    look : Is called then, too, with what gives that head; what it raises ends this.
 
     Returns
     -------
-    field, figures
-        Of degree 0, in the portrait frame; ``voxels``, ``resolution``, and the angle over which it
-        can be looked at as ``geometry.span_degrees``.
+    field, figures : Of degree 0, in the portrait frame; ``voxels``, ``resolution``, and the
+        angle over which it can be looked at as ``geometry.span_degrees``.
 
     Raises
     ------
-    UserError
-        If the head that was fitted is not installed any more.
+    UserError : If the head that was fitted is not installed any more.
     """
     begun = time.perf_counter()
     config = config or ReconstructConfig()

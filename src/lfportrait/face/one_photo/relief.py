@@ -27,13 +27,14 @@ def inflated(domain: Bools, inside: NDArray[np.floating], cell: float, *, source
     Parameters
     ----------
     domain : bool [h, w], where to solve.
-    inside : Signed distance from the outline in cells, which is known more finely than whole cells.
+    inside : Signed distance from the outline in cells, which is known more finely than whole
+        cells.
     cell : Width of a cell.
     source : The Laplacian is minus this: 4 makes a disc a ball, 2 a strip a tube.
     given : [h, w], values at places beside the domain, or within it, NaN elsewhere.
     least : [h, w], lower bounds.
-    free : bool [h, w]: places beside the domain where it is merely cut off: no slope across them.
-        All others beside it, without given values, are outline.
+    free : bool [h, w]: places beside the domain where it is merely cut off: no slope across
+        them. All others beside it, without given values, are outline.
 
     Returns
     -------

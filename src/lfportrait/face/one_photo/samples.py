@@ -24,19 +24,13 @@ STEP = 0.010
 
 @dataclass(frozen=True)
 class MeshSamples:
-    """Samples of a closed surface.
+    """Samples of a closed surface."""
 
-    Attributes
-    ----------
-    points, normals : float64 [N, 3], portrait frame.
-    tree : Of the points.
-    rest : float64 [N, 3], where the samples lie on the model's mean (`HeadPrior.rest`).
-    """
-
+    # points, normals: float64 [N, 3], portrait frame.
     points: Float64
     normals: Float64
-    tree: cKDTree
-    rest: Float64
+    tree: cKDTree  # Of the points.
+    rest: Float64  # float64 [N, 3], where the samples lie on the model's mean (`HeadPrior.rest`).
 
     @staticmethod
     def of(points: Float64, triangles: NDArray[np.int32], rest: Float64) -> MeshSamples:

@@ -69,19 +69,14 @@ EAR = 0.073
 
 @dataclass(frozen=True)
 class Piece:
-    """An inflated piece of the picture.
+    """An inflated piece of the picture."""
 
-    Attributes
-    ----------
-    front, back : float64 [h, w], squares of its half thicknesses; negative outside.
-    middle : float64 [h, w], depth.
-    ahead, behind : bool [h, w], where it lies before the middle and behind it; None: wherever its
-        squares are positive. Elsewhere the squares only lead its surface out of sight.
-    """
-
+    # front, back: float64 [h, w], squares of its half thicknesses; negative outside.
     front: Float64
     back: Float64
-    middle: Float64
+    middle: Float64  # float64 [h, w], depth.
+    # ahead, behind: bool [h, w], where it lies before the middle and behind it; None: wherever its
+    # squares are positive. Elsewhere the squares only lead its surface out of sight.
     ahead: Bools | None = None
     behind: Bools | None = None
 
@@ -124,24 +119,16 @@ class Piece:
 
 @dataclass(frozen=True)
 class Solid:
-    """A person as a signed distance.
+    """A person as a signed distance."""
 
-    Attributes
-    ----------
-    parts : The maps.
-    head : Samples of the head.
-    hair, body : Inflated pieces, or None.
-    neck : float64 [4]: a plane (normal, height) below which the head's model ends.
-    lowest : Height of the plane that ends the bust.
-    before : float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
-    """
-
-    parts: Parts
-    head: MeshSamples
+    parts: Parts  # The maps.
+    head: MeshSamples  # Samples of the head.
+    # hair, body: Inflated pieces, or None.
     hair: Piece | None
     body: Piece | None
-    neck: Float64
-    lowest: float
+    neck: Float64  # float64 [4]: a plane (normal, height) below which the head's model ends.
+    lowest: float  # Height of the plane that ends the bust.
+    # float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     before: Float64 | None = None
 
     def distance(self, points: Float64, reach: float, near: Bools | None = None,
@@ -218,7 +205,6 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
 
     Parameters
     ----------
-    parts : The photo's maps.
     samples : Of the head, warped to the photo.
     sensed : The photo's own depth, where it has one.
     """

@@ -52,7 +52,6 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
     ----------
     prior, view : The model and its pose.
     vertices : float64 [N, 3] in the model's frame.
-    picture : The photo.
 
     Returns
     -------
@@ -73,7 +72,6 @@ def warped_together(fit: HeadFit, pictures: list[Picture],
 
     Parameters
     ----------
-    fit : The head.
     pictures : Its photos.
     found : For each photo what it shows of the first one's places (`found_again`): there its
         landmarks say nothing.

@@ -215,7 +215,6 @@ def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.fl
     Parameters
     ----------
     field : Trained on photos; without a texture.
-    cameras : Of the photos.
     middle : [3], inside the head, in the world: places are taken to face away from it.
     price : Of a coefficient's square (`PRICE`).
 

@@ -38,21 +38,11 @@ GIVES_WAY = 1e-3
 
 @dataclass(frozen=True)
 class FittedHead:
-    """A mesh in the portrait frame.
+    """A mesh in the portrait frame."""
 
-    Attributes
-    ----------
-    points
-        float64 [N, 3].
-    triangles
-        int32 [T, 3], counter-clockwise seen from outside.
-    ears
-        bool [N], which of the points are the ears'.
-    """
-
-    points: Float64
-    triangles: Int32
-    ears: Bool
+    points: Float64  # float64 [N, 3].
+    triangles: Int32  # int32 [T, 3], counter-clockwise seen from outside.
+    ears: Bool  # bool [N], which of the points are the ears'.
 
 
 FitHead = Callable[[Float64, Float64, Float64, Float64], FittedHead | None]
@@ -67,8 +57,8 @@ def mesh_samples(points: Float64, triangles: Int32, step: float = STEP,
 
     Returns
     -------
-    places, normals, triangle : float64 [S, 3] each, the normals outwards and of unit length, those
-        of the triangles; and the triangle of each, [S].
+    places, normals, triangle : float64 [S, 3] each, the normals outwards and of unit length,
+        those of the triangles; and the triangle of each, [S].
     """
     corners = points[triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -164,27 +154,19 @@ _VIEWS = 12
 
 @dataclass(frozen=True)
 class Ears:
-    """Solids beside a chart's surface.
+    """Solids beside a chart's surface."""
 
-    Attributes
-    ----------
-    points, normals : float64 [N, 3] each, samples of the surface in the world; those around the
-        ears, too.
-    own : bool [N], which of the samples are the ears'.
-    torn : Boxes [E, 2, 3] about those ears (lowest and highest corner, world) of which what was
-        trained has only shreds.
-    tree : Of the points.
-    reach : World units up to which distances are known.
-    step : World units between samples.
-    """
-
+    # points, normals: float64 [N, 3] each, samples of the surface in the world; those around the
+    # ears, too.
     points: Float64
     normals: Float64
-    own: Bool
+    own: Bool  # bool [N], which of the samples are the ears'.
+    # Boxes [E, 2, 3] about those ears (lowest and highest corner, world) of which what was trained
+    # has only shreds.
     torn: Float64
-    tree: cKDTree
-    reach: float
-    step: float
+    tree: cKDTree  # Of the points.
+    reach: float  # World units up to which distances are known.
+    step: float  # World units between samples.
 
     def distance(self, points: Float64) -> tuple[Float64, Int64]:
         """How far points [N, 3] lie outside, and their nearest samples; infinite far from ears."""

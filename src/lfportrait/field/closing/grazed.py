@@ -46,25 +46,18 @@ _EVEN = 1.5
 
 @dataclass(frozen=True)
 class Grazed:
-    """The surface of a closed head, and how squarely photos look at it.
+    """The surface of a closed head, and how squarely photos look at it."""
 
-    Attributes
-    ----------
-    chart, distance : The surface, float64 [V, U], world units.
-    faced : float64 [V, U], 0 where photos see nothing or look along it, 1 where they see it well.
-    ears : Solids beside it, or None.
-    beside : bool [V, U], cells whose rays may meet ears.
-    hair : bool [V, U], cells that keep apart from the others, and their colors; None: one color.
-    cut : What lies below is none of the head.
-    """
-
+    # chart, distance: The surface, float64 [V, U], world units.
     chart: Chart
     distance: Float64
+    # float64 [V, U], 0 where photos see nothing or look along it, 1 where they see it well.
     faced: Float64
-    ears: Ears | None
-    beside: Bool
+    ears: Ears | None  # Solids beside it, or None.
+    beside: Bool  # bool [V, U], cells whose rays may meet ears.
+    # bool [V, U], cells that keep apart from the others, and their colors; None: one color.
     hair: Bool | None
-    cut: Cut | None
+    cut: Cut | None  # What lies below is none of the head.
 
 
 def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
@@ -73,7 +66,6 @@ def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
     Parameters
     ----------
     chart, distance : The surface, float64 [V, U], world units.
-    cameras : Of the photos.
     """
     even = smoothed(distance, np.ones(distance.shape, bool), _EVEN)
     cosine = np.quantile(cosines_of(chart, even, cameras), BEST, axis=0)
@@ -109,7 +101,6 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     Parameters
     ----------
     field : Without a texture.
-    grazed : Its surface.
 
     Returns
     -------

@@ -137,8 +137,8 @@ class Photos:
 
         Returns
         -------
-        places, ways : float64 [P, 3] each, the ways of unit length; next to an outline nothing is
-            told.
+        places, ways : float64 [P, 3] each, the ways of unit length; next to an outline nothing
+            is told.
         """
         height, width = self._depths[view].shape
         left, top = np.clip(np.floor(low), 0, [width, height]).astype(np.int64)
@@ -212,10 +212,7 @@ class Coverage:
 
     Parameters
     ----------
-    field
-        Of a head, in the capture's frame.
-    capture
-        The photos.
+    field : Of a head, in the capture's frame.
     """
 
     ENOUGH = 3
@@ -255,10 +252,8 @@ class Coverage:
 
         Parameters
         ----------
-        distance
-            Of the views' camera from the origin, world units.
-        size
-            Their width and height in pixels.
+        distance : Of the views' camera from the origin, world units.
+        size : Their width and height in pixels.
         """
         views = Camera.arc(np.array(_TURNS), distance=distance, width=size, height=size,
                            focal=0.45 * size * distance)

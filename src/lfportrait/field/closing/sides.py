@@ -52,20 +52,11 @@ LEAST_BEHIND = 0.005
 
 @dataclass(frozen=True)
 class Closed:
-    """What `close_back` did.
+    """What `close_back` did."""
 
-    Attributes
-    ----------
-    share
-        Share of the surface that was open.
-    points
-        Lattice points that are new.
-    grazed
-        Where photos of a narrow arc only look along the surface; None: it is closed behind alone.
-    """
-
-    share: float
-    points: int
+    share: float  # Share of the surface that was open.
+    points: int  # Lattice points that are new.
+    # Where photos of a narrow arc only look along the surface; None: it is closed behind alone.
     grazed: Grazed | None = None
 
 
@@ -75,19 +66,14 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
 
     Parameters
     ----------
-    field
-        Of a head, in the portrait frame, without a texture.
-    landmarks
-        [68, 3], iBUG order, of its face.
-    capture
-        The photos that it was reconstructed from, with mattes.
-    cut
-        What lies below is none of the head (`find_cut`).
+    field : Of a head, in the portrait frame, without a texture.
+    landmarks : [68, 3], iBUG order, of its face.
+    capture : The photos that it was reconstructed from, with mattes.
+    cut : What lies below is none of the head (`find_cut`).
 
     Returns
     -------
-    field, closed
-        The same field and None where nothing is open.
+    field, closed : The same field and None where nothing is open.
     """
     points = field.lattice_points()[field.density > OPAQUE]
     if cut is not None:
@@ -183,21 +169,16 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
 
     Parameters
     ----------
-    field
-        Of a head, without a texture.
-    surface
-        What it started from.
-    capture
-        The photos, with mattes and landmarks.
-    cut
-        What lies below is none of the head.
-    fit_head
-        Fits a head to what the photos show, which the sides follow; None: they follow ``surface``.
+    field : Of a head, without a texture.
+    surface : What it started from.
+    capture : The photos, with mattes and landmarks.
+    cut : What lies below is none of the head.
+    fit_head : Fits a head to what the photos show, which the sides follow; None: they follow
+        ``surface``.
 
     Returns
     -------
-    field, closed
-        The same field and None where nothing was seen well enough.
+    field, closed : The same field and None where nothing was seen well enough.
     """
     chart, voxel = surface.chart, float(field.spacing.mean())
     distance, colors = read_surface(field, chart, cut)
@@ -250,24 +231,14 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
 
 @dataclass(frozen=True)
 class _Guess:
-    """How a surface goes on where photos do not show it.
+    """How a surface goes on where photos do not show it."""
 
-    Attributes
-    ----------
-    base : Distances [V, U] that it is in proportion to.
-    trust : How far what was trained tells where it lies, [V, U].
-    known : Where what was trained stays, [V, U].
-    tension : Pull towards the base, [V, U].
-    yields : Where what was trained goes, whatever sees it (`Shell.yields`), [V, U].
-    ears : Solids beside it, or None.
-    """
-
-    base: Float64
-    trust: Float64
-    known: Bool
-    tension: Float64
-    yields: Float64
-    ears: Ears | None
+    base: Float64  # Distances [V, U] that it is in proportion to.
+    trust: Float64  # How far what was trained tells where it lies, [V, U].
+    known: Bool  # Where what was trained stays, [V, U].
+    tension: Float64  # Pull towards the base, [V, U].
+    yields: Float64  # Where what was trained goes, whatever sees it (`Shell.yields`), [V, U].
+    ears: Ears | None  # Solids beside it, or None.
 
 
 def _led(guess: _Guess, base: Float64, surface: HeadSurface, distance: Float64,

@@ -34,24 +34,15 @@ STEP = 2.5
 
 @dataclass(frozen=True)
 class Chart:
-    """Rays towards the axis: one a cell, rows from below to the crown, columns all around.
+    """Rays towards the axis: one a cell, rows from below to the crown, columns all around."""
 
-    Attributes
-    ----------
-    axis : float64 [V, 3], where each row's rays end.
-    elevation : float64 [V], of each row's rays, radians.
-    angle : float64 [U], of each column's rays, 0 in front, radians.
-    cell : Distance of rows, world units.
-    level : Number of rows below the brows, whose rays are horizontal.
-    frame : float64 [4, 4], similarity from the world to the frame of ``axis`` and ``cell``; None:
-        they are of the world. Distances along rays are always world units.
-    """
-
-    axis: Float64
-    elevation: Float64
-    angle: Float64
-    cell: float
-    level: int
+    axis: Float64  # float64 [V, 3], where each row's rays end.
+    elevation: Float64  # float64 [V], of each row's rays, radians.
+    angle: Float64  # float64 [U], of each column's rays, 0 in front, radians.
+    cell: float  # Distance of rows, world units.
+    level: int  # Number of rows below the brows, whose rays are horizontal.
+    # float64 [4, 4], similarity from the world to the frame of ``axis`` and ``cell``; None: they
+    # are of the world. Distances along rays are always world units.
     frame: Float64 | None = None
 
     @property
@@ -100,7 +91,6 @@ class Chart:
 
         Parameters
         ----------
-        field : Its lattice.
         low, high : float64 [V, U] each, world units.
         corners : float64 [N, 3], world units: only lattice points in their box.
 
@@ -132,8 +122,8 @@ class Chart:
         Parameters
         ----------
         distance, margin : float64 [V, U] each, world units.
-        shape, center, radius : Lattice points along z, y, x, and their box, float64 [3] each (x, y,
-            z).
+        shape, center, radius : Lattice points along z, y, x, and their box, float64 [3] each (x,
+            y, z).
 
         Returns
         -------
@@ -310,8 +300,8 @@ def continued(values: Float64, known: Bool, *, bending: float = 0.0,
     ----------
     values, known : float64 [V, U, C], bool [V, U]; some cells are known.
     bending : Weight of bending; 0: a membrane (Laplace's equation).
-    upwards : How strongly a membrane holds together across rows, over along them; one for all rows,
-        or one a row, [V].
+    upwards : How strongly a membrane holds together across rows, over along them; one for all
+        rows, or one a row, [V].
     apart : bool [V, U]: across the border of these cells next to nothing of a membrane holds
         together.
     """

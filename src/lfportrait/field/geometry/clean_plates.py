@@ -50,21 +50,14 @@ _CERTAIN = 10.0  # bound of what colors say, as log-odds
 
 @dataclass(frozen=True)
 class Plate:
-    """What is behind the person in a reduced photo.
+    """What is behind the person in a reduced photo."""
 
-    Attributes
-    ----------
-    color : float32 [h, w, 3], sRGB in [0, 1].
-    variance : float32 [h, w, 3], of the colors: noise, displacement, or how they vary around where
-        they are not known.
-    known : bool [h, w], where anchors show them.
-    texture : float32 [h, w], standard deviation of the colors around.
-    """
-
-    color: Float32
+    color: Float32  # float32 [h, w, 3], sRGB in [0, 1].
+    # float32 [h, w, 3], of the colors: noise, displacement, or how they vary around where they are
+    # not known.
     variance: Float32
-    known: Bool
-    texture: Plane
+    known: Bool  # bool [h, w], where anchors show them.
+    texture: Plane  # float32 [h, w], standard deviation of the colors around.
 
     @property
     def textured(self) -> Bool:
@@ -79,18 +72,13 @@ def plate_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
 
     Parameters
     ----------
-    capture
-        Photos and cameras, in the portrait frame.
-    mattes
-        V mattes of a network, [H, W] in [0, 1], most of them right.
-    progress
-        Progress line.
+    capture : Photos and cameras, in the portrait frame.
+    mattes : V mattes of a network, [H, W] in [0, 1], most of them right.
 
     Returns
     -------
-    mattes
-        V mattes, float32 [H, W] in [0, 1]; None where there is no telling person and room apart
-        (`CleanPlates.of`).
+    mattes : V mattes, float32 [H, W] in [0, 1]; None where there is no telling person and room
+        apart (`CleanPlates.of`).
     """
     if progress is not None:
         progress.update(0, "cutting out the person: the room behind")

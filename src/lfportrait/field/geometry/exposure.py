@@ -101,8 +101,8 @@ def matte_gains(field: VoxelField, capture: Capture, views: Int64,
     Returns
     -------
     gains : float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and
-        for a field that is too inaccurate: one whose brightness is off by more from part to part of
-        a photo than from photo to photo.
+        for a field that is too inaccurate: one whose brightness is off by more from part to
+        part of a photo than from photo to photo.
     """
     # Layouts are built on first use: not by several threads.
     _ = field.bricks.rows

@@ -36,18 +36,13 @@ Points = Float64
 
 @dataclass(frozen=True)
 class Solid:
-    """Signed distances to an object on a cubic lattice about the origin.
+    """Signed distances to an object on a cubic lattice about the origin."""
 
-    Attributes
-    ----------
-    first, spacing : Coordinate of the first point along x, y and z, distance of the points, in
-        world units.
-    distance : float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero
-        inside.
-    """
-
+    # first, spacing: Coordinate of the first point along x, y and z, distance of the points, in
+    # world units.
     first: float
     spacing: float
+    # float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero inside.
     distance: Float32
 
     @functools.cached_property
@@ -82,8 +77,8 @@ def backing_planes(points: Points, persons: Float32, cameras: Points, usual: flo
     points : float64 [K, 3], points of surfaces.
     persons : float32 [K], how much the mattes call each of them the person.
     cameras : float64 [V, 3], where the cameras stand.
-    usual : How much the mattes usually call the object the person. A plane that they call so nearly
-        as much is part of it (a back, a chest).
+    usual : How much the mattes usually call the object the person. A plane that they call so
+        nearly as much is part of it (a back, a chest).
     most : How many planes to look for.
 
     Returns
@@ -143,8 +138,8 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
 
     Returns
     -------
-    solid : The object, or None if nothing of known depth is near the origin, or if most mattes see
-        no person in what is.
+    solid : The object, or None if nothing of known depth is near the origin, or if most mattes
+        see no person in what is.
     """
     spacing = 2.0 * REACH / _SIZE
     axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)

@@ -76,14 +76,10 @@ def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
 
     Parameters
     ----------
-    cell
-        Distance of rows, portrait units.
-    middle
-        x of the face's middle in the portrait frame.
-    frame
-        float64 [4, 4], similarity from the world to the portrait frame.
-    lowest
-        Height of the lowest row.
+    cell : Distance of rows, portrait units.
+    middle : x of the face's middle in the portrait frame.
+    frame : float64 [4, 4], similarity from the world to the portrait frame.
+    lowest : Height of the lowest row.
     """
     heights = np.arange(lowest, BROWS, cell)
     heights += BROWS - heights[-1]
@@ -126,8 +122,8 @@ def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64
 
     Returns
     -------
-    cosines : One a camera, float64 [V, U]: between the normal and the way to the camera, -1 where
-        the surface hides itself.
+    cosines : One a camera, float64 [V, U]: between the normal and the way to the camera, -1
+        where the surface hides itself.
     """
     points = chart.points(distance).reshape(-1, 3)
     normals = normals_of(chart, distance).reshape(-1, 3)
@@ -161,13 +157,14 @@ class SurfaceSweep:
         ----------
         chart, distance : The surface, float64 [V, U], world units.
         limit : Distances beyond which nothing is looked for, float64 [V, U].
-        reach, steps : How far outwards and inwards is looked, world units, and at how many places.
+        reach, steps : How far outwards and inwards is looked, world units, and at how many
+            places.
         window : Width of the correlation's window in cells.
 
         Returns
         -------
-        offset, trust : float64 [V, U] each: outwards from the surface, and the photos' confidence
-            in [0, 1].
+        offset, trust : float64 [V, U] each: outwards from the surface, and the photos'
+            confidence in [0, 1].
         """
         weights = np.stack([np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32)
                             for cosine in cosines_of(chart, distance, self.cameras)])
@@ -232,23 +229,15 @@ _SWEEPS = ((0.12, 25, 9, 1.0), (0.06, 21, 7, 0.3), (0.03, 17, 5, 0.1))
 
 @dataclass(frozen=True)
 class HeadSurface:
-    """A closed surface around a head, down to the bust.
+    """A closed surface around a head, down to the bust."""
 
-    Attributes
-    ----------
-    chart : Its frame is the portrait frame.
-    distance : float64 [V, U], of the surface from the chart's axis, world units.
-    trust : float64 [V, U] in [0, 1], confidence of the photos in it.
-    facing : float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
-        after the fifth of the photos that see it best.
-    span : Degrees about the vertical axis that the cameras are spread over.
-    """
-
-    chart: Chart
-    distance: Float64
-    trust: Float64
+    chart: Chart  # Its frame is the portrait frame.
+    distance: Float64  # float64 [V, U], of the surface from the chart's axis, world units.
+    trust: Float64  # float64 [V, U] in [0, 1], confidence of the photos in it.
+    # float64 [V, U], cosine between the normal and the way to the cameras, that of the photo after
+    # the fifth of the photos that see it best.
     facing: Float64
-    span: float
+    span: float  # Degrees about the vertical axis that the cameras are spread over.
 
     def shown_of_head(self) -> float:
         """Share of the head's surface (from the chin upwards) that photos see well, 0 to 1."""
@@ -437,16 +426,15 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
 
     Parameters
     ----------
-    surface : The surface.
     shape : Lattice points along z, y, x.
     center, radius : The box of the lattice, float64 [3] each (x, y, z).
 
     Returns
     -------
     distance, clearance : float32 [Z, Y, X] each, world units. The distance is that along the
-        chart's rays, below zero inside; near the surface, outside, that through space where it is
-        shorter. The clearance is less where photos look along the surface or do not see it: only
-        guesses could fill it there.
+        chart's rays, below zero inside; near the surface, outside, that through space where it
+        is shorter. The clearance is less where photos look along the surface or do not see it:
+        only guesses could fill it there.
     """
     share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
     margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale

@@ -113,18 +113,13 @@ def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
 
     Parameters
     ----------
-    capture
-        Photos and cameras, in the portrait frame.
-    mattes
-        V mattes of a network, [H, W] in [0, 1]; many may be wrong.
-    progress
-        Progress line.
+    capture : Photos and cameras, in the portrait frame.
+    mattes : V mattes of a network, [H, W] in [0, 1]; many may be wrong.
 
     Returns
     -------
-    mattes
-        V mattes, float32 [H, W] in [0, 1], or None where the photos show no object at the origin
-        (`find_solid`).
+    mattes : V mattes, float32 [H, W] in [0, 1], or None where the photos show no object at the
+        origin (`find_solid`).
     """
     solid = _solid(capture, mattes, progress)
     if solid is None:
@@ -156,19 +151,14 @@ def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
 
     Parameters
     ----------
-    capture
-        Photos and cameras, in the portrait frame.
-    mattes
-        V mattes, [H, W] in [0, 1], most of them right.
-    progress
-        Progress line.
+    capture : Photos and cameras, in the portrait frame.
+    mattes : V mattes, [H, W] in [0, 1], most of them right.
 
     Returns
     -------
-    mattes
-        V mattes, float32 [H, W] in [0, 1]. One that the object's outline does not resemble stays
-        as it is, and all do where the photos show no object. What changes is not along the
-        photo's edges (`lfportrait.capture.refine_changes`).
+    mattes : V mattes, float32 [H, W] in [0, 1]. One that the object's outline does not resemble
+        stays as it is, and all do where the photos show no object. What changes is not along
+        the photo's edges (`lfportrait.capture.refine_changes`).
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
     solid = _solid(capture, given, progress, _FEW)

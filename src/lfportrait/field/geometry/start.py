@@ -131,20 +131,14 @@ REACH = 3.0
 
 @dataclass(frozen=True)
 class Start:
-    """The first lattice and what else is known before the first step.
+    """The first lattice and what else is known before the first step."""
 
-    Attributes
-    ----------
-    lattice : Matter of low density where there may be any.
-    background : Spheres behind it, or None.
-    gains, test_gains : float64 [V, 3] and [W, 3], exposures of training and held-out photos.
-    haze : Whether the lattice is a whole cube because nothing is known of the surfaces.
-    """
-
-    lattice: Lattice
-    background: Background | None
+    lattice: Lattice  # Matter of low density where there may be any.
+    background: Background | None  # Spheres behind it, or None.
+    # gains, test_gains: float64 [V, 3] and [W, 3], exposures of training and held-out photos.
     gains: Float64
     test_gains: Float64
+    # Whether the lattice is a whole cube because nothing is known of the surfaces.
     haze: bool = False
 
 
@@ -161,8 +155,7 @@ def start_person(capture: Capture, views: Int64, resolution: int, width: int,
 
     Raises
     ------
-    UserError
-        If the mattes have no common volume.
+    UserError : If the mattes have no common volume.
     """
     assert capture.alphas is not None
     cameras, mattes = capture.cameras[views], [capture.alphas[view] for view in views]

@@ -30,18 +30,11 @@ _SIZE, _PLANES, _NEIGHBOURS, _WINDOW = 192, 64, 4, 7
 
 @dataclass(frozen=True)
 class DepthMap:
-    """A small view with what is known of its depth.
+    """A small view with what is known of its depth."""
 
-    Attributes
-    ----------
-    camera : Its camera, one view.
-    image : float32 [h, w, 3], sRGB in [0, 1].
-    depth : float32 [h, w], distance along the optical axis in world units, NaN where it is not
-        known.
-    """
-
-    camera: Camera
-    image: Float32
+    camera: Camera  # Its camera, one view.
+    image: Float32  # float32 [h, w, 3], sRGB in [0, 1].
+    # float32 [h, w], distance along the optical axis in world units, NaN where it is not known.
     depth: Float32
 
     def points(self) -> Float64:
@@ -62,8 +55,8 @@ def sweep_depth(capture: Capture, views: Int64, reach: float = 0.0, *,
     ----------
     capture : Photos and cameras.
     views : The views, which are each other's neighbours.
-    reach : The planes of each view are dense up to this distance from the origin and few beyond; by
-        default they are the same for all views and as dense far away.
+    reach : The planes of each view are dense up to this distance from the origin and few beyond;
+        by default they are the same for all views and as dense far away.
     endless : Have the planes go on to infinity, so that a wall is found however far it is.
     planes : How many planes.
     """
@@ -231,18 +224,11 @@ def _completed(depth: Float32) -> Float32:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """What depth maps say of the points of a lattice.
+    """What depth maps say of the points of a lattice."""
 
-    Attributes
-    ----------
-    keep : bool [Z, Y, X], points that may hold matter.
-    solid : bool [Z, Y, X], points where surfaces are seen.
-    color : float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
-    """
-
-    keep: Bool
-    solid: Bool
-    color: Float32
+    keep: Bool  # bool [Z, Y, X], points that may hold matter.
+    solid: Bool  # bool [Z, Y, X], points where surfaces are seen.
+    color: Float32  # float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
 
 
 def fuse(maps: list[DepthMap], resolution: int, center: Float64, radius: Float64) -> Surfaces:

@@ -33,8 +33,7 @@ def shader(*files: str) -> str:
 
     Parameters
     ----------
-    files
-        ``"package/file.wgsl"`` below `lfportrait`.
+    files : ``"package/file.wgsl"`` below `lfportrait`.
     """
     texts = []
     for file in files:
@@ -50,21 +49,11 @@ _KEPT = 3
 
 @dataclass(frozen=True)
 class TextureParts:
-    """A field's painted texture, as it is sent.
+    """A field's painted texture, as it is sent."""
 
-    Attributes
-    ----------
-    cells
-        uint8 [bricks * 128], the chart of each cell; 255: none.
-    charts
-        float32 [C, 12], from the lattice to texels.
-    texels
-        int8 [H, W, 4].
-    """
-
-    cells: UInt8
-    charts: Float32
-    texels: NDArray[np.int8]
+    cells: UInt8  # uint8 [bricks * 128], the chart of each cell; 255: none.
+    charts: Float32  # float32 [C, 12], from the lattice to texels.
+    texels: NDArray[np.int8]  # int8 [H, W, 4].
 
 
 @dataclass(frozen=True)
@@ -128,12 +117,10 @@ class FieldParts:
 
     Attributes
     ----------
-    table, links, density, rows, basis, width, shape
-        As `Bricks` has them.
-    lattice
-        float64 [9], `VoxelField.lattice`.
-    others, other_basis
-        Other colors of the same points, as ``rows`` and ``basis``; none by default.
+    table, links, density, rows, basis, width, shape : As `Bricks` has them.
+    lattice : float64 [9], `VoxelField.lattice`.
+    others, other_basis : Other colors of the same points, as ``rows`` and ``basis``; none by
+        default.
     """
 
     table: Int32
@@ -168,23 +155,14 @@ class Atlas:
 
     Parameters
     ----------
-    device
-        The device.
-    parts
-        The field.
-    layers
-        How many eyes colors are kept for; fields of one coefficient need one.
+    layers : How many eyes colors are kept for; fields of one coefficient need one.
 
     Attributes
     ----------
-    table, masks, texture
-        For `march.wgsl`: buffers and the texture.
-    side, down, deep
-        Bricks of the atlas along x, y and, of one layer, z.
-    layers
-        As above.
-    share
-        Share of the other colors that `shade` mixes in, 0 to 1.
+    table, masks, texture : For `march.wgsl`: buffers and the texture.
+    side, down, deep : Bricks of the atlas along x, y and, of one layer, z.
+    layers : As above.
+    share : Share of the other colors that `shade` mixes in, 0 to 1.
     """
 
     def __init__(self, device: Device, parts: FieldParts, layers: int = 1,
@@ -245,8 +223,7 @@ class Atlas:
 
         Parameters
         ----------
-        eyes
-            float64 [layers, 3], in the field's world.
+        eyes : float64 [layers, 3], in the field's world.
         """
         device = self._device
         steps = []
@@ -325,49 +302,32 @@ _GROUP = 8
 
 @dataclass(frozen=True)
 class ViewJob:
-    """Views to be rendered, of one size.
+    """Views to be rendered, of one size."""
 
-    Attributes
-    ----------
-    cameras
-        float64 [V, 16] (`Camera.row`).
-    size
-        Width and height in pixels.
-    lattice
-        float64 [9], `VoxelField.lattice`.
-    axis, step
-        1, 2 or 3: samples lie where rays cross lattice planes of x, y or z, ``step`` planes apart;
-        0: they lie ``step`` lattice units apart.
-    threshold, stop, whole
-        Density that counts; transmittance at which rays end; whether the rest has their color.
-    covered, probes, reach
-        How long a piece of surface may be, in world units, for one look-up of the texture; most
-        look-ups; width of detail along a piece over its length.
-    eight_bit
-        Pictures of bytes are wanted, not colors, opacities and depths.
-    background
-        Red, green and blue behind the field, in [0, 1], for pictures of bytes.
-    ground
-        float32 [3, R, C], 0 to 255: what is behind it instead; or None.
-    ground_rays
-        float64 [V, 4, 3], in the ground's texels: each camera's place, its ray's growth for a pixel
-        to the right and below, and the first pixel's.
-    """
-
-    cameras: Float64
-    size: tuple[int, int]
-    lattice: Float64
+    cameras: Float64  # float64 [V, 16] (`Camera.row`).
+    size: tuple[int, int]  # Width and height in pixels.
+    lattice: Float64  # float64 [9], `VoxelField.lattice`.
+    # axis, step: 1, 2 or 3: samples lie where rays cross lattice planes of x, y or z, ``step``
+    # planes apart; 0: they lie ``step`` lattice units apart.
     axis: int
     step: float
+    # threshold, stop, whole: Density that counts; transmittance at which rays end; whether the rest
+    # has their color.
     threshold: float
     stop: float
     whole: bool
+    # covered, probes, reach: How long a piece of surface may be, in world units, for one look-up of
+    # the texture; most look-ups; width of detail along a piece over its length.
     covered: float
     probes: int
     reach: float
-    eight_bit: bool = False
+    eight_bit: bool = False  # Pictures of bytes are wanted, not colors, opacities and depths.
+    # Red, green and blue behind the field, in [0, 1], for pictures of bytes.
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # float32 [3, R, C], 0 to 255: what is behind it instead; or None.
     ground: Float32 | None = None
+    # float64 [V, 4, 3], in the ground's texels: each camera's place, its ray's growth for a pixel
+    # to the right and below, and the first pixel's.
     ground_rays: Float64 | None = None
 
     def uniform(self, view: int, first: int, rows: int) -> UInt8:
@@ -390,16 +350,12 @@ def render_views(device: Device, keys: tuple[str, str], job: ViewJob) -> Any:
 
     Parameters
     ----------
-    device, keys
-        The device, and the names of the field and its texture there.
-    job
-        The views.
+    device, keys : The device, and the names of the field and its texture there.
 
     Returns
     -------
-    pictures
-        uint8 [V, H, W, 3] if ``job.eight_bit``; else colors float32 [V, H, W, 3], opacities and
-        depths [V, H, W], without a background.
+    pictures : uint8 [V, H, W, 3] if ``job.eight_bit``; else colors float32 [V, H, W, 3],
+        opacities and depths [V, H, W], without a background.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     viewer = _Viewer(device, atlas, device.kept["textures"][keys[1]], job)
@@ -514,12 +470,9 @@ def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: flo
 
     Parameters
     ----------
-    process, field
-        The device's process, and the field.
-    layers
-        Eyes that its colors are kept for.
-    footprint, whole
-        Width of the texture's detail that is wanted (`VoxelField.texture_rows`).
+    process, field : The device's process, and the field.
+    layers : Eyes that its colors are kept for.
+    footprint, whole : Width of the texture's detail that is wanted (`VoxelField.texture_rows`).
     """
     bricks = field.bricks
     key = f"{bricks.token} {layers}"

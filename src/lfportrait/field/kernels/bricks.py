@@ -96,22 +96,14 @@ def row_width(basis: int) -> int:
 
 @dataclass(frozen=True)
 class Bricks:
-    """A field laid out for casting.
+    """A field laid out for casting."""
 
-    Attributes
-    ----------
-    table : int32 [BZ, BY, BX], brick numbers or minus distances.
-    links : int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
-    density : uint16 [bricks * 128 + 2], float16 bit patterns.
-    sh : float [N, 3, B], the coefficients that ``rows`` are made of.
-    shape : Lattice points along z, y, x.
-    """
-
-    table: Int32
+    table: Int32  # int32 [BZ, BY, BX], brick numbers or minus distances.
+    # int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
     links: Int32
-    density: NDArray[np.uint16]
-    sh: NDArray[np.floating[Any]]
-    shape: tuple[int, int, int]
+    density: NDArray[np.uint16]  # uint16 [bricks * 128 + 2], float16 bit patterns.
+    sh: NDArray[np.floating[Any]]  # float [N, 3, B], the coefficients that ``rows`` are made of.
+    shape: tuple[int, int, int]  # Lattice points along z, y, x.
 
     @property
     def basis(self) -> int:
@@ -256,19 +248,14 @@ _load = LANES.load
 
 @dataclass(frozen=True)
 class Stretches:
-    """A field laid out for slices, in S stretches.
+    """A field laid out for slices, in S stretches."""
 
-    Attributes
-    ----------
-    places : int32 [Y, Z, ceil(X / 16)], the number of each stretch; S where it has no point.
-    occupied : uint64 [Y, Z], bit b where stretch b of the row has a point; from 63 on they share a
-        bit.
-    values : uint16 [(S + 1) * (1 + 3 B) * 16], float16 bit patterns: of each stretch the sixteen
-        densities, then coefficients of red, of green, of blue, sixteen each.
-    """
-
+    # int32 [Y, Z, ceil(X / 16)], the number of each stretch; S where it has no point.
     places: Int32
+    # uint64 [Y, Z], bit b where stretch b of the row has a point; from 63 on they share a bit.
     occupied: NDArray[np.uint64]
+    # uint16 [(S + 1) * (1 + 3 B) * 16], float16 bit patterns: of each stretch the sixteen
+    # densities, then coefficients of red, of green, of blue, sixteen each.
     values: NDArray[np.uint16]
 
     @property
@@ -351,7 +338,6 @@ def fill_stretches(where: Places, links: Int32, density: Float32,
 
     Parameters
     ----------
-    where : Of the lattice.
     links : int32 [Z, Y, X], row of each lattice point or -1.
     density : float32 [N], per world unit.
     sh : float [N, 3, B], spherical-harmonic coefficients.

@@ -45,8 +45,8 @@ def fuse_depth(since, until, x, y, z, camera, depth, sure, image, margin, slack,
     camera : float64 [16], pose row by row, focal, principal point of the depth map.
     depth, sure, image : float32 [h, w], distance along the optical axis; bool [h, w], whether it
         was measured or only guessed; float32 [h, w, 3].
-    margin, slack : Half thickness of a measured surface in world units, of a guessed one in parts
-        of its depth.
+    margin, slack : Half thickness of a measured surface in world units, of a guessed one in
+        parts of its depth.
     empty, solid, unsure : int16 [Z, Y, X]: views that look through the point, that see a surface
         there, that guess one there.
     color : float32 [Z, Y, X, 3], sum of the colors of those that see a surface.
@@ -85,9 +85,10 @@ def fuse_distance(  # type: ignore[no-untyped-def]
         much of the pixel is the person, in [0, 1].
     reach : Distance in world units at which the measure ends: 1 in front, -1 behind the surface.
     total : float32 [N, N, N] (z, y, x), sum of the distances in parts of ``reach``.
-    count : int16 [N, N, N], how many views it is of. A point further behind a surface is hidden and
-        not counted.
-    person : float32 [N, N, N], sum of the matte over the views whose surface is within ``reach``.
+    count : int16 [N, N, N], how many views it is of. A point further behind a surface is hidden
+        and not counted.
+    person : float32 [N, N, N], sum of the matte over the views whose surface is within
+        ``reach``.
     seen : int16 [N, N, N], how many these are.
     """
     height, width = depth.shape
@@ -206,8 +207,8 @@ def compose_plate(  # type: ignore[no-untyped-def]
     spread : Difference of colors, in [0, 1], from which on they count as different.
     scratch : float32 [h, K, 4], overwritten.
     color, noise, known : float32 [h, w, 3], [h, w] and [h, w], filled: mean color in [0, 1], its
-        standard deviation over the views (root of the channels' mean variance), and the sum of the
-        weights.
+        standard deviation over the views (root of the channels' mean variance), and the sum of
+        the weights.
     """
     width = inverse.shape[1]
     count, high, wide = pictures.shape[0], pictures.shape[1], pictures.shape[2]
@@ -303,8 +304,8 @@ def places_shown(  # type: ignore[no-untyped-def]
     nearest, farthest : float32 [h, w], distances along the optical axis.
     before, beyond : float32, how far before ``nearest`` and beyond ``farthest`` points may lie;
         below zero the first asks for nothing.
-    cosines, square
-        float32 [h, w], of which a point's must be above ``square``, unless that is zero.
+    cosines, square : float32 [h, w], of which a point's must be above ``square``, unless that is
+        zero.
     outwards, least : float64 [N, 3], unit: the way to the camera has a cosine above ``least`` to
         it; [0, 3] asks for nothing.
     shown : bool [N], filled.
@@ -455,15 +456,15 @@ def match_planes(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    reference, mean, variance
-        float32 [h, w]: levels in [0, 1]; their mean and variance in each window.
-    pictures, sizes
-        float32 [N, H, W] and int64 [N, 2]: the others, and how many rows and columns each has.
+    reference, mean, variance : float32 [h, w]: levels in [0, 1]; their mean and variance in each
+        window.
+    pictures, sizes : float32 [N, H, W] and int64 [N, 2]: the others, and how many rows and
+        columns each has.
     warps : float64 [P, N, 3, 3], from the reference's pixels to those of the others, by planes.
-    scratch : float32 [h, w], [h, w], [R, h, w], [3, w + 8], [3, w], [2, w] and [w], overwritten. R
-        pictures, one or two, count.
-    top, winner
-        float32 [h, w] and int32 [h, w], filled: the largest score and the first plane that has it.
+    scratch : float32 [h, w], [h, w], [R, h, w], [3, w + 8], [3, w], [2, w] and [w], overwritten.
+        R pictures, one or two, count.
+    top, winner : float32 [h, w] and int32 [h, w], filled: the largest score and the first plane
+        that has it.
     below, above : float32 [h, w], filled: the scores of the planes before and after it; anything
         where there are none.
     """
@@ -506,13 +507,13 @@ def surface_agreement(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     points : float64 [V, U, 3], the cells in the world.
-    cameras, pictures, sizes
-        float64 [K, 16]; float32 [K, H, W], levels in [0, 1]; int64 [K, 2], rows and columns.
+    cameras, pictures, sizes : float64 [K, 16]; float32 [K, H, W], levels in [0, 1]; int64 [K,
+        2], rows and columns.
     weights : float32 [K, V, U], how far a picture counts in each cell.
     beside : Cells from the middle of a window to its sides, at most 4.
     scratch : float32 [V, U], [2, U + 8], [2, U], overwritten.
-    values : float32 [2, K, V, U], filled: levels less their mean; weights, 0 where a picture does
-        not show a cell.
+    values : float32 [2, K, V, U], filled: levels less their mean; weights, 0 where a picture
+        does not show a cell.
     score, total, own : float32 [V, U] each, filled: weighted sum of the correlations, sum of the
         weights, variance of the weighted mean.
     """

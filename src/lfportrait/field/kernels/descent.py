@@ -79,18 +79,18 @@ def descend(density, rows, width, records, bases, rate, decay, lowest, gains, me
 
     Parameters
     ----------
-    density, rows : float32 [N + 1] and [(N + 1) * width], the parameters; the last row stays as it
-        is. A row's last two values are no parameters but its state: remembered weight of rays, and
-        running mean of the density's squared slope.
+    density, rows : float32 [N + 1] and [(N + 1) * width], the parameters; the last row stays as
+        it is. A row's last two values are no parameters but its state: remembered weight of
+        rays, and running mean of the density's squared slope.
     width : Row width, 16 or 32.
     records : Keys, values, counts and scratch of `packet.Records`.
     bases : float32 [tiles, 64], each packet's harmonics.
     rate, decay : Learning rate of the density, and decay of the running mean (0.95).
     lowest : Densities are kept at or above this.
-    gains : float32 [width], what a coefficient's slope is multiplied with to be its change for rays
-        of weight one; zero for what is no color.
-    memory : Weight of rays that a color is a running mean of, at most. The weight of a record's own
-        rays counts in full whatever the bound.
+    gains : float32 [width], what a coefficient's slope is multiplied with to be its change for
+        rays of weight one; zero for what is no color.
+    memory : Weight of rays that a color is a running mean of, at most. The weight of a record's
+        own rays counts in full whatever the bound.
     """
     keys, values, counts, _ = records
     share_out(take_up_all, len(counts), keys, values, counts, density, rows, width,

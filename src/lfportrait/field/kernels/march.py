@@ -198,8 +198,9 @@ def make_march(lanes: SimpleNamespace, shade: Callable[..., Any], shaded: bool =
     -------
     march : ``march(table, links, density, rows, nx, ny, nz, ox, oy, oz, dx, dy, dz, start, end,
         step, delta, threshold, stop, basis, channel)``: origins and unit directions in lattice
-        units, comb start and end of each ray, ``step`` in lattice units, ``delta`` [lanes] the step
-        in world units (Shen et al. 2023, Eq. 1), density threshold, transmittance to stop at.
+        units, comb start and end of each ray, ``step`` in lattice units, ``delta`` [lanes] the
+        step in world units (Shen et al. 2023, Eq. 1), density threshold, transmittance to stop
+        at.
     """
     floats, where, floor = lanes.floats, lanes.where, lanes.floor
     minimum, maximum, exp = lanes.minimum, lanes.maximum, lanes.exp

@@ -54,8 +54,9 @@ def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...
     -------
     pad : ``place`` int32 [W, bricks], number in the pad of each brick, -1 outside packets;
         ``opened`` int32 [W, C] the bricks; ``density`` float32 [W, 128 C + 32]; ``colors`` and
-        ``slopes`` float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128 C],
-        points that have their color; ``counts`` int64 [W, 8], of opened bricks and of used points.
+        ``slopes`` float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128
+        C], points that have their color; ``counts`` int64 [W, 8], of opened bricks and of used
+        points.
     """
     room = max(1, min(bricks, 16 * (sum(table.shape) + 3)))
     return (np.full((workers, max(1, bricks)), -1, np.int32), np.empty((workers, room), np.int32),
@@ -68,22 +69,16 @@ def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...
 
 @dataclass
 class Records:
-    """Gradients that packets pass to the lattice, sorted by the thread that adds them.
+    """Gradients that packets pass to the lattice, sorted by the thread that adds them."""
 
-    Attributes
-    ----------
-    keys : int32 [W, W, room, 2]: row and tile of each record, by the worker that wrote it and the
-        one that owns the row.
-    values : float32 [W, W, room, 5]: slopes of red, green and blue, weight of the rays, slope of
-        the density.
-    counts : int64 [W, W], records written; more than there was room for if some were lost.
-    recent : int32 [W, 4096], scratch: where a row's last record may be.
-    """
-
+    # int32 [W, W, room, 2]: row and tile of each record, by the worker that wrote it and the one
+    # that owns the row.
     keys: Int32
+    # float32 [W, W, room, 5]: slopes of red, green and blue, weight of the rays, slope of the
+    # density.
     values: Float32
-    counts: Int64
-    recent: Int32
+    counts: Int64  # int64 [W, W], records written; more than there was room for if some were lost.
+    recent: Int32  # int32 [W, 4096], scratch: where a row's last record may be.
 
     @staticmethod
     def empty(workers: int, room: int) -> Records:

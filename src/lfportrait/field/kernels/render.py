@@ -28,10 +28,11 @@ def render_kernel(width: int) -> Callable[..., Any]:
     Returns
     -------
     render : ``render(table, links, density, rows, lattice, count, camera, size, step, threshold,
-        stop, color, alpha, depth)`` with ``lattice`` float64 [9] (points along x, y, z; scale and
-        offset of the lattice per world unit), ``camera`` float64 [16] (pose row by row, focal x, y,
-        principal point x, y), ``size`` (width, height); it fills ``color`` float32 [H W 3] without
-        background, ``alpha`` [H W] and ``depth`` [H W] (along the optical axis).
+        stop, color, alpha, depth)`` with ``lattice`` float64 [9] (points along x, y, z; scale
+        and offset of the lattice per world unit), ``camera`` float64 [16] (pose row by row,
+        focal x, y, principal point x, y), ``size`` (width, height); it fills ``color`` float32
+        [H W 3] without background, ``alpha`` [H W] and ``depth`` [H W] (along the optical
+        axis).
     """
     march = make_march(LANES, make_rgb_shade(width), width > 0)
     fill_basis = make_basis(width)
@@ -226,8 +227,8 @@ def pose_equations(values, photo, depth, lens, usual, matrix, slope):
 
     Returns
     -------
-    cost, count : Mean of Cauchy's log(1 + (difference / 2 usual)^2) over the pixels that count, and
-        their number.
+    cost, count : Mean of Cauchy's log(1 + (difference / 2 usual)^2) over the pixels that count,
+        and their number.
     """
     high, wide, channels = values.shape
     fx, fy, cx, cy = lens

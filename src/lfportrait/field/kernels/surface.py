@@ -252,9 +252,10 @@ def mark_between(since, until, links, first, origin, spacing, frame, axis, cell,
     ----------
     links : int32 [Z, Y, X], rows of lattice points; -1: none, an empty one.
     first : int64 [3] (x, y, z), the lattice point of the first mark.
-    origin, spacing, frame, axis, cell, level, step, angles : As for `outside_chart`; ``origin`` is
-        lattice point 0.
-    low, high : float64 [V, U], bounds of the points whose nearest cell it is, in units of ``axis``.
+    origin, spacing, frame, axis, cell, level, step, angles : As for `outside_chart`; ``origin``
+        is lattice point 0.
+    low, high : float64 [V, U], bounds of the points whose nearest cell it is, in units of
+        ``axis``.
     least, most : float64 [level], the widest bounds from a row to the next one; of the last one,
         from there on.
     marks : bool [z, y, x], written.
@@ -308,13 +309,14 @@ def outside_chart(since, until, origin, spacing, scale, frame, axis, cell, level
     ----------
     origin, spacing : float64 [3] each, position of lattice point 0 and their distances, world
         units.
-    scale, frame : Units of the chart's frame in one world unit, and float64 [3, 4], to that frame.
+    scale, frame : Units of the chart's frame in one world unit, and float64 [3, 4], to that
+        frame.
     axis : float64 [V, 3], where the rays of each row end.
     cell, level, step : Distance of rows, number of those whose rays are horizontal, and radians
         from one of the others to the next.
     angles : float64 [2], of column 0, and from one column to the next; columns go around.
-    distance, margin : float64 [V, U] each, world units: the surface, and what is looked up beside
-        it.
+    distance, margin : float64 [V, U] each, world units: the surface, and what is looked up
+        beside it.
     beyond, clearance : float32 [Z, Y, X] each, written: distance of each point from the surface,
         below zero inside, and the margin.
     """

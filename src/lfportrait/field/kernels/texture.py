@@ -75,8 +75,8 @@ def make_chart_of(lanes: SimpleNamespace) -> Callable[..., Any]:
     Returns
     -------
     chart_of : ``chart_of(table, cells, nx, ny, nz, x, y, z)``: lanes of int, -1 where no chart
-        shows the place. ``table`` is that of `Bricks`, ``cells`` int32 [bricks * 128] the charts of
-        its cells (`cell_charts`); x, y, z are lattice coordinates.
+        shows the place. ``table`` is that of `Bricks`, ``cells`` int32 [bricks * 128] the
+        charts of its cells (`cell_charts`); x, y, z are lattice coordinates.
     """
     gather, where, ints, maximum = lanes.gather, lanes.where, lanes.ints, lanes.maximum
     locate = make_locate(lanes)
@@ -95,14 +95,13 @@ def make_look_up(lanes: SimpleNamespace, every: bool) -> Callable[..., Any]:
 
     Returns
     -------
-    look_up
-        ``look_up(charts, texels, chart, wanted, x, y, z, channel)``: differences of sRGB as lanes,
-        0 where ``wanted`` (a mask) is false or ``chart`` is -1: of all three channels if ``every``
-        (``channel`` is not looked at), else of the one, a number or lanes of int.
+    look_up : ``look_up(charts, texels, chart, wanted, x, y, z, channel)``: differences of sRGB
+        as lanes, 0 where ``wanted`` (a mask) is false or ``chart`` is -1: of all three channels
+        if ``every`` (``channel`` is not looked at), else of the one, a number or lanes of int.
 
-        ``charts`` float32 [C, 12] take lattice coordinates x, y, z to texels (homogeneous, row by
-        row), ``texels`` int32 [H, W] hold red, green and blue, signed, in the lowest three bytes,
-        254 to full scale.
+        ``charts`` float32 [C, 12] take lattice coordinates x, y, z to texels (homogeneous, row
+        by row), ``texels`` int32 [H, W] hold red, green and blue, signed, in the lowest three
+        bytes, 254 to full scale.
     """
     gather, where, floats, ints = lanes.gather, lanes.where, lanes.floats, lanes.ints
     maximum, minimum, bits = lanes.maximum, lanes.minimum, lanes.bits

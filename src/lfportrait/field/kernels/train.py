@@ -62,18 +62,19 @@ def make_cast(width: int) -> Callable[..., Any]:
     -------
     cast : ``cast(worker, workers, table, links, density, rows, lattice, count, cameras, sizes,
         starts, pixels, gains, tiles, background, options, pad, records, bases, grad_background,
-        weight, tile_errors, scratch)``, which gives the worker's squared errors, rays and samples;
-        ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels, ``cameras``
-        float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V] first pixel of
-        each view in ``pixels`` uint8 [P, 4] (color, composited by the kernel, and alpha), ``gains``
-        float32 [V, 3] what a view's 8-bit colors are multiplied with, ``background`` float32 [16 T,
-        3] and its gradient, written; ``options`` float64: step, threshold, stop, alpha weight,
-        sparsity, distortion, 1 to record the largest weight only, distance from the camera that
-        rays start at (world units); ``pad`` and ``records`` from `packet`, the latter written;
-        ``bases`` float32 [T, 64], written: the harmonics of each packet's middle direction as the
-        vectors that rows are multiplied with. ``weight`` float32 [W, N + 1], raised to the largest
-        weight of each row if only that is asked. ``tile_errors`` float32 [T], squared errors of
-        each tile, are written. ``scratch`` is the worker's own, from `make_scratch`.
+        weight, tile_errors, scratch)``, which gives the worker's squared errors, rays and
+        samples; ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
+        ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64
+        [V] first pixel of each view in ``pixels`` uint8 [P, 4] (color, composited by the
+        kernel, and alpha), ``gains`` float32 [V, 3] what a view's 8-bit colors are multiplied
+        with, ``background`` float32 [16 T, 3] and its gradient, written; ``options`` float64:
+        step, threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest
+        weight only, distance from the camera that rays start at (world units); ``pad`` and
+        ``records`` from `packet`, the latter written; ``bases`` float32 [T, 64], written: the
+        harmonics of each packet's middle direction as the vectors that rows are multiplied
+        with. ``weight`` float32 [W, N + 1], raised to the largest weight of each row if only
+        that is asked. ``tile_errors`` float32 [T], squared errors of each tile, are written.
+        ``scratch`` is the worker's own, from `make_scratch`.
     """
     locate = make_locate(LANES)
     fill_basis, color_points = make_basis(width), make_color_points(width)
@@ -435,17 +436,18 @@ def steps_kernel(width: int) -> Callable[..., Any]:
 
     Returns
     -------
-    steps : ``steps(number, threads, bell, done, alone, table, links, density, rows, lattice, count,
-        cameras, sizes, starts, pixels, scale, tiles, grounds, options, pad, records, bases,
-        grad_background, weight, neighbours, variation, rates, firsts, slopes, color_slopes, decay,
-        lowest, gains, errors, losses)``, called `together`; see `make_cast` and `descend` for what
-        is not named here. ``done`` int64 [threads], the steps that are done, read and written: less
-        than all of them where there was too little room for the records of the next one. ``alone``:
-        rays are cast, and that is all. ``tiles`` int32 [S, T, 3], ``grounds`` float32 [S, 16 T, 3],
-        the backgrounds of their rays. ``variation`` float32 [3], weights of the density's and the
-        colors' total variation by the length of a run, and the scale of differences. ``rates``
-        float32 [S, 2], the density's rate and the colors' memory; ``firsts`` int64 [S], where each
-        run begins; ``slopes`` [R] and ``color_slopes`` [R * width] float32, scratch of the run's
+    steps : ``steps(number, threads, bell, done, alone, table, links, density, rows, lattice,
+        count, cameras, sizes, starts, pixels, scale, tiles, grounds, options, pad, records,
+        bases, grad_background, weight, neighbours, variation, rates, firsts, slopes,
+        color_slopes, decay, lowest, gains, errors, losses)``, called `together`; see
+        `make_cast` and `descend` for what is not named here. ``done`` int64 [threads], the
+        steps that are done, read and written: less than all of them where there was too little
+        room for the records of the next one. ``alone``: rays are cast, and that is all.
+        ``tiles`` int32 [S, T, 3], ``grounds`` float32 [S, 16 T, 3], the backgrounds of their
+        rays. ``variation`` float32 [3], weights of the density's and the colors' total
+        variation by the length of a run, and the scale of differences. ``rates`` float32 [S,
+        2], the density's rate and the colors' memory; ``firsts`` int64 [S], where each run
+        begins; ``slopes`` [R] and ``color_slopes`` [R * width] float32, scratch of the run's
         length. ``errors`` float32 [S, T] and ``losses`` float64 [S, W, 3] are written.
     """
     cast = make_cast(width)

@@ -125,10 +125,9 @@ class GpuSteps:
 
     Parameters
     ----------
-    process : The device's process.
     lattice, data, config, level, basis, workers, options, lowest, scale, taken : As for
-        `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of so many
-        threads.
+        `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of so
+        many threads.
     tiles : Packets of each step.
     behind : What trains the spheres behind the lattice, if there are any.
     average : Sums to go on with.
@@ -136,8 +135,7 @@ class GpuSteps:
 
     Raises
     ------
-    GpuLostError
-        From every method, if the device is lost or too small.
+    GpuLostError : From every method, if the device is lost or too small.
     """
 
     def __init__(self, process: GpuProcess, lattice: Lattice, data: TrainingPixels,

@@ -76,19 +76,12 @@ def box_shape(resolution: int, radius: Float64) -> tuple[int, int, int]:
 
 @dataclass
 class Lattice:
-    """Density and color rows on a sparse lattice in a box.
+    """Density and color rows on a sparse lattice in a box."""
 
-    Attributes
-    ----------
-    links : int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
-    density : float32 [N + 1], the last one zero.
-    rows : float32 [N + 1, width], color coefficients channel by channel, zero-padded.
-    center, radius : float64 [3] (x, y, z), the box.
-    """
-
-    links: Int32
-    density: Float32
-    rows: Float32
+    links: Int32  # int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density: Float32  # float32 [N + 1], the last one zero.
+    rows: Float32  # float32 [N + 1, width], color coefficients channel by channel, zero-padded.
+    # center, radius: float64 [3] (x, y, z), the box.
     center: Float64
     radius: Float64
 
@@ -271,8 +264,7 @@ class Average:
 
         Raises
         ------
-        ValueError
-            If it belongs to another lattice.
+        ValueError : If it belongs to another lattice.
         """
         if "average_count" not in state:
             return None

@@ -53,8 +53,7 @@ class CurveFile:
 
     Raises
     ------
-    UserError
-        If the file can't be written.
+    UserError : If the file can't be written.
     """
 
     def __init__(self, path: Path) -> None:

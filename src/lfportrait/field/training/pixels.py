@@ -92,7 +92,6 @@ class Batches:
 
     Parameters
     ----------
-    data : The pixels.
     size : Tiles a step.
     seed, level : What the order follows from.
     importance : Share of the rays that errors draw, from 0 to 1.

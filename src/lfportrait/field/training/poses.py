@@ -41,19 +41,12 @@ _LARGEST = 200
 
 @dataclass(frozen=True)
 class _Photo:
-    """A photo at the size at which it is compared.
+    """A photo at the size at which it is compared."""
 
-    Attributes
-    ----------
-    values : float32 [H, W, 3 or 4]: colors, times opacity where there is a matte, which comes
-        fourth.
-    camera : The camera, one view, scaled to the picture.
-    gain : float64 [3], the photo's exposure.
-    """
-
+    # float32 [H, W, 3 or 4]: colors, times opacity where there is a matte, which comes fourth.
     values: Float32
-    camera: Camera
-    gain: Float64
+    camera: Camera  # The camera, one view, scaled to the picture.
+    gain: Float64  # float64 [3], the photo's exposure.
 
 
 def aligned(field: VoxelField, capture: Capture, given: Camera, views: Int64,
@@ -113,21 +106,14 @@ def _beside_the_outline(depth: Float32, reach: float = 6.0) -> Float32:
 
 @dataclass(frozen=True)
 class _Comparison:
-    """A photo beside the field's rendering of it.
+    """A photo beside the field's rendering of it."""
 
-    Attributes
-    ----------
-    photo, values : float32 [H, W, C] both.
-    depth : float32 [H, W].
-    lens : Focal lengths and principal point.
-    usual : A usual difference of a pixel, robustly.
-    """
-
+    # photo, values: float32 [H, W, C] both.
     photo: Float32
     values: Float32
-    depth: Float32
-    lens: tuple[float, float, float, float]
-    usual: float
+    depth: Float32  # float32 [H, W].
+    lens: tuple[float, float, float, float]  # Focal lengths and principal point.
+    usual: float  # A usual difference of a pixel, robustly.
 
     def equations(self, usual: float) -> tuple[Float64, Float64, float, int]:
         """Matrix, right side, cost and number of pixels of a step: see `pose_equations`."""
@@ -277,8 +263,7 @@ class PoseRefiner:
 
         Raises
         ------
-        KeyError
-            If the checkpoint has no cameras.
+        KeyError : If the checkpoint has no cameras.
         """
         self.found = replace(self.found, pose=state["poses"])
         self.level, self.rounds = (int(count) for count in state["pose_rounds"])

@@ -86,26 +86,21 @@ def smooth_run(lattice: Lattice, config: Settings, level: int, neighbours: Int32
 
 @dataclass(frozen=True)
 class Descent:
-    """What the steps of a level have in common, besides how rays are cast.
+    """What the steps of a level have in common, besides how rays are cast."""
 
-    Attributes
-    ----------
-    neighbours : int32 [N + 1, 6], as `lfportrait.field.kernels.descent.total_variation` takes them.
-    variation : float32 [3]: weights of the density's and the colors' total variation over the rows
-        of a run, and the scale of differences.
-    slopes, color_slopes : float32 [R] and [R * width], scratch: R rows are a run.
-    decay, lowest : Of the density's running mean of squared slopes; densities are kept at or above
-        this.
-    gains : float32 [width], from `color_gains`.
-    """
-
+    # int32 [N + 1, 6], as `lfportrait.field.kernels.descent.total_variation` takes them.
     neighbours: Int32
+    # float32 [3]: weights of the density's and the colors' total variation over the rows of a run,
+    # and the scale of differences.
     variation: Float32
+    # slopes, color_slopes: float32 [R] and [R * width], scratch: R rows are a run.
     slopes: Float32
     color_slopes: Float32
+    # decay, lowest: Of the density's running mean of squared slopes; densities are kept at or above
+    # this.
     decay: np.float32
     lowest: np.float32
-    gains: Float32
+    gains: Float32  # float32 [width], from `color_gains`.
 
     @staticmethod
     def of(lattice: Lattice, config: Settings, level: int, lowest: np.float32,
@@ -126,7 +121,6 @@ class Caster:
     Parameters
     ----------
     lattice : What to cast through; its values may change between casts, its points may not.
-    data : The pixels.
     basis : Harmonics a channel.
     workers : Threads that cast, each with records of its own.
 
@@ -199,11 +193,12 @@ class Caster:
 
         Parameters
         ----------
-        tiles, greys : int32 [S, T, 3] (view, row, column) of each step, and the grey behind each,
-            [S, T].
+        tiles, greys : int32 [S, T, 3] (view, row, column) of each step, and the grey behind
+            each, [S, T].
         scale, options : As for `cast`.
         descent : What all steps have in common.
-        rates : float32 [S, 2], the density's rate, and the weight of rays that colors are means of.
+        rates : float32 [S, 2], the density's rate, and the weight of rays that colors are means
+            of.
         firsts : int64 [S], where the run of rows begins that total variation smooths.
 
         Returns
@@ -250,34 +245,17 @@ class Caster:
 
 @dataclass(frozen=True)
 class Plan:
-    """One step.
+    """One step."""
 
-    Attributes
-    ----------
-    tiles
-        int32 [T, 3] (view, row, column).
-    blocks
-        int [T], the tiles' blocks, by which `Batches` learns of their errors.
-    greys
-        float32 [T], the grey behind each tile; spheres behind the lattice replace it.
-    rate, rate_sh
-        Learning rates of density and color.
-    place
-        Where the run of rows begins that total variation smooths, from 0 to 1.
-    background_rates
-        Learning rates of the spheres' color and density.
-    averaged
-        Whether the state after the step counts for the average.
-    """
-
-    tiles: Int32
-    blocks: Int64
-    greys: Float32
+    tiles: Int32  # int32 [T, 3] (view, row, column).
+    blocks: Int64  # int [T], the tiles' blocks, by which `Batches` learns of their errors.
+    greys: Float32  # float32 [T], the grey behind each tile; spheres behind the lattice replace it.
+    # rate, rate_sh: Learning rates of density and color.
     rate: np.float32
     rate_sh: np.float32
-    place: float
-    background_rates: tuple[float, float]
-    averaged: bool
+    place: float  # Where the run of rows begins that total variation smooths, from 0 to 1.
+    background_rates: tuple[float, float]  # Learning rates of the spheres' color and density.
+    averaged: bool  # Whether the state after the step counts for the average.
 
 
 _TOGETHER = 16

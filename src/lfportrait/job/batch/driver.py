@@ -59,22 +59,16 @@ def prepare_batch(path: Path, results: Path, *, made_from: MadeFrom = "auto",
 
     Parameters
     ----------
-    path
-        The file (`load_jobs`).
-    results
-        Folder for all results.
-    made_from
-        As `BatchConfig.made_from`.
-    offline
-        Download no networks.
-    quiet
-        Print no progress.
+    path : The file (`load_jobs`).
+    results : Folder for all results.
+    made_from : As `BatchConfig.made_from`.
+    offline : Download no networks.
+    quiet : Print no progress.
 
     Raises
     ------
-    UserError
-        If the file, a painting or a display can't be used. A sitter's photos are another matter:
-        they are in ``plan.refused``.
+    UserError : If the file, a painting or a display can't be used. A sitter's photos are another
+        matter: they are in ``plan.refused``.
     """
     jobs = load_jobs(path)
     if jobs.config.made_from == "auto":
@@ -123,26 +117,20 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
 
     Parameters
     ----------
-    path
-        The file of jobs (`load_jobs`).
-    results
-        Folder for all results. A batch that was interrupted is resumed there, one that was changed
-        does what is new.
-    config
-        Where and how.
-    offline
-        Download no networks.
-    quiet
-        Print no progress of what comes before the first task.
-    watchers
-        Called with each event (`lfportrait.job.batch.journal`).
-    device
-        Where tasks compute, a choice of ``--device``; each machine of a cluster finds its own.
+    path : The file of jobs (`load_jobs`).
+    results : Folder for all results. A batch that was interrupted is resumed there, one that was
+        changed does what is new.
+    config : Where and how.
+    offline : Download no networks.
+    quiet : Print no progress of what comes before the first task.
+    watchers : Called with each event (`lfportrait.job.batch.journal`).
+    device : Where tasks compute, a choice of ``--device``; each machine of a cluster finds its
+        own.
 
     Returns
     -------
-    figures
-        Tasks, what failed and why (``failed``), what was done in this run (``ran``), ``jobs``.
+    figures : Tasks, what failed and why (``failed``), what was done in this run (``ran``),
+        ``jobs``.
     """
     config = config or BatchConfig()
     found = prepare_batch(path, results, made_from=config.made_from, offline=offline, quiet=quiet)

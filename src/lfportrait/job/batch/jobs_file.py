@@ -71,13 +71,13 @@ def checked(value: Any, kind: Any, where: str) -> Any:
     Parameters
     ----------
     value : As `tomllib` read it.
-    kind : ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or None.
+    kind : ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or
+        None.
     where : File and entry, for the message.
 
     Raises
     ------
-    UserError
-        If the value is of another type.
+    UserError : If the value is of another type.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin is typing.Annotated:
@@ -118,17 +118,12 @@ def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
 
     Parameters
     ----------
-    config
-        The parameters.
-    table
-        Entries by the fields' names; fields that are data classes have tables of their own.
-    where
-        File and table, for messages.
+    table : Entries by the fields' names; fields that are data classes have tables of their own.
+    where : File and table, for messages.
 
     Raises
     ------
-    UserError
-        If an entry is unknown or of the wrong type.
+    UserError : If an entry is unknown or of the wrong type.
     """
     if not table:
         return config
@@ -173,32 +168,18 @@ _TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnai
 
 @dataclass(frozen=True)
 class Sitter:
-    """Who is portrayed.
+    """Who is portrayed."""
 
-    Attributes
-    ----------
-    name
-        Also the folder of the results.
-    source
-        Photo, folder of photos, video or calibrated data set.
-    styles, displays
-        Names of those that are wanted.
-    pages, sweeps
-        Whether each portrait gets a page, and a video.
-    seed
-        Of all random choices.
-    parameters
-        What differs from the defaults, by section.
-    """
-
-    name: str
-    source: Path
+    name: str  # Also the folder of the results.
+    source: Path  # Photo, folder of photos, video or calibrated data set.
+    # styles, displays: Names of those that are wanted.
     styles: tuple[str, ...]
     displays: tuple[str, ...]
+    # pages, sweeps: Whether each portrait gets a page, and a video.
     pages: bool
     sweeps: bool
-    seed: int
-    parameters: dict[str, Any]
+    seed: int  # Of all random choices.
+    parameters: dict[str, Any]  # What differs from the defaults, by section.
 
 
 @dataclass(frozen=True)
@@ -221,20 +202,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class Jobs:
-    """The contents of a jobs file.
+    """The contents of a jobs file."""
 
-    Attributes
-    ----------
-    path : The file, for messages.
-    sitters, styles, panels : In the order of the file, by name.
-    config : The parameters without overrides.
-    """
-
-    path: Path
+    path: Path  # The file, for messages.
+    # sitters, styles, panels: In the order of the file, by name.
     sitters: dict[str, Sitter]
     styles: dict[str, Style]
     panels: dict[str, Panel]
-    config: MakeConfig
+    config: MakeConfig  # The parameters without overrides.
 
     def parameters(self, sitter: str, style: str = "", panel: str = "") -> MakeConfig:
         """The parameters of a sitter's stages, in a style and for a display where they count."""
@@ -251,8 +226,8 @@ def load_jobs(path: Path) -> Jobs:
 
     Raises
     ------
-    UserError
-        If it is missing, no TOML, or asks for what does not exist: one line with file and entry.
+    UserError : If it is missing, no TOML, or asks for what does not exist: one line with file
+        and entry.
     """
     try:
         data = tomllib.loads(path.read_text("utf-8"))

@@ -100,8 +100,7 @@ def locked(results: Path) -> Iterator[None]:
 
     Raises
     ------
-    UserError
-        If another batch writes there, or the folder can't be written to.
+    UserError : If another batch writes there, or the folder can't be written to.
     """
     try:
         (results / FOLDER).mkdir(parents=True, exist_ok=True)
@@ -245,10 +244,8 @@ def dry_table(figures: dict[str, Any], slots: int) -> str:
 
     Parameters
     ----------
-    figures
-        Of `lfportrait.job.batch.dry_figures`.
-    slots
-        Cores that work at once.
+    figures : Of `lfportrait.job.batch.dry_figures`.
+    slots : Cores that work at once.
     """
     lines = [f"{figures['sitters']} sitters, {figures['styles']} styles, "
              f"{figures['displays']} displays: {figures['tasks']} tasks, "
@@ -274,13 +271,11 @@ def batch_status(results: Path) -> tuple[str, dict[str, Any]]:
 
     Returns
     -------
-    text, figures
-        For people, and for ``--json``.
+    text, figures : For people, and for ``--json``.
 
     Raises
     ------
-    UserError
-        If no batch was ever run into this folder.
+    UserError : If no batch was ever run into this folder.
     """
     path = results / FOLDER / "plan.json"
     if not path.is_file():

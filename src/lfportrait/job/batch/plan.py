@@ -204,8 +204,7 @@ class Fingerprints:
 
         Raises
         ------
-        UserError
-            If one can't be read.
+        UserError : If one can't be read.
         """
         try:
             states = [(str(path), file_state(path)) for path in sorted(source_files(source))]
@@ -227,28 +226,19 @@ class Fingerprints:
 
 @dataclass
 class Batch:
-    """A file of jobs made ready: its plan, and what of it is done.
+    """A file of jobs made ready: its plan, and what of it is done."""
 
-    Attributes
-    ----------
-    jobs, plan : What is wanted, and the graph of it.
-    results : Folder of all results.
-    done : Names of the tasks that are done.
-    failed : Why tasks failed, by name.
-    lost : Tasks that can't be done as one before them failed: the name of that one.
-    costs : What tasks of each stage take.
-    prints : Hashes of the photos, to be kept.
-    """
-
+    # jobs, plan: What is wanted, and the graph of it.
     jobs: Jobs
     plan: Plan[Task]
-    results: Path
-    done: set[str]
-    failed: dict[str, str] = field(default_factory=dict)
+    results: Path  # Folder of all results.
+    done: set[str]  # Names of the tasks that are done.
+    failed: dict[str, str] = field(default_factory=dict)  # Why tasks failed, by name.
+    # Tasks that can't be done as one before them failed: the name of that one.
     lost: dict[str, str] = field(default_factory=dict)
     costs: Costs = field(default_factory=lambda: Costs(
-        {name: stage.need for name, stage in STAGES.items()}))
-    prints: Fingerprints | None = None
+        {name: stage.need for name, stage in STAGES.items()}))  # What tasks of each stage take.
+    prints: Fingerprints | None = None  # Hashes of the photos, to be kept.
 
     def learn(self, stage: str, figures: dict[str, Any]) -> None:
         """Take the figures of a task that is done into account."""

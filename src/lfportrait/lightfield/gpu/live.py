@@ -34,20 +34,12 @@ from .panel import PanelJob
 
 @dataclass(frozen=True)
 class LivePicture:
-    """A coded picture on a device.
+    """A coded picture on a device."""
 
-    Attributes
-    ----------
-    buffer : Its bytes: red, green, blue, pixel after pixel.
-    words : Words of 4 bytes from one row to the next.
-    rows : How many rows there are.
-    apart : How many rows of the panel each of them stands for.
-    """
-
-    buffer: Any
-    words: int
-    rows: int
-    apart: int
+    buffer: Any  # Its bytes: red, green, blue, pixel after pixel.
+    words: int  # Words of 4 bytes from one row to the next.
+    rows: int  # How many rows there are.
+    apart: int  # How many rows of the panel each of them stands for.
 
     def read(self, device: Device, display: Display) -> UInt8:
         """The panel's pixels as seen, uint8 [H, W, 3]; coarse rows are repeated."""
@@ -210,7 +202,6 @@ class LiveCoder:
 
     Parameters
     ----------
-    device : The device.
     field : The (stylised) field.
     display : The panel: at most 8192 pixels a side, and a picture that a shader sees at once.
     photo : A field of the same points with other colors, to mix in; or None.
@@ -416,25 +407,20 @@ class LiveCoder:
 
 @dataclass
 class _Work:
-    """A picture that is under way.
+    """A picture that is under way."""
 
-    Attributes
-    ----------
-    job, apart, rows, wanted : What is coded, every how-many-th row, how many rows, and what was
-        asked for.
-    lacks_detail, lacks_ground : Whether another picture of the same will be better, and whether it
-        will once its ground is there.
-    moving : Coded in one go, because something moves.
-    at, spent, worst : The next row of tiles, seconds so far, and most seconds of a row of tiles.
-    """
-
+    # job, apart, rows, wanted: What is coded, every how-many-th row, how many rows, and what was
+    # asked for.
     job: PanelJob
     apart: int
     rows: int
     wanted: tuple[EncodeConfig, float]
+    # lacks_detail, lacks_ground: Whether another picture of the same will be better, and whether it
+    # will once its ground is there.
     lacks_detail: bool
     lacks_ground: bool
-    moving: bool
+    moving: bool  # Coded in one go, because something moves.
+    # at, spent, worst: The next row of tiles, seconds so far, and most seconds of a row of tiles.
     at: int = 0
     spent: float = 0.0
     worst: float = 0.0

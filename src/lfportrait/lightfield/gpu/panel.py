@@ -24,50 +24,36 @@ _TILE_ROWS = 4
 
 @dataclass(frozen=True)
 class PanelJob:
-    """A panel, or some of its rows, to be coded.
+    """A panel, or some of its rows, to be coded."""
 
-    Attributes
-    ----------
-    width, height : Pixels of the picture.
-    matrix : float64 [3, 4], from the deep display frame to the lattice.
-    panel : float64 [61], the panel's numbers as `encode_kernel` takes them.
-    eyes : float64 [V], x of the views' eyes.
-    fixed : One view for all sub-pixels, or -1.
-    rays, spread, gamma : Rays a sub-pixel; how far their outermost eyes would lie apart; gamma of
-        the panel.
-    axis, step : 1, 2 or 3: samples lie where rays cross lattice planes of x, y or z, ``step``
-        planes apart; 0: they lie ``step`` lattice units apart.
-    threshold, stop, whole : Density that counts; transmittance at which rays end; whether the rest
-        has their color.
-    background : Grey level behind the field.
-    viewpoints : float64 [L, 3], eyes in the field's world that colors are evaluated for.
-    ground : float32 [3, R, C], 0 to 255, or None.
-    ground_place : Its depth over the eyes' distance, left, top, width and height of a texel, eyes'
-        height.
-    ordered : Sort the sub-pixels of a tile by view.
-    sliced : Cast through row slices: for ``axis`` 3 and colors of one viewpoint.
-    """
-
+    # width, height: Pixels of the picture.
     width: int
     height: int
-    matrix: Float64
-    panel: Float64
-    eyes: Float64
-    fixed: int
+    matrix: Float64  # float64 [3, 4], from the deep display frame to the lattice.
+    panel: Float64  # float64 [61], the panel's numbers as `encode_kernel` takes them.
+    eyes: Float64  # float64 [V], x of the views' eyes.
+    fixed: int  # One view for all sub-pixels, or -1.
+    # rays, spread, gamma: Rays a sub-pixel; how far their outermost eyes would lie apart; gamma of
+    # the panel.
     rays: int
     spread: float
     gamma: float
+    # axis, step: 1, 2 or 3: samples lie where rays cross lattice planes of x, y or z, ``step``
+    # planes apart; 0: they lie ``step`` lattice units apart.
     axis: int
     step: float
+    # threshold, stop, whole: Density that counts; transmittance at which rays end; whether the rest
+    # has their color.
     threshold: float
     stop: float
     whole: bool
-    background: float
-    viewpoints: Float64
-    ground: Float32 | None = None
+    background: float  # Grey level behind the field.
+    viewpoints: Float64  # float64 [L, 3], eyes in the field's world that colors are evaluated for.
+    ground: Float32 | None = None  # float32 [3, R, C], 0 to 255, or None.
+    # Its depth over the eyes' distance, left, top, width and height of a texel, eyes' height.
     ground_place: tuple[float, ...] = (0.0,) * 6
-    ordered: bool = True
-    sliced: bool = False
+    ordered: bool = True  # Sort the sub-pixels of a tile by view.
+    sliced: bool = False  # Cast through row slices: for ``axis`` 3 and colors of one viewpoint.
 
     def uniform(self, first: int, rows: int) -> UInt8:
         """The uniform ``panel`` of `panel.wgsl` for a band of rows, uint8 [384]."""
@@ -187,14 +173,14 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     ----------
     device, keys : The device, and the names of the field and its texture there (`upload`,
         `keep_texture`).
-    job : The panel.
     read : Whether the picture is wanted; else it stays on the device.
     repeats : How often to code it once more, to measure.
 
     Returns
     -------
-    picture, figures : uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back;
-        with ``repeats``, those of one of them, sent off one after the other; bytes of the field.
+    picture, figures : uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading
+        back; with ``repeats``, those of one of them, sent off one after the other; bytes of the
+        field.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])

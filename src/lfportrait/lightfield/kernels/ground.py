@@ -29,8 +29,8 @@ def shade_ground(since, until, picture, rows, columns, shade, down, across, out)
     picture : uint8 [h, w, 3].
     rows, columns : int64 [R], [C]: which of its rows and columns.
     shade : float32 [a, b], what is left of the light.
-    down, across : float32 [R], [C]: where they lie in ``shade``, in its pixels from the first one's
-        middle; from 0 to a - 1 and b - 1.
+    down, across : float32 [R], [C]: where they lie in ``shade``, in its pixels from the first
+        one's middle; from 0 to a - 1 and b - 1.
     out : float32 [3, R, C], 0 to 255.
     """
     last_row, last_column = shade.shape[0] - 2, shade.shape[1] - 2
@@ -58,7 +58,8 @@ def fill_ground(since, until, planes, line, base, turn, mask, fixed, eyes, panel
     planes : float32 [3, R, C], the ground, 0 to 255 (`shade_ground`).
     line : float64 [H], where each row looks, in rows of the ground.
     base : float32 [4, W * 3], where a sub-pixel looks from the middle of the eyes' line, in
-        columns; row of the panel mod 4. Those of the second and third plane are C and 2 C further.
+        columns; row of the panel mod 4. Those of the second and third plane are C and 2 C
+        further.
     turn : Columns to the left for each unit that an eye is to the right.
     mask, fixed, eyes, panel : As `encode_kernel` has them.
     out : uint8 [H, W * 3].
@@ -155,9 +156,9 @@ def view_ground(since, until, planes, origin, across, down, corner, out):
     Parameters
     ----------
     planes : float32 [3, R, C], the ground, 0 to 255.
-    origin, across, down, corner : float64 [3] in texels (column, row, and height above the ground):
-        the camera's place; its ray's growth for a pixel to the right and below, and the first
-        one's.
+    origin, across, down, corner : float64 [3] in texels (column, row, and height above the
+        ground): the camera's place; its ray's growth for a pixel to the right and below, and
+        the first one's.
     out : float32 [H, W, 3] in [0, 1]; beyond the borders of the planes they are mirrored.
     """
     high, wide = planes.shape[1], planes.shape[2]

@@ -112,10 +112,10 @@ def interlace_views(since, until, views, steps, places, order, lens, window, lin
     ----------
     views : uint8 [V, h, w, 3], view 0 leftmost; V need not be the panel's number of views.
     steps, places, order, lens : The panel; ``order`` int64 [3] is the color of each sub-pixel.
-    window : float64 [3]: width and height of the pictures over the panel's; shift of the last view
-        against the middle one, in panel widths to the right.
-    linear, blend : Whether pictures are interpolated between their pixels, and views between their
-        neighbours.
+    window : float64 [3]: width and height of the pictures over the panel's; shift of the last
+        view against the middle one, in panel widths to the right.
+    linear, blend : Whether pictures are interpolated between their pixels, and views between
+        their neighbours.
     out : uint8 [H, W, 3].
     """
     height, width, _ = out.shape
@@ -157,10 +157,11 @@ def gather_views(image, steps, places, order, lens, count, first, value, weight)
     ----------
     image : uint8 [H, W, 3].
     steps, places, order, lens : As for `interlace_views`.
-    count, first : Number of views that the panel's are spread over; number of the first one wanted.
+    count, first : Number of views that the panel's are spread over; number of the first one
+        wanted.
     value, weight : float32 [n, h, w, 3], zero at first: sums over the sub-pixels that fall on a
-        pixel of view ``first`` + i. A view's own count 1, others' within one sub-pixel's step next
-        to nothing: they decide only where there is none of its own.
+        pixel of view ``first`` + i. A view's own count 1, others' within one sub-pixel's step
+        next to nothing: they decide only where there is none of its own.
     """
     share_out(_gather_rows, value.shape[1], image, steps, places, order, lens, count, first, value,
               weight)
@@ -299,19 +300,19 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     Returns
     -------
     encode : ``encode(table, links, density, rows, cells, charts, texels, lattice, matrix, axes,
-        mask, fixed, eyes, panel, step, threshold, stop, background, out)``. ``cells``, ``charts``
-        and ``texels`` are the field's texture (`VoxelField.texture_rows`). ``matrix`` float64 [3,
-        4] takes the display frame to lattice coordinates, ``axes`` float64 [2, 3] are its x and z
-        axes in the field's world (y is up in both). ``mask`` [H, W * 3] holds each sub-pixel's
-        view; ``fixed`` >= 0 overrides it with one view; where ``eyes`` has one entry a sub-pixel
-        phase instead (``panel[6]`` > 0), the view is continuous. ``panel`` float64 [61]: half width
-        over half height, eye height, distance and placement scale, packed as [aspect, eye_y,
-        distance, scale, first, rows, continuous, apart, bgr, pitch, shift, offset, inverted]; then,
-        for each row mod 4, column mod 2 and sub-pixel, its phase in its pixel (`Display.steps`),
-        and how far it lies to the right of its usual third of the pixel, in sub-pixels. ``out``
-        uint8 [H, W * 3]. Its rows are those of the panel from ``first`` on, ``apart`` from each
-        other; the panel has ``rows`` of them. Where ``background`` is below 0 it holds what is
-        behind the field.
+        mask, fixed, eyes, panel, step, threshold, stop, background, out)``. ``cells``,
+        ``charts`` and ``texels`` are the field's texture (`VoxelField.texture_rows`).
+        ``matrix`` float64 [3, 4] takes the display frame to lattice coordinates, ``axes``
+        float64 [2, 3] are its x and z axes in the field's world (y is up in both). ``mask`` [H,
+        W * 3] holds each sub-pixel's view; ``fixed`` >= 0 overrides it with one view; where
+        ``eyes`` has one entry a sub-pixel phase instead (``panel[6]`` > 0), the view is
+        continuous. ``panel`` float64 [61]: half width over half height, eye height, distance
+        and placement scale, packed as [aspect, eye_y, distance, scale, first, rows, continuous,
+        apart, bgr, pitch, shift, offset, inverted]; then, for each row mod 4, column mod 2 and
+        sub-pixel, its phase in its pixel (`Display.steps`), and how far it lies to the right of
+        its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3]. Its rows are
+        those of the panel from ``first`` on, ``apart`` from each other; the panel has ``rows``
+        of them. Where ``background`` is below 0 it holds what is behind the field.
     """
     march = make_march(LANES, make_channel_shade(width, count))
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)

@@ -54,13 +54,13 @@ def make_build(count: int) -> Callable[..., Any]:
 
     Returns
     -------
-    build : ``build(places, occupied, values, shape, plane, matrix, threshold, shift, stride, slab,
-        low, high, marks)``: the field's `Stretches`, the lattice points along x, y, z and the
-        plane, lattice row plane[0] + plane[1] i + plane[2] k at column i of plane k; ``matrix`` as
-        `plane_matrix` makes it. It fills every ``stride``-th plane of ``slab`` uint16 [nz * LINES *
-        pitch], the first and last filled column ``low`` and ``high`` int64 [nz], and ``marks``
-        uint64 [nz]: bit b where densities over ``threshold`` reach into columns b << shift to (b +
-        1) << shift.
+    build : ``build(places, occupied, values, shape, plane, matrix, threshold, shift, stride,
+        slab, low, high, marks)``: the field's `Stretches`, the lattice points along x, y, z and
+        the plane, lattice row plane[0] + plane[1] i + plane[2] k at column i of plane k;
+        ``matrix`` as `plane_matrix` makes it. It fills every ``stride``-th plane of ``slab``
+        uint16 [nz * LINES * pitch], the first and last filled column ``low`` and ``high`` int64
+        [nz], and ``marks`` uint64 [nz]: bit b where densities over ``threshold`` reach into
+        columns b << shift to (b + 1) << shift.
     """
     floats, ints, iota, where = LANES.floats, LANES.ints, LANES.iota, LANES.where
     bits, lowest, lane_of, load_half = LANES.bits, LANES.lowest, LANES.lane, LANES.load_half
@@ -338,10 +338,10 @@ def make_cast(count: int, way: str | None, colors: int = 1) -> Callable[..., Any
 
     Returns
     -------
-    cast : ``cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine,
-        sine, line, threshold, stop)``; rays lie at column ``start + slope k`` of plane k. It
-        returns three colors (of one channel, the first), the transmittance, and the plane (a
-        fraction) on which half the light is gone.
+    cast : ``cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta,
+        cosine, sine, line, threshold, stop)``; rays lie at column ``start + slope k`` of plane
+        k. It returns three colors (of one channel, the first), the transmittance, and the plane
+        (a fraction) on which half the light is gone.
     """
     floats, where, bits = LANES.floats, LANES.where, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum

@@ -46,38 +46,22 @@ _EDGES = ("top", "bottom", "left", "right")
 
 @dataclass(frozen=True)
 class PrintDepth:
-    """Depths of a print and its head in millimetres, positive in front of the paper.
+    """Depths of a print and its head in millimetres, positive in front of the paper."""
 
-    Attributes
-    ----------
-    budget
-        D = 2 N t / n.
-    front, back
-        Limits of what is sharp from the viewing distance.
-    head_front, head_back
-        The foremost and the hindmost of what is seen of the head.
-    depth_scale
-        The head's depth over its true depth.
-    focus
-        Where the head's middle lies.
-    parallax
-        Movement from one direction to the next, in lenses, of what moves most; up to 1 is sharp.
-    touching
-        Edges at which the head is cut in front of the paper, and how far it lies in front there.
-    behind
-        ``focus`` with which it is not.
-    """
-
-    budget: float
+    budget: float  # D = 2 N t / n.
+    # front, back: Limits of what is sharp from the viewing distance.
     front: float
     back: float
+    # head_front, head_back: The foremost and the hindmost of what is seen of the head.
     head_front: float
     head_back: float
-    depth_scale: float
-    focus: float
+    depth_scale: float  # The head's depth over its true depth.
+    focus: float  # Where the head's middle lies.
+    # Movement from one direction to the next, in lenses, of what moves most; up to 1 is sharp.
     parallax: float
+    # Edges at which the head is cut in front of the paper, and how far it lies in front there.
     touching: dict[str, float]
-    behind: float
+    behind: float  # ``focus`` with which it is not.
 
     def figures(self) -> dict[str, Any]:
         """For ``--json``."""
@@ -172,15 +156,12 @@ def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDep
 
     Returns
     -------
-    config
-        How to code the page (`sheet.display`).
-    depth
-        What comes of it.
+    config : How to code the page (`sheet.display`).
+    depth : What comes of it.
 
     Raises
     ------
-    UserError
-        If nothing of the head is seen, or it would have to be flatter than 1 %.
+    UserError : If nothing of the head is seen, or it would have to be flatter than 1 %.
     """
     config, unit = sheet.config, sheet.half_height
     seen = _visible(field, sheet)
@@ -220,22 +201,16 @@ def through_lenses(coded: UInt8, display: Display, eye: float, rows: Int64 | Non
 
     Parameters
     ----------
-    coded
-        Rows of a coded page, uint8 [h, W, 3].
-    display
-        The lens sheet on the page. Where a page was coded for another pitch, as on test pages, that
-        of the sheet that lies on it.
-    eye
-        x of the eye in half heights of the page.
-    rows
-        Which rows of the page they are, int64 [h]; by default the first ones.
-    distance
-        Distance of the eye; the viewing distance by default.
+    coded : Rows of a coded page, uint8 [h, W, 3].
+    display : The lens sheet on the page. Where a page was coded for another pitch, as on test
+        pages, that of the sheet that lies on it.
+    eye : x of the eye in half heights of the page.
+    rows : Which rows of the page they are, int64 [h]; by default the first ones.
+    distance : Distance of the eye; the viewing distance by default.
 
     Returns
     -------
-    picture
-        float32 [h, lenses, 3] in [0, 1], lenses from the left.
+    picture : float32 [h, lenses, 3] in [0, 1], lenses from the left.
     """
     lines = np.arange(len(coded)) if rows is None else np.asarray(rows)
     far = display.distance if distance is None else distance
@@ -272,12 +247,9 @@ class SheetView:
 
     Attributes
     ----------
-    sheet
-        The page.
-    rows
-        Which rows, int64 [h].
-    coded
-        uint8 [h, W, 3].
+    sheet : The page.
+    rows : Which rows, int64 [h].
+    coded : uint8 [h, W, 3].
     """
 
     sheet: PrintSheet
@@ -291,12 +263,9 @@ class SheetView:
 
         Parameters
         ----------
-        field, sheet
-            As for `write_print`.
-        config
-            How to place and code the head; by default as `write_print` does.
-        height
-            About as many rows are coded.
+        field, sheet : As for `write_print`.
+        config : How to place and code the head; by default as `write_print` does.
+        height : About as many rows are coded.
         """
         config = config or fitted(field, sheet)[0]
         trim = sheet.trim
@@ -310,8 +279,7 @@ class SheetView:
 
         Returns
         -------
-        picture
-            float32 [h, w, 3] in [0, 1].
+        picture : float32 [h, w, 3] in [0, 1].
         """
         display, trim = self.sheet.display, self.sheet.trim
         x = display.distance * math.tan(math.radians(display.cone) * eye)

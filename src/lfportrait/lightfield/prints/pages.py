@@ -84,16 +84,10 @@ def lettering(text: str, height: int, width: int, size: int, align: str = "cente
 
 @dataclass
 class Marks:
-    """Paints a page's border, band by band.
+    """Paints a page's border, band by band."""
 
-    Attributes
-    ----------
-    sheet : The page.
-    text : A line below the picture.
-    """
-
-    sheet: PrintSheet
-    text: str = ""
+    sheet: PrintSheet  # The page.
+    text: str = ""  # A line below the picture.
 
     def __post_init__(self) -> None:
         sheet = self.sheet
@@ -197,26 +191,19 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path, progress: Prog
 
     Parameters
     ----------
-    field
-        The (stylised) radiance field.
-    sheet
-        Page and lens sheet.
-    path
-        ``.tiff`` or ``.png``; it appears when it is complete.
-    progress
-        Progress line.
-    coding
-        How to place and code the head (`fitted`).
+    field : The (stylised) radiance field.
+    sheet : Page and lens sheet.
+    path : ``.tiff`` or ``.png``; it appears when it is complete.
+    progress : Progress line.
+    coding : How to place and code the head (`fitted`).
 
     Returns
     -------
-    figures
-        Sizes and seconds for ``--json``.
+    figures : Sizes and seconds for ``--json``.
 
     Raises
     ------
-    UserError
-        If the file can't hold the page or be written, or the head can't be placed.
+    UserError : If the file can't hold the page or be written, or the head can't be placed.
     """
     display, config = sheet.display, sheet.config
     check_file(path, display.width, display.height)
@@ -251,8 +238,7 @@ def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
 
     Raises
     ------
-    UserError
-        If lenses of this pitch can't be sharp on a sheet so thin.
+    UserError : If lenses of this pitch can't be sharp on a sheet so thin.
     """
     display, config = sheet.display, sheet.config
     lens = display.pitch / 3.0 / config.dpi * 25.4
@@ -278,18 +264,14 @@ def write_lenses(sheet: PrintSheet, path: Path, profile: Profile = "arc") -> dic
 
     Parameters
     ----------
-    sheet
-        Page and lens sheet.
-    path
-        ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535 the top of
-        a lens.
-    profile
-        The lenses' cross-section.
+    sheet : Page and lens sheet.
+    path : ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535 the
+        top of a lens.
+    profile : The lenses' cross-section.
 
     Returns
     -------
-    figures
-        ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of a lens in it.
+    figures : ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of a lens in it.
     """
     display, config = sheet.display, sheet.config
     first = lens_heights(sheet, profile, np.zeros(1, np.int64))
@@ -332,19 +314,13 @@ class _Line:
 
 @dataclass(frozen=True)
 class TrialPage:
-    """A test page.
+    """A test page."""
 
-    Attributes
-    ----------
-    sheet : Page and lens sheet in its middle, without borders.
-    pitches, phases : What the rows stand for, lenses per inch and lenses.
-    lines : From the top down.
-    """
-
-    sheet: PrintSheet
+    sheet: PrintSheet  # Page and lens sheet in its middle, without borders.
+    # pitches, phases: What the rows stand for, lenses per inch and lenses.
     pitches: tuple[float, ...]
     phases: tuple[float, ...]
-    lines: tuple[_Line, ...]
+    lines: tuple[_Line, ...]  # From the top down.
 
     @staticmethod
     def of(config: PrintConfig, spread: float = 0.0) -> TrialPage:
@@ -354,8 +330,7 @@ class TrialPage:
 
         Raises
         ------
-        UserError
-            If the page is smaller than 100 mm.
+        UserError : If the page is smaller than 100 mm.
         """
         if not (spread == 0 or 0.05 <= spread <= 10):
             raise UserError("--pitch-range must be 0, or lie between 0.05 and 10 per cent, not "
@@ -447,17 +422,14 @@ def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> di
 
     Parameters
     ----------
-    config
-        Page and lens sheet; its pitch is in the middle of those tried.
-    path
-        ``.tiff`` or ``.png``.
-    spread
-        Per cent by which the rows' pitches differ from it at most; 0: as the page's width needs.
+    config : Page and lens sheet; its pitch is in the middle of those tried.
+    path : ``.tiff`` or ``.png``.
+    spread : Per cent by which the rows' pitches differ from it at most; 0: as the page's width
+        needs.
 
     Returns
     -------
-    figures
-        ``pitches`` and ``phases`` of the rows from the top down.
+    figures : ``pitches`` and ``phases`` of the rows from the top down.
     """
     page = TrialPage.of(config, spread)
     display = page.sheet.display
@@ -497,7 +469,8 @@ class RowFile:
     stream : Where to write; a place in it can be sought.
     width, height : Size in pixels.
     dpi : Pixels per inch.
-    grey : True: one channel of 16 bits, a measure and no color; False: sRGB, 3 channels of 8 bits.
+    grey : True: one channel of 16 bits, a measure and no color; False: sRGB, 3 channels of 8
+        bits.
     note : A line about the picture.
     """
 
@@ -613,8 +586,7 @@ def check_file(path: Path, width: int, height: int, *, grey: bool = False) -> No
 
     Raises
     ------
-    UserError
-        If the format loses pixels, can't hold so many, or the disk is too full.
+    UserError : If the format loses pixels, can't hold so many, or the disk is too full.
     """
     suffix = path.suffix.lower()
     if suffix not in _TIFF + _PNG:

@@ -38,13 +38,11 @@ def paper_size(text: str) -> tuple[float, float]:
 
     Parameters
     ----------
-    text
-        Width x height with a unit (mm, cm, in), or A0 to A6, upright or with ``-landscape``.
+    text : Width x height with a unit (mm, cm, in), or A0 to A6, upright or with ``-landscape``.
 
     Raises
     ------
-    UserError
-        If it is neither, or a side is shorter than 20 mm or longer than 3 m.
+    UserError : If it is neither, or a side is shorter than 20 mm or longer than 3 m.
     """
     words = text.strip().lower()
     if sheet := _SHEET.fullmatch(words):
@@ -180,16 +178,12 @@ class PrintSheet:
 
     Attributes
     ----------
-    config
-        What it was made from.
-    display
-        The whole page, margins included, as a display; half its height is the unit of length.
-    picture
-        Finished print and bleed.
-    trim
-        The finished print.
-    thickness
-        Of the lens sheet, mm.
+    config : What it was made from.
+    display : The whole page, margins included, as a display; half its height is the unit of
+        length.
+    picture : Finished print and bleed.
+    trim : The finished print.
+    thickness : Of the lens sheet, mm.
     """
 
     config: PrintConfig
@@ -204,8 +198,8 @@ class PrintSheet:
 
         Raises
         ------
-        UserError
-            If the page has too many pixels, or the sheet's numbers contradict each other.
+        UserError : If the page has too many pixels, or the sheet's numbers contradict each
+            other.
         """
         wide, high = paper_size(config.size)
         border = 0.0 if bare else config.bleed + config.margin

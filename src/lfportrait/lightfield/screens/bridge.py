@@ -29,24 +29,12 @@ URL = "http://localhost:33334"
 
 @dataclass(frozen=True)
 class Device:
-    """A screen that Bridge reports.
+    """A screen that Bridge reports."""
 
-    Attributes
-    ----------
-    index
-        Bridge's number of it (its "head").
-    name
-        What its maker calls it, or its serial number.
-    hardware
-        Kind of the panel; ``"thirdparty"`` for an ordinary monitor.
-    calibration
-        Contents of its ``visual.json``; empty for an ordinary monitor.
-    """
-
-    index: int
-    name: str
-    hardware: str
-    calibration: dict[str, Any]
+    index: int  # Bridge's number of it (its "head").
+    name: str  # What its maker calls it, or its serial number.
+    hardware: str  # Kind of the panel; ``"thirdparty"`` for an ordinary monitor.
+    calibration: dict[str, Any]  # Contents of its ``visual.json``; empty for an ordinary monitor.
 
     @property
     def looking_glass(self) -> bool:
@@ -60,49 +48,25 @@ class Device:
 
 @dataclass(frozen=True)
 class DepthPicture:
-    """How a picture with depth beside it is to be read.
+    """How a picture with depth beside it is to be read."""
 
-    Attributes
-    ----------
-    side
-        Bridge's number, 0 to 3, of the side on which the depth lies.
-    strength
-        How deep the result is, from 0 to 3.
-    inverted
-        Whether dark is near.
-    """
-
-    side: int = 2
-    strength: float = 1.0
-    inverted: bool = False
+    side: int = 2  # Bridge's number, 0 to 3, of the side on which the depth lies.
+    strength: float = 1.0  # How deep the result is, from 0 to 3.
+    inverted: bool = False  # Whether dark is near.
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A picture of a playlist.
+    """A picture of a playlist."""
 
-    Attributes
-    ----------
-    picture
-        A picture or a video, by its path on the machine that Bridge runs on, or an address.
-    layout
-        The quilt's layout; for a picture with depth, that of the quilt that Bridge makes of it.
-    views
-        Number of views; all tiles by default.
-    focus
-        Bridge's focus: shift between the views, from -1 to 1.
-    depth
-        Where a picture with depth has it.
-    seconds
-        How long it is shown, where the playlist has several.
-    """
-
+    # A picture or a video, by its path on the machine that Bridge runs on, or an address.
     picture: str | Path
+    # The quilt's layout; for a picture with depth, that of the quilt that Bridge makes of it.
     layout: QuiltLayout
-    views: int = 0
-    focus: float = 0.0
-    depth: DepthPicture | None = None
-    seconds: float = 20.0
+    views: int = 0  # Number of views; all tiles by default.
+    focus: float = 0.0  # Bridge's focus: shift between the views, from -1 to 1.
+    depth: DepthPicture | None = None  # Where a picture with depth has it.
+    seconds: float = 20.0  # How long it is shown, where the playlist has several.
 
     def arguments(self, index: int) -> dict[str, Any]:
         """What Bridge is told of it, as entry ``index`` of a playlist."""
@@ -133,15 +97,12 @@ class Bridge:
 
     Parameters
     ----------
-    url
-        Where Bridge listens.
-    timeout
-        Longest wait for an answer in seconds.
+    url : Where Bridge listens.
+    timeout : Longest wait for an answer in seconds.
 
     Raises
     ------
-    UserError
-        If no Bridge answers there, or one too old.
+    UserError : If no Bridge answers there, or one too old.
     """
 
     def __init__(self, url: str = URL, timeout: float = 10.0) -> None:
@@ -167,20 +128,16 @@ class Bridge:
 
         Parameters
         ----------
-        endpoint
-            Its name.
-        arguments
-            Contents of the JSON object; the session is added.
+        endpoint : Its name.
+        arguments : Contents of the JSON object; the session is added.
 
         Returns
         -------
-        answer
-            Bridge's answer.
+        answer : Bridge's answer.
 
         Raises
         ------
-        UserError
-            If Bridge does not answer, or refuses.
+        UserError : If Bridge does not answer, or refuses.
         """
         if self.token:
             arguments = {"orchestration": self.token, **arguments}
@@ -241,13 +198,11 @@ class Bridge:
 
         Parameters
         ----------
-        index
-            Bridge's number of it; the first light-field display by default.
+        index : Bridge's number of it; the first light-field display by default.
 
         Raises
         ------
-        UserError
-            If there is none.
+        UserError : If there is none.
         """
         devices = self.devices()
         if index >= 0:
@@ -268,15 +223,12 @@ class Bridge:
 
         Parameters
         ----------
-        picture, layout, views, focus, depth
-            As in `Entry`.
-        screen
-            Bridge's number of the display; -1 = where Bridge wants.
+        picture, layout, views, focus, depth : As in `Entry`.
+        screen : Bridge's number of the display; -1 = where Bridge wants.
 
         Returns
         -------
-        playlist
-            Name of the playlist that plays it.
+        playlist : Name of the playlist that plays it.
         """
         return self.cast_all([Entry(picture, layout, views, focus, depth)], screen=screen)
 
@@ -285,15 +237,12 @@ class Bridge:
 
         Parameters
         ----------
-        entries
-            The pictures, in their order.
-        screen
-            Bridge's number of the display; -1 = where Bridge wants.
+        entries : The pictures, in their order.
+        screen : Bridge's number of the display; -1 = where Bridge wants.
 
         Returns
         -------
-        playlist
-            Name of the playlist that plays them.
+        playlist : Name of the playlist that plays them.
         """
         # A name that Bridge knows already would go on with what it shows: each cast has its own.
         name = f"lfportrait-{uuid.uuid4().hex[:8]}"

@@ -190,7 +190,6 @@ class Live:
 
     Parameters
     ----------
-    device : The device.
     field, config : What is shown, and how it is placed at first.
     panel : The display that it is composed for.
     display : The one that it is coded for: the panel, or `one_eyed` of it.
@@ -290,25 +289,17 @@ class OffscreenWindow:
 
     Parameters
     ----------
-    size
-        Width and height in pixels.
-    script
-        Events and the pictures before which they happen, ``{3: [{"event_type": ...}]}``.
-    frames
-        How many pictures are shown, unless it is over before.
-    rate
-        Pictures a second, of the time that passes for what moves.
-    keep
-        Whether `pictures` keeps them.
-    exact
-        Whether each picture is gone on with until it is exact, however long that takes.
+    size : Width and height in pixels.
+    script : Events and the pictures before which they happen, ``{3: [{"event_type": ...}]}``.
+    frames : How many pictures are shown, unless it is over before.
+    rate : Pictures a second, of the time that passes for what moves.
+    keep : Whether `pictures` keeps them.
+    exact : Whether each picture is gone on with until it is exact, however long that takes.
 
     Attributes
     ----------
-    pictures
-        What was shown, uint8 [H, W, 3] each.
-    screen
-        0: it stands for a panel's, not for an ordinary window.
+    pictures : What was shown, uint8 [H, W, 3] each.
+    screen : 0: it stands for a panel's, not for an ordinary window.
     """
 
     screen = 0
@@ -410,24 +401,17 @@ class LiveWindow:
 
     Parameters
     ----------
-    display
-        The panel.
-    screen
-        Number of the screen; -1 = the one that has the panel's pixels.
-    plain
-        An ordinary window, as high as fits, on the desktop's screen, instead of a panel's.
+    screen : Number of the screen; -1 = the one that has the panel's pixels.
+    plain : An ordinary window, as high as fits, on the desktop's screen, instead of a panel's.
 
     Attributes
     ----------
-    size
-        Width and height in pixels, once it is open.
-    screen
-        Number of the screen, -1 for an ordinary window.
+    size : Width and height in pixels, once it is open.
+    screen : Number of the screen, -1 for an ordinary window.
 
     Raises
     ------
-    UserError
-        If a package is missing, there is no screen, or none of the panel's size.
+    UserError : If a package is missing, there is no screen, or none of the panel's size.
     """
 
     def __init__(self, display: Display, screen: int = -1, plain: bool = False) -> None:
@@ -446,8 +430,7 @@ class LiveWindow:
 
         Raises
         ------
-        UserError
-            If it does not fill a panel pixel for pixel.
+        UserError : If it does not fill a panel pixel for pixel.
         """
         from rendercanvas.glfw import RenderCanvas, loop
 
@@ -612,8 +595,7 @@ def live_adapter(choice: str) -> Adapter:
 
     Raises
     ------
-    UserError
-        If there is none: nothing else is fast enough.
+    UserError : If there is none: nothing else is fast enough.
     """
     adapter = gpu_adapter(choice)
     if adapter is None:
@@ -634,34 +616,23 @@ def show_field(field: VoxelField, display: Display, config: EncodeConfig | None 
 
     Parameters
     ----------
-    field
-        What is shown.
-    display
-        The panel.
-    config
-        How the field is placed at first.
-    photo
-        A field of the same points whose colors the viewer can mix in.
-    screen
-        Number of the panel's screen; -1: the one that has its pixels.
-    simulate
-        An ordinary window instead, with what an eye in the middle sees.
-    window
-        Draw into this one in memory instead: for tests, and to keep the pictures.
-    seconds
-        How long; 0: until the window is closed.
-    device
-        Which graphics card: ``"gpu"``, ``"gpu:NAME"``, or ``"auto"`` (`lfportrait.device`).
+    field : What is shown.
+    display : The panel.
+    config : How the field is placed at first.
+    photo : A field of the same points whose colors the viewer can mix in.
+    screen : Number of the panel's screen; -1: the one that has its pixels.
+    simulate : An ordinary window instead, with what an eye in the middle sees.
+    window : Draw into this one in memory instead: for tests, and to keep the pictures.
+    seconds : How long; 0: until the window is closed.
+    device : Which graphics card: ``"gpu"``, ``"gpu:NAME"``, or ``"auto"`` (`lfportrait.device`).
 
     Returns
     -------
-    figures
-        Pictures a second and milliseconds for each.
+    figures : Pictures a second and milliseconds for each.
 
     Raises
     ------
-    UserError
-        If a package, the graphics card or the panel's screen is missing.
+    UserError : If a package, the graphics card or the panel's screen is missing.
     """
     if window is None:
         check_packages()
@@ -676,16 +647,13 @@ def fields_to_show(source: Path, photo: Path | None) -> tuple[VoxelField, VoxelF
 
     Parameters
     ----------
-    source
-        The (stylised) field's file.
-    photo
-        The field's that it was stylised from; by default ``field.npz`` beside it, where that has
-        the same points.
+    source : The (stylised) field's file.
+    photo : The field's that it was stylised from; by default ``field.npz`` beside it, where that
+        has the same points.
 
     Raises
     ------
-    UserError
-        If the named one has other points.
+    UserError : If the named one has other points.
     """
     field = VoxelField.load(source)
     beside = source.with_name("field.npz")
@@ -710,22 +678,16 @@ def show_live(window: LiveWindow | OffscreenWindow, adapter: Adapter, field: Vox
 
     Parameters
     ----------
-    window
-        The panel's, an ordinary one, or one in memory.
-    adapter
-        The GPU.
-    field, config, panel, photo, seconds, say
-        As for `Live`.
+    window : The panel's, an ordinary one, or one in memory.
+    field, config, panel, photo, seconds, say : As for `Live`.
 
     Returns
     -------
-    figures
-        For ``--json``.
+    figures : For ``--json``.
 
     Raises
     ------
-    UserError
-        If the window is not as the panel needs it, or the GPU was lost or is too small.
+    UserError : If the window is not as the panel needs it, or the GPU was lost or is too small.
     """
     try:
         size = window.open()

@@ -133,14 +133,12 @@ def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: 
     Parameters
     ----------
     screens : Width and height of every screen.
-    display : The panel.
     screen : Number of the screen; -1 = the one that has the panel's pixels (the last of several,
         because the first is the desktop's).
 
     Raises
     ------
-    UserError
-        If there is none of the panel's size.
+    UserError : If there is none of the panel's size.
     """
     size = (display.width, display.height)
     known = ", ".join(f"{number}: {width} x {height}"
@@ -168,26 +166,20 @@ def show(images: Sequence[UInt8], display: Display, *, screen: int = -1,
 
     Parameters
     ----------
-    images
-        uint8 [H, W, 3], coded for ``display``, as seen; the viewer leafs through several of them.
-    display
-        The panel.
-    screen
-        Number of the screen; -1 = the one that has the panel's pixels.
-    seconds
-        Time for each picture; 0 = until the viewer goes on.
-    driver
-        Window system; pygame by default.
+    images : uint8 [H, W, 3], coded for ``display``, as seen; the viewer leafs through several of
+        them.
+    screen : Number of the screen; -1 = the one that has the panel's pixels.
+    seconds : Time for each picture; 0 = until the viewer goes on.
+    driver : Window system; pygame by default.
 
     Returns
     -------
-    screen
-        Number of the screen that showed them.
+    screen : Number of the screen that showed them.
 
     Raises
     ------
-    UserError
-        If there is no screen of the panel's size, or if anything scales or changes the picture.
+    UserError : If there is no screen of the panel's size, or if anything scales or changes the
+        picture.
     """
     for image in images:
         check_size(image, display)

@@ -83,8 +83,8 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
     ----------
     field : Whose head.
     window : The frame, with the eyes' distance.
-    encode : Size and shifts away from their defaults change the framing in proportion; the rest is
-        kept.
+    encode : Size and shifts away from their defaults change the framing in proportion; the rest
+        is kept.
     margins : What is left free.
     turns : Degrees by which the head is turned besides ``encode.turn``.
     eyes : X of the eyes in half heights of the frame.
@@ -158,16 +158,10 @@ least-squares projection (2001), in linear light. White stays white."""
 
 @dataclass(frozen=True)
 class TwoEyes:
-    """A window, and two eyes before it.
+    """A window, and two eyes before it."""
 
-    Attributes
-    ----------
-    window : The picture's frame: its pixels and the distance of the eyes.
-    baseline : Distance between the eyes in half heights of the window.
-    """
-
-    window: Display
-    baseline: float
+    window: Display  # The picture's frame: its pixels and the distance of the eyes.
+    baseline: float  # Distance between the eyes in half heights of the window.
 
     @staticmethod
     def of(config: FrameConfig) -> TwoEyes:
@@ -268,8 +262,7 @@ def codec_for(path: Path, size: tuple[int, int], asked: Literal["auto", "h264", 
 
     Raises
     ------
-    UserError
-        If the file's format or the codec can't hold it, or there is no encoder.
+    UserError : If the file's format or the codec can't hold it, or there is no encoder.
     """
     webm = path.suffix.lower() == ".webm"
     if flat and (webm or asked in ("h264", "vp9")):
@@ -306,7 +299,6 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
 
     Parameters
     ----------
-    path : The file.
     picture : Makes a frame, uint8 [H, W, 3], by its placement.
     size : Width and height of the frames.
     encode : Placement of the head in the middle of the motion.
@@ -334,18 +326,11 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
 
 @dataclasses.dataclass(frozen=True)
 class Flat:
-    """The head on a flat panel, inside its safe areas in every frame.
+    """The head on a flat panel, inside its safe areas in every frame."""
 
-    Attributes
-    ----------
-    window : The panel.
-    encode : Placement of the head, filling the safe areas.
-    turned : Whether the picture lies on its side for the panel's own player.
-    """
-
-    window: Display
-    encode: EncodeConfig
-    turned: bool = False
+    window: Display  # The panel.
+    encode: EncodeConfig  # Placement of the head, filling the safe areas.
+    turned: bool = False  # Whether the picture lies on its side for the panel's own player.
 
     @staticmethod
     def of(field: VoxelField, encode: EncodeConfig, config: FrameConfig) -> Flat:

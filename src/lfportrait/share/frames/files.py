@@ -91,18 +91,12 @@ _LONGEST = 100
 
 @dataclass(frozen=True)
 class QuiltName:
-    """The layout that a quilt's name asks for, in part or whole.
+    """The layout that a quilt's name asks for, in part or whole."""
 
-    Attributes
-    ----------
-    columns, rows
-        0 where the name leaves them to the display.
-    aspect
-        Width over height of the views; 0 where the name leaves it to the display.
-    """
-
+    # columns, rows: 0 where the name leaves them to the display.
     columns: int = 0
     rows: int = 0
+    # Width over height of the views; 0 where the name leaves it to the display.
     aspect: float = 0.0
 
     @staticmethod
@@ -111,8 +105,7 @@ class QuiltName:
 
         Raises
         ------
-        UserError
-            If the layout is impossible, or has more views than a frame shows.
+        UserError : If the layout is impossible, or has more views than a frame shows.
         """
         hint = QuiltHint.of_name(name)
         if hint is None:
@@ -209,8 +202,7 @@ def check_picture(path: Path, width: int, height: int) -> None:
 
     Raises
     ------
-    UserError
-        If not.
+    UserError : If not.
     """
     suffix = path.suffix.lower()
     if suffix not in PICTURES:
@@ -254,10 +246,8 @@ def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayou
 
     Parameters
     ----------
-    path : The package.
     media : Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
     contents : The quilt, as a file's contents or a file.
-    layout : The quilt's layout.
     movie : Whether it is a video.
 
     Returns

@@ -59,16 +59,10 @@ _SAME = 0.01
 
 @dataclass(frozen=True)
 class QuiltPlan:
-    """A quilt that is to be made.
+    """A quilt that is to be made."""
 
-    Attributes
-    ----------
-    display : The panel, with the quilt's size in ``quilt_size``.
-    layout : Columns, rows and aspect.
-    """
-
-    display: Display
-    layout: QuiltLayout
+    display: Display  # The panel, with the quilt's size in ``quilt_size``.
+    layout: QuiltLayout  # Columns, rows and aspect.
 
     @staticmethod
     def of(name: str, config: FrameConfig, *, display: Display | None = None) -> QuiltPlan:
@@ -83,8 +77,7 @@ class QuiltPlan:
 
         Raises
         ------
-        UserError
-            If the name's aspect is not the display's, or no known display has it.
+        UserError : If the name's aspect is not the display's, or no known display has it.
         """
         asked = QuiltName.of(name)
         if display is None:
@@ -143,26 +136,17 @@ def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
 
     Parameters
     ----------
-    path
-        The quilt's file.
-    quilt
-        uint8 [H, W, 3].
-    layout
-        Its layout.
-    seconds
-        How long a frame shows it, in seconds; written into the side file.
-    beside
-        Whether there is to be a side file.
+    quilt : uint8 [H, W, 3].
+    seconds : How long a frame shows it, in seconds; written into the side file.
+    beside : Whether there is to be a side file.
 
     Returns
     -------
-    figures
-        ``bytes`` of what was written.
+    figures : ``bytes`` of what was written.
 
     Raises
     ------
-    UserError
-        If the format can't hold the picture, or the files can't be written.
+    UserError : If the format can't hold the picture, or the files can't be written.
     """
     check_picture(path, quilt.shape[1], quilt.shape[0])
     contents = picture_bytes(path.suffix, quilt, quilt_exif(layout))
@@ -193,36 +177,17 @@ _SPARE = 1 << 20
 
 @dataclass(frozen=True)
 class DrivePlan:
-    """What goes to a drive.
+    """What goes to a drive."""
 
-    Attributes
-    ----------
-    drive
-        The drive's root.
-    sources
-        Fields (.npz) and quilts (PNG, JPEG), in their order.
-    title
-        The playlist's title.
-    display
-        The frame; by default the calibration on the drive, else the preset of the Go.
-    picture
-        Format of quilts of fields.
-    seconds
-        How long each is shown.
-    encode
-        Placement of the fields' heads.
-    asked
-        The quilts' layout, as the user says.
-    """
-
-    drive: Path
-    sources: Sequence[Path]
-    title: str = "lfportrait"
+    drive: Path  # The drive's root.
+    sources: Sequence[Path]  # Fields (.npz) and quilts (PNG, JPEG), in their order.
+    title: str = "lfportrait"  # The playlist's title.
+    # The frame; by default the calibration on the drive, else the preset of the Go.
     display: str = ""
-    picture: Literal["png", "jpg"] = "png"
-    seconds: float = SECONDS
-    encode: EncodeConfig = field(default_factory=EncodeConfig)
-    asked: QuiltHint | None = None
+    picture: Literal["png", "jpg"] = "png"  # Format of quilts of fields.
+    seconds: float = SECONDS  # How long each is shown.
+    encode: EncodeConfig = field(default_factory=EncodeConfig)  # Placement of the fields' heads.
+    asked: QuiltHint | None = None  # The quilts' layout, as the user says.
 
     def panel(self) -> Display:
         """The frame's display."""
@@ -367,21 +332,17 @@ def fill_drive(plan: DrivePlan, step: Callable[[int, int], None] = lambda at, co
 
     Parameters
     ----------
-    plan
-        What goes where.
-    step
-        Called before each quilt with its number and their count.
+    plan : What goes where.
+    step : Called before each quilt with its number and their count.
 
     Returns
     -------
-    figures
-        ``display``, ``quilts`` (name, layout, views), ``playlist``, ``bytes``.
+    figures : ``display``, ``quilts`` (name, layout, views), ``playlist``, ``bytes``.
 
     Raises
     ------
-    UserError
-        If the drive is missing, full or can't be written to, or a source is no quilt. Then nothing
-        of this call is left on the drive.
+    UserError : If the drive is missing, full or can't be written to, or a source is no quilt.
+        Then nothing of this call is left on the drive.
     """
     _check_drive(plan.drive)
     if not plan.sources:

@@ -60,8 +60,8 @@ def start_view(voxels: VoxelField) -> dict[str, Any]:
 
     Returns
     -------
-    start : ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half width
-        and half height of what must fit into the window.
+    start : ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half
+        width and half height of what must fit into the window.
     """
     reach, low, high = head_extent(voxels)
     return {"target": [0.0, (low + high) / 2, 0.0], "distance": DISTANCE,
@@ -97,19 +97,14 @@ _DARK, _LIGHT = 0.16, 0.88
 
 @dataclass(frozen=True)
 class PageGround:
-    """A page's ground.
+    """A page's ground."""
 
-    Attributes
-    ----------
-    header : For the page's script: ``picture``, a WebP as an address; ``left``, ``top``, ``width``
-        and ``height`` in world units; ``depth``, how far it lies behind the head's middle; and for
-        panels ``back``, where the head's back is in the world, ``behind``, how far behind that the
-        ground lies in half panel heights, and ``blur`` (`EncodeConfig`).
-    drop : What it was made from.
-    """
-
+    # For the page's script: ``picture``, a WebP as an address; ``left``, ``top``, ``width`` and
+    # ``height`` in world units; ``depth``, how far it lies behind the head's middle; and for panels
+    # ``back``, where the head's back is in the world, ``behind``, how far behind that the ground
+    # lies in half panel heights, and ``blur`` (`EncodeConfig`).
     header: dict[str, Any]
-    drop: Backdrop
+    drop: Backdrop  # What it was made from.
 
     @property
     def size(self) -> int:
@@ -171,21 +166,12 @@ _STREAM = re.compile(rb'<script type="application/octet-stream" data-stream="(ma
 
 @dataclass(frozen=True)
 class OpenPage:
-    """What of a page other colors must fit to.
+    """What of a page other colors must fit to."""
 
-    Attributes
-    ----------
-    filled
-        bool [Z, Y, X], the lattice points that it keeps.
-    kept
-        bool [H, W], the texels that it keeps, or None where it has no texture.
-    pixels
-        Texels per world unit; 0 without a texture.
-    """
-
-    filled: Bool
+    filled: Bool  # bool [Z, Y, X], the lattice points that it keeps.
+    # bool [H, W], the texels that it keeps, or None where it has no texture.
     kept: Bool | None = field(default=None, repr=False)
-    pixels: float = 0.0
+    pixels: float = 0.0  # Texels per world unit; 0 without a texture.
 
     @staticmethod
     def of(page: bytes) -> OpenPage:
@@ -213,17 +199,14 @@ def recolored(page: OpenPage, voxels: VoxelField) -> dict[str, Any] | None:
 
     Parameters
     ----------
-    page
-        Of the same field, in whatever colors.
-    voxels
-        The field in the colors that are wanted; those seen from the front, of degree 0.
+    page : Of the same field, in whatever colors.
+    voxels : The field in the colors that are wanted; those seen from the front, of degree 0.
 
     Returns
     -------
-    set
-        ``bands`` as in the page's header; ``streams``: the band's residuals by its number;
-        ``texels``: those of the texture, or None. Streams are deflated, in base64. None where the
-        page does not hold the field row by row, as its size did not allow it.
+    set : ``bands`` as in the page's header; ``streams``: the band's residuals by its number;
+        ``texels``: those of the texture, or None. Streams are deflated, in base64. None where
+        the page does not hold the field row by row, as its size did not allow it.
     """
     if page.filled.shape != voxels.links.shape:
         return None
@@ -293,19 +276,14 @@ def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
 
     Parameters
     ----------
-    page
-        The file.
-    port
-        On the loopback address; 0 takes a free one.
-    browse
-        Open the browser there.
-    ready
-        Called with the address, and with what ends the serving, once it can be reached.
+    page : The file.
+    port : On the loopback address; 0 takes a free one.
+    browse : Open the browser there.
+    ready : Called with the address, and with what ends the serving, once it can be reached.
 
     Raises
     ------
-    UserError
-        If the port is taken or is none.
+    UserError : If the port is taken or is none.
     """
     try:
         server = ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, Path(page)))
@@ -382,26 +360,22 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
 
     Parameters
     ----------
-    voxels
-        The field. A `StyledField` brings a slider from photo to painting, and buttons for its
-        styles.
-    path
-        File, ending in ``.html``.
-    config
-        Caption and size.
-    ground
-        What is behind the head; by default the painted ground, if the field has one.
+    voxels : The field. A `StyledField` brings a slider from photo to painting, and buttons for
+        its styles.
+    path : File, ending in ``.html``.
+    config : Caption and size.
+    ground : What is behind the head; by default the painted ground, if the field has one.
 
     Returns
     -------
-    figures
-        ``bytes`` of the file, and those of its parts; ``rows`` and ``shape`` of what it holds,
-        ``texture``: rows and columns of its atlas, or None; ``sets`` of colors, ``seconds``.
+    figures : ``bytes`` of the file, and those of its parts; ``rows`` and ``shape`` of what it
+        holds, ``texture``: rows and columns of its atlas, or None; ``sets`` of colors,
+        ``seconds``.
 
     Raises
     ------
-    UserError
-        If the field is empty, does not fit into the size, or a parameter is out of range.
+    UserError : If the field is empty, does not fit into the size, or a parameter is out of
+        range.
     """
     config = config or PageConfig()
     if not 0.1 <= config.max_size <= 1000:

@@ -53,20 +53,14 @@ from ..kernels import code_rows
 
 @dataclass(frozen=True)
 class ColorSet:
-    """Colors of a field's rows.
+    """Colors of a field's rows."""
 
-    Attributes
-    ----------
-    name : For people.
-    kind : ``"photo"``, ``"style"``, ``"mix"`` (of photo and styles) or ``"field"`` (of a field that
-        has no other).
-    sh : float32 [N, 3, B], coefficients as a `VoxelField` has them.
-    texels : int8 [H, W, 3], texture of the surface that belongs to them, or None.
-    """
-
-    name: str
+    name: str  # For people.
+    # ``"photo"``, ``"style"``, ``"mix"`` (of photo and styles) or ``"field"`` (of a field that has
+    # no other).
     kind: str
-    sh: Float32 = field(repr=False)
+    sh: Float32 = field(repr=False)  # float32 [N, 3, B], coefficients as a `VoxelField` has them.
+    # int8 [H, W, 3], texture of the surface that belongs to them, or None.
     texels: NDArray[np.int8] | None = field(default=None, repr=False)
 
 
@@ -85,8 +79,7 @@ def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
 
     Raises
     ------
-    UserError
-        If the field does not have that degree.
+    UserError : If the field does not have that degree.
     """
     if not 0 <= degree <= 2:
         raise UserError(f"--sh takes the degree 0, 1 or 2, not {degree}")
@@ -126,22 +119,15 @@ _HOLLOW = 0.3
 
 @dataclass(frozen=True)
 class Lattice:
-    """A field on its lattice, as it is packed.
+    """A field on its lattice, as it is packed."""
 
-    Attributes
-    ----------
-    filled : bool [Z, Y, X], where rows are; rows are numbered in this order, x fastest.
-    density : float32 [N], per world unit.
-    sets : Color sets over these rows.
-    center, radius : float64 [3] (x, y, z), as a `VoxelField` has them.
-    charts : uint8 [N], chart of the texture that shows each row's place, 255 for none; or None.
-    """
-
-    filled: Bool
-    density: Float32
-    sets: list[ColorSet]
+    filled: Bool  # bool [Z, Y, X], where rows are; rows are numbered in this order, x fastest.
+    density: Float32  # float32 [N], per world unit.
+    sets: list[ColorSet]  # Color sets over these rows.
+    # center, radius: float64 [3] (x, y, z), as a `VoxelField` has them.
     center: Float64
     radius: Float64
+    # uint8 [N], chart of the texture that shows each row's place, 255 for none; or None.
     charts: UInt8 | None = None
 
     @property
@@ -163,8 +149,7 @@ class Lattice:
 
         Raises
         ------
-        UserError
-            If nothing is left.
+        UserError : If nothing is left.
         """
         matter = np.append(density, np.float32(0.0)).astype(np.float32)[links]
         filled = (links >= 0) & (_largest_around(matter) > _FAINTEST)
@@ -179,18 +164,12 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Packed:
-    """A field as a page holds it.
+    """A field as a page holds it."""
 
-    Attributes
-    ----------
-    header : What the page's script needs to read the streams; plain values for JSON.
-    streams : Deflated bytes by name.
-    shown : The lattice as it is read back: what the page shows.
-    """
-
+    # What the page's script needs to read the streams; plain values for JSON.
     header: dict[str, Any]
-    streams: dict[str, bytes] = field(repr=False)
-    shown: Lattice = field(repr=False)
+    streams: dict[str, bytes] = field(repr=False)  # Deflated bytes by name.
+    shown: Lattice = field(repr=False)  # The lattice as it is read back: what the page shows.
 
     @property
     def size(self) -> int:
@@ -232,7 +211,6 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
 
     Parameters
     ----------
-    lattice : The field.
     tolerance : Largest error of colors and of the root of densities in 255ths of their range; 0
         rounds them to bytes and no more.
     """
@@ -311,18 +289,13 @@ _WEIGHTS = (1, 3, 3, 1)
 
 @dataclass(frozen=True)
 class PageTexture:
-    """Differences to the lattice's colors over the surface, of several color sets.
+    """Differences to the lattice's colors over the surface, of several color sets."""
 
-    Attributes
-    ----------
-    texels : int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
-    projections : float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
-    pixels : Texels per world unit.
-    """
-
+    # int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
     texels: list[NDArray[np.int8] | None] = field(repr=False)
+    # float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
     projections: Float64
-    pixels: float
+    pixels: float  # Texels per world unit.
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -535,8 +508,7 @@ def fit(lattice: Lattice, most: float, texture: PageTexture | None = None) -> Pa
 
     Raises
     ------
-    UserError
-        If even the coarsest packing is larger.
+    UserError : If even the coarsest packing is larger.
     """
     packings = _Packings(lattice, texture)
     plan = _PLAIN if texture is None else _TEXTURED

@@ -38,22 +38,15 @@ from ..kinds import METRES, Up
 
 @dataclass(frozen=True)
 class Splats:
-    """Gaussian splats.
+    """Gaussian splats."""
 
-    Attributes
-    ----------
-    positions : float32 [N, 3], middles, in the world.
-    scales : float32 [N, 3], standard deviations along the splat's axes, world units, > 0.
-    turns : float32 [N, 4], unit quaternions (w, x, y, z): from the splat's axes to the world's.
-    opacity : float32 [N], at the middle, 0 to 1.
-    sh : float32 [N, 3, B], spherical harmonics (B = 1, 4 or 9, in the field's order); color =
-        max(0, coefficients . basis + 0.5), sRGB, for the direction from the camera to the splat.
-    """
-
-    positions: Float32
-    scales: Float32
+    positions: Float32  # float32 [N, 3], middles, in the world.
+    scales: Float32  # float32 [N, 3], standard deviations along the splat's axes, world units, > 0.
+    # float32 [N, 4], unit quaternions (w, x, y, z): from the splat's axes to the world's.
     turns: Float32
-    opacity: Float32
+    opacity: Float32  # float32 [N], at the middle, 0 to 1.
+    # float32 [N, 3, B], spherical harmonics (B = 1, 4 or 9, in the field's order); color = max(0,
+    # coefficients . basis + 0.5), sRGB, for the direction from the camera to the splat.
     sh: Float32
 
     def __len__(self) -> int:
@@ -193,7 +186,6 @@ def splat_view(splats: Splats, cameras: Camera, view: int = 0) -> SplatView:
 
     Parameters
     ----------
-    splats : The splats.
     cameras, view : Batch of cameras and which of them.
     """
     width, height = int(cameras.width[view]), int(cameras.height[view])
@@ -217,17 +209,13 @@ def render_splats(splats: Splats, cameras: Camera, view: int = 0,
 
     Parameters
     ----------
-    splats
-        In the world of the cameras.
-    cameras, view
-        A batch of cameras and which of them.
-    background
-        Grey level in [0, 1] behind the splats.
+    splats : In the world of the cameras.
+    cameras, view : A batch of cameras and which of them.
+    background : Grey level in [0, 1] behind the splats.
 
     Returns
     -------
-    picture
-        float32 [H, W, 3], sRGB.
+    picture : float32 [H, W, 3], sRGB.
     """
     image = splat_view(splats, cameras, view).image
     return np.asarray(image[..., :3] + (1 - image[..., 3:]) * np.float32(background), np.float32)
@@ -251,8 +239,7 @@ def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
 
     Raises
     ------
-    UserError
-        If a glTF is to have y down.
+    UserError : If a glTF is to have y down.
     """
     if is_down(suffix, up):
         return half_turned(splats)
@@ -267,8 +254,7 @@ def is_down(suffix: str, up: Up = "auto") -> bool:
 
     Raises
     ------
-    UserError
-        If a glTF is to have it.
+    UserError : If a glTF is to have it.
     """
     if suffix == ".glb" and up == "y-down":
         raise UserError("a .glb file has y up by its specification; leave --splats.up at auto")
@@ -491,8 +477,7 @@ def write_spz(stream: BinaryIO, splats: Splats) -> None:
 
     Raises
     ------
-    UserError
-        If they lie too far away for its numbers.
+    UserError : If they lie too far away for its numbers.
     """
     reach = float(np.abs(splats.positions).max())
     bits = min(BITS, int(np.floor(np.log2((2 ** 23 - 1) / max(reach, 1e-9)))))

@@ -81,8 +81,7 @@ class Ball:
 
         Raises
         ------
-        UserError
-            If the field is empty.
+        UserError : If the field is empty.
         """
         dense = field.lattice_points()[field.density > 0]
         if not len(dense):
@@ -188,14 +187,12 @@ def place_splats(field: VoxelField, count: int, degree: int | None = None) -> Sp
 
     Parameters
     ----------
-    field : The field.
     count : How many at most.
     degree : Of their spherical harmonics; by default the field's.
 
     Raises
     ------
-    UserError
-        If the field shows no surface.
+    UserError : If the field shows no surface.
     """
     ball = Ball.around(field)
     # A ball has this area for each splat; heads have less or more, which the search finds out.
@@ -328,7 +325,6 @@ def fit_splats(field: VoxelField, splats: Splats, steps: int, seed: int = 0,
 
     Parameters
     ----------
-    field : The field.
     splats : As `place_splats` lays them.
     steps : How many views are looked at.
     seed : Of the choice of views.
@@ -406,24 +402,18 @@ def field_splats(field: VoxelField, config: SplatConfig | None = None,
 
     Parameters
     ----------
-    field
-        The field.
-    config
-        Parameters.
-    tell
-        Told how much is done, 0 to 1, and what is being done.
+    field : The field.
+    config : Parameters.
+    tell : Told how much is done, 0 to 1, and what is being done.
 
     Returns
     -------
-    splats
-        In the field's world.
-    psnr
-        In dB, of pictures of the splats against the field's, see `splat_psnr`.
+    splats : In the field's world.
+    psnr : In dB, of pictures of the splats against the field's, see `splat_psnr`.
 
     Raises
     ------
-    UserError
-        If a parameter makes no sense or the field shows nothing.
+    UserError : If a parameter makes no sense or the field shows nothing.
     """
     config = config or SplatConfig()
     if config.count < 1 or config.steps < 0:

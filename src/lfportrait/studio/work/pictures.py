@@ -43,16 +43,10 @@ _SHOWN = 3.0
 
 @dataclass
 class Teller:
-    """What a job tells the server.
+    """What a job tells the server."""
 
-    Attributes
-    ----------
-    tell : Sends a message.
-    pictures : Folder for the stages' pictures.
-    """
-
-    tell: Callable[..., None]
-    pictures: Path
+    tell: Callable[..., None]  # Sends a message.
+    pictures: Path  # Folder for the stages' pictures.
 
     def picture(self, stage: str, image: UInt8) -> None:
         """A stage's picture, uint8 [H, W, 3]."""
@@ -156,9 +150,8 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
 
     Parameters
     ----------
-    field : The head.
-    cameras : (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer than
-        all of the head.
+    cameras : (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer
+        than all of the head.
     size : Of the pictures in pixels.
     """
     from ...share import sweep_cameras
@@ -281,7 +274,6 @@ class EarlyPicture(FirstLook):
 
     Parameters
     ----------
-    order : Of the head.
     teller : Sends the picture.
     """
 

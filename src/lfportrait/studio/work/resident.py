@@ -84,10 +84,10 @@ class Look:
 
     Parameters
     ----------
-    request : ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's
-        file); with ``job`` also ``style`` (a picture or a built-in name, None for the photographed
-        head), ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``.
-        ``mix``: arguments of `StyledField.mix`.
+    request : ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted
+        field's file); with ``job`` also ``style`` (a picture or a built-in name, None for the
+        photographed head), ``landmarks``, ``styles`` (of regions, by the names that the mix
+        uses), ``pixels``. ``mix``: arguments of `StyledField.mix`.
     """
 
     def __init__(self, request: Mapping[str, Any]) -> None:
@@ -258,8 +258,8 @@ def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
     Parameters
     ----------
     place : x and y in pixels.
-    width, height
-        Of the picture: the face takes two fifths of the shorter side, or less near the border.
+    width, height : Of the picture: the face takes two fifths of the shorter side, or less near
+        the border.
 
     Returns
     -------

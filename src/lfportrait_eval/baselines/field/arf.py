@@ -79,7 +79,6 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     Parameters
     ----------
     task : Field, capture, painting.
-    config : Parameters.
 
     Returns
     -------
@@ -87,8 +86,7 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
 
     Raises
     ------
-    UserError
-        If parameters are out of range, no photo shows the field, or weights are missing.
+    UserError : If parameters are out of range, no photo shows the field, or weights are missing.
     """
     config.check()
     start = time.perf_counter()
@@ -205,16 +203,10 @@ LEAST = 1e-8
 
 @dataclass(frozen=True)
 class ColorMap:
-    """An affine map of colors.
+    """An affine map of colors."""
 
-    Attributes
-    ----------
-    matrix : float64 [3, 3].
-    offset : float64 [3].
-    """
-
-    matrix: Float64
-    offset: Float64
+    matrix: Float64  # float64 [3, 3].
+    offset: Float64  # float64 [3].
 
     @staticmethod
     def between(source: NDArray[np.floating], target: NDArray[np.floating]) -> ColorMap:

@@ -33,17 +33,11 @@ from ..kernels import rmsprop_step
 
 @dataclass
 class PhotoView(StyleView):
-    """A view whose content is a photo, with the surface that it shows.
+    """A view whose content is a photo, with the surface that it shows."""
 
-    Attributes
-    ----------
-    camera : Its camera, a batch of one.
-    points : float64 [h, w, 3], world point under each pixel, NaN without one.
-    depth : float32 [h, w], distance along the optical axis; infinite without a surface.
-    """
-
-    camera: Any = None
-    points: Any = None
+    camera: Any = None  # Its camera, a batch of one.
+    points: Any = None  # float64 [h, w, 3], world point under each pixel, NaN without one.
+    # float32 [h, w], distance along the optical axis; infinite without a surface.
     depth: Any = None
 
     @property
@@ -69,8 +63,7 @@ def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:
 
     Raises
     ------
-    UserError
-        If no photo shows anything of the field.
+    UserError : If no photo shows anything of the field.
     """
     cameras = task.capture.cameras
     training = task.capture.training()
@@ -167,18 +160,12 @@ one and a half high, a nose 0.15 deep, and a voxel less than 0.01."""
 
 @dataclass(frozen=True)
 class Correspondence:
-    """Where each pixel of one view lies in another.
+    """Where each pixel of one view lies in another."""
 
-    Attributes
-    ----------
-    grid : float32 [1, h, w, 2], place (x, y) in the other view, -1 to 1 from border to border.
-    visible : bool [h, w], whether the other view sees the same place of the surface.
-    cosine : float32 [h, w], between the directions from which both see it.
-    """
-
+    # float32 [1, h, w, 2], place (x, y) in the other view, -1 to 1 from border to border.
     grid: torch.Tensor
-    visible: torch.Tensor
-    cosine: Float32
+    visible: torch.Tensor  # bool [h, w], whether the other view sees the same place of the surface.
+    cosine: Float32  # float32 [h, w], between the directions from which both see it.
 
     def warped(self, picture: torch.Tensor) -> torch.Tensor:
         """A picture of the other view [1, C, H, W] as this view would show it, [1, C, h, w]."""
@@ -288,7 +275,6 @@ class ColorDescent:
     Parameters
     ----------
     model : The colors; changed in place.
-    field : Its lattice.
     rate : Step of RMSProp in units of the coefficients of degree 0.
     smoothness : Weight of the total variation of the colors.
     share : Share of the rows that a step smooths.

@@ -122,8 +122,7 @@ def load_adain(place: str = "cpu") -> AdainNetwork:
 
     Raises
     ------
-    UserError
-        If the weights are missing.
+    UserError : If the weights are missing.
     """
     return AdainNetwork(load(models.fetch("adain").read_bytes()), place)
 
@@ -157,18 +156,16 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
     Parameters
     ----------
     task : Field, capture, painting.
-    config : Parameters.
     network : Encoder and decoder; None loads the published weights, to the task's device.
 
     Returns
     -------
-    colors, figures : float32 [N, 3]; error of the fit after each round, disagreement of neighbours
-        before and after, seconds.
+    colors, figures : float32 [N, 3]; error of the fit after each round, disagreement of
+        neighbours before and after, seconds.
 
     Raises
     ------
-    UserError
-        If parameters are out of range, no photo shows the field, or weights are missing.
+    UserError : If parameters are out of range, no photo shows the field, or weights are missing.
     """
     config.check()
     start = time.perf_counter()

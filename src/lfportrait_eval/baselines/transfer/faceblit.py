@@ -143,15 +143,7 @@ def _head_box(landmarks: Float64, shape: tuple[int, ...]) -> Int64:
 
 
 class FaceBlit:
-    """One exemplar prepared as FaceBlit does.
-
-    Parameters
-    ----------
-    exemplar
-        The painting.
-    config
-        Parameters.
-    """
+    """One exemplar prepared as FaceBlit does."""
 
     def __init__(self, exemplar: Exemplar, config: FaceBlitConfig | None = None) -> None:
         self.exemplar = exemplar
@@ -167,10 +159,8 @@ class FaceBlit:
 
         Parameters
         ----------
-        image
-            uint8 [H, W, 3].
-        landmarks
-            [68, 2] in pixels, all known.
+        image : uint8 [H, W, 3].
+        landmarks : [68, 2] in pixels, all known.
         """
         config = self.config
         start = time.perf_counter()

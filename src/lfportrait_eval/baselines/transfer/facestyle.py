@@ -67,15 +67,7 @@ class _Source:
 
 
 class FaceStyle:
-    """One exemplar prepared for guided patch synthesis.
-
-    Parameters
-    ----------
-    exemplar
-        The painting.
-    config
-        Parameters.
-    """
+    """One exemplar prepared for guided patch synthesis."""
 
     def __init__(self, exemplar: Exemplar, config: FaceStyleConfig | None = None) -> None:
         self.exemplar = exemplar
@@ -90,10 +82,8 @@ class FaceStyle:
 
         Parameters
         ----------
-        image
-            uint8 [H, W, 3].
-        landmarks
-            [68, 2] in pixels.
+        image : uint8 [H, W, 3].
+        landmarks : [68, 2] in pixels.
         """
         start = time.perf_counter()
         photo = np.ascontiguousarray(image[..., :3])

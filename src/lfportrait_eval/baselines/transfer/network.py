@@ -51,17 +51,12 @@ class StyleNetwork:
 
     Parameters
     ----------
-    exemplar
-        The painting.
-    config
-        Parameters.
-    own
-        Photos with landmarks to train on besides; e.g. the one to be painted.
+    own : Photos with landmarks to train on besides; e.g. the one to be painted.
 
     Raises
     ------
-    UserError
-        If the checkpoint is damaged or of another style, or there is nothing to train on.
+    UserError : If the checkpoint is damaged or of another style, or there is nothing to train
+        on.
     """
 
     def __init__(self, exemplar: Exemplar, config: NetworkConfig | None = None,
@@ -89,10 +84,8 @@ class StyleNetwork:
 
         Parameters
         ----------
-        image
-            uint8 [H, W, 3].
-        landmarks
-            [68, 2] in pixels.
+        image : uint8 [H, W, 3].
+        landmarks : [68, 2] in pixels.
         """
         from .unet import run
 
@@ -218,8 +211,7 @@ def folder_sittings(folder: Path) -> list[Sitting]:
 
     Raises
     ------
-    UserError
-        If the folder is missing or no photo in it shows a face.
+    UserError : If the folder is missing or no photo in it shows a face.
     """
     from lfportrait.face import detect_landmarks
 

@@ -34,30 +34,21 @@ def row_floats(basis: int) -> int:
 
 @dataclass
 class DeviceLattice:
-    """Buffers of a lattice of N points.
+    """Buffers of a lattice of N points."""
 
-    Attributes
-    ----------
-    bricks : int32: the table of bricks, then the bricks' links.
-    density, states : float32 [N + 1], and [N + 1, 2]: remembered weight of rays, mean squared
-        slope.
-    pages : float32 [rows of the page, `row_floats`] each: colors.
-    bounds : First row of each page and behind its last.
-    after, before : int32 [N, 3], next and previous rows along x, y, z.
-    heads : uint32 [N + 1], first record of each row's chain; none outside steps.
-    table : int32 [BZ, BY, BX], the table of all bricks.
-    count, basis : N, and harmonics a channel.
-    """
-
-    bricks: Any
+    bricks: Any  # int32: the table of bricks, then the bricks' links.
+    # density, states: float32 [N + 1], and [N + 1, 2]: remembered weight of rays, mean squared
+    # slope.
     density: Any
     states: Any
-    pages: list[Any]
-    bounds: list[tuple[int, int]]
+    pages: list[Any]  # float32 [rows of the page, `row_floats`] each: colors.
+    bounds: list[tuple[int, int]]  # First row of each page and behind its last.
+    # after, before: int32 [N, 3], next and previous rows along x, y, z.
     after: Any
     before: Any
-    heads: Any
-    table: Int32
+    heads: Any  # uint32 [N + 1], first record of each row's chain; none outside steps.
+    table: Int32  # int32 [BZ, BY, BX], the table of all bricks.
+    # count, basis: N, and harmonics a channel.
     count: int
     basis: int
 
@@ -69,14 +60,13 @@ class DeviceLattice:
         ----------
         device : Where to.
         given : ``table`` int32 [BZ, BY, BX] and ``links`` int32 [bricks * 128] as of
-            `lfportrait.field.kernels.bricks.brick_table`; ``density`` float32 [N + 1]; and to train
-            it ``rows`` float32 [N + 1, width], whose last two values are its states, ``neighbours``
-            int32 [N, 6] and ``basis``.
+            `lfportrait.field.kernels.bricks.brick_table`; ``density`` float32 [N + 1]; and to
+            train it ``rows`` float32 [N + 1, width], whose last two values are its states,
+            ``neighbours`` int32 [N, 6] and ``basis``.
 
         Raises
         ------
-        GpuLostError
-            If a part is larger than what a shader can see.
+        GpuLostError : If a part is larger than what a shader can see.
         """
         table, links, density = given["table"], given["links"], given["density"]
         count, basis = len(density) - 1, int(given.get("basis", 1))
@@ -133,21 +123,14 @@ def blocks_of_a_packet(shape: tuple[int, ...], pace: float) -> int:
 
 @dataclass
 class Notes:
-    """Buffers of a step's notes (``common.wgsl`` has their layout).
+    """Buffers of a step's notes (``common.wgsl`` has their layout)."""
 
-    Attributes
-    ----------
-    tiles : Packets that there is room for.
-    packet : Words of a packet's notes.
-    block_room, record_room : Blocks and records that there is room for.
-    buffers : By the names of the shaders' bindings.
-    """
-
-    tiles: int
-    packet: int
+    tiles: int  # Packets that there is room for.
+    packet: int  # Words of a packet's notes.
+    # block_room, record_room: Blocks and records that there is room for.
     block_room: int
     record_room: int
-    buffers: dict[str, Any] = field(default_factory=dict)
+    buffers: dict[str, Any] = field(default_factory=dict)  # By the names of the shaders' bindings.
 
     @staticmethod
     def of(device: Device, tiles: int, blocks: int, block_room: int, record_room: int) -> Notes:
@@ -162,8 +145,7 @@ class Notes:
 
         Raises
         ------
-        GpuLostError
-            If it would be more than a shader can see.
+        GpuLostError : If it would be more than a shader can see.
         """
         notes = Notes(tiles, _LIST + blocks, block_room, record_room)
         sizes = {"packets": 4 * tiles * notes.packet,
@@ -198,16 +180,11 @@ class Notes:
 
 @dataclass(frozen=True)
 class Shells:
-    """Buffers of a background (`lfportrait.field.background.Background`) that is trained.
+    """Buffers of a background (`lfportrait.field.background.Background`) that is trained."""
 
-    Attributes
-    ----------
-    count : Values of four numbers: places on the map times layers.
-    buffers : By the names of the shaders' bindings: the map, its values, their mean squared slopes,
-        and sums of slopes as integers, zero between steps.
-    """
-
-    count: int
+    count: int  # Values of four numbers: places on the map times layers.
+    # By the names of the shaders' bindings: the map, its values, their mean squared slopes, and
+    # sums of slopes as integers, zero between steps.
     buffers: dict[str, Any]
 
     @staticmethod
@@ -222,8 +199,7 @@ class Shells:
 
         Raises
         ------
-        GpuLostError
-            If it is larger than what a shader can see.
+        GpuLostError : If it is larger than what a shader can see.
         """
         if max(links.nbytes, data.nbytes) > BINDING:
             raise GpuLostError(f"the background is too large for {device.adapter.title}")
@@ -327,11 +303,11 @@ class Steps:
     Parameters
     ----------
     device : Where.
-    given : What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
-        ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total variation
-        a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance between
-        samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there are
-        any).
+    given : What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y,
+        x), ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total
+        variation a step), ``smooths_colors`` (whether that of colors is wanted), ``pace``
+        (distance between samples), ``shells`` (what `Shells.of` takes of spheres behind the
+        lattice, if there are any).
     """
 
     def __init__(self, device: Device, given: dict[str, Any]) -> None:
@@ -407,7 +383,8 @@ class Steps:
         Parameters
         ----------
         steps : `STEP` [K], at most `SLOTS`.
-        inputs : uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
+        inputs : uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16
+            pixels.
         averaged : bool [K], whether the state after a step counts for the average.
         looks : bool [K], whether it is looked for bright bricks before a step: rays leap over
             others from then on.
