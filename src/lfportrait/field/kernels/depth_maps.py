@@ -274,23 +274,6 @@ def compose_plate(  # type: ignore[no-untyped-def]
             noise[y, x], known[y, x] = np.sqrt(variance), total
 
 
-@shared("z")
-@lean_kernel
-def carve(since, until, x, y, z, camera, covered, asked, seen, against):
-    """Count, for each point asked about, the view if it shows it, and if it shows it empty."""
-    height, width = covered.shape
-    for k in range(since, until):
-        for j in range(len(y)):
-            for i in range(len(x)):
-                if not asked[k, j, i]:
-                    continue
-                row, column, _ = pixel_of(x[i], y[j], z[k], camera, height, width)
-                if row >= 0:
-                    seen[k, j, i] += 1
-                    if not covered[row, column]:
-                        against[k, j, i] += 1
-
-
 @lean_kernel
 def places_shown(  # type: ignore[no-untyped-def]
         points, camera, nearest, farthest, before, beyond, cosines, square, outwards, least, shown):
