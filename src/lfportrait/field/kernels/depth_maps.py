@@ -11,6 +11,7 @@ from numba import njit
 
 from ...simd.decorators import lean, lean_kernel
 from ...simd.threads import shared
+from ...simd.vectors import LANES
 
 
 @njit(cache=True, inline="always")
@@ -71,44 +72,117 @@ def fuse_depth(since, until, x, y, z, camera, depth, sure, image, margin, slack,
                         unsure[k, j, i] += 1
 
 
-@shared("axis")
-@lean_kernel
 def fuse_distance(  # type: ignore[no-untyped-def]
-        since, until, axis, camera, depth, matte, reach, total, count, person, seen):
-    """Add one view's depth to a lattice of signed distances (Curless and Levoy 1996).
+        axis, cameras, depths, mattes, sizes, reach):
+    """A lattice of signed distances of depth maps (Curless and Levoy 1996).
 
     Parameters
     ----------
-    axis : float64 [N], coordinates of the points along each of x, y, z.
-    camera : float64 [16], the view of the depth map.
-    depth, matte : float32 [h, w]: distance along the optical axis, 0 where it is not known; how
-        much of the pixel is the person, in [0, 1].
+    axis : float64 [N], evenly spaced coordinates of the points along each of x, y, z.
+    cameras : float64 [V, 16], the views of the depth maps.
+    depths, mattes : float32 [V, H, W], each in its upper left corner: distance along the optical
+        axis, 0 where it is not known; how much of the pixel is the person, in [0, 1].
+    sizes : int64 [V, 2], the rows and columns of each.
     reach : Distance in world units at which the measure ends: 1 in front, -1 behind the surface.
-    total : float32 [N, N, N] (z, y, x), sum of the distances in parts of ``reach``.
-    count : int16 [N, N, N], how many views it is of. A point further behind a surface is hidden and
-        not counted.
-    person : float32 [N, N, N], sum of the matte over the views whose surface is within ``reach``.
-    seen : int16 [N, N, N], how many these are.
+
+    Returns
+    -------
+    total, count : float32 [N, N, N] (z, y, x): the sum of the distances in parts of ``reach``, and
+        over how many views. A point further behind a surface is hidden and not counted.
+    person, seen : The sum of the matte over the views whose surface is within ``reach``, and how
+        many these are.
     """
-    height, width = depth.shape
     size = len(axis)
+    wide = (size + 15) // 16 * 16
+    across = axis[0] + (axis[1] - axis[0]) * np.arange(wide)
+    fused = np.empty((4, size, size, wide), np.float32)
+    _fuse_rows(axis, across.astype(np.float32), cameras.astype(np.float32), depths, mattes, sizes,
+               np.float32(1.0 / reach), fused[0], fused[1], fused[2], fused[3])
+    return [part[..., :size] for part in fused]
+
+
+_load, _store, _floats, _ints, _where = (LANES.load, LANES.store, LANES.floats, LANES.ints,
+                                         LANES.where)
+_bits, _gather, _minimum = LANES.bits, LANES.gather, LANES.minimum
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+
+
+@shared("axis")
+@lean_kernel
+def _fuse_rows(since, until, axis, across, cameras, depths, mattes, sizes, inverse, total, count,
+               person, seen):
+    """Fill what `fuse_distance` gives, sixteen points of a row at a time."""
+    wide = np.int32(depths.shape[2])
     for k in range(since, until):
-        for j in range(size):
-            for i in range(size):
-                row, column, along = pixel_of(axis[i], axis[j], axis[k], camera, height, width)
-                if row < 0:
-                    continue
-                there = depth[row, column]
-                if there <= 0.0:
-                    continue
-                ahead = (there - along) / reach
-                if ahead < -1.0:
-                    continue
-                total[k, j, i] += min(ahead, 1.0)
-                count[k, j, i] += 1
-                if ahead <= 1.0:
-                    person[k, j, i] += matte[row, column]
-                    seen[k, j, i] += 1
+        for j in range(len(axis)):
+            for i in range(0, len(across), 16):
+                x = _load(across, np.uintp(i))
+                distance, views = _floats(_ZERO), _floats(_ZERO)
+                matter, near = _floats(_ZERO), _floats(_ZERO)
+                for view in range(len(cameras)):
+                    camera = cameras[view]
+                    dy, dz = np.float32(axis[j]) - camera[7], np.float32(axis[k]) - camera[11]
+                    dx = x - camera[3]
+                    along = dx * camera[2] + (camera[6] * dy + camera[10] * dz)
+                    per = _ONE / along
+                    column = (dx * camera[0] + (camera[4] * dy + camera[8] * dz)) * per
+                    row = (dx * camera[1] + (camera[5] * dy + camera[9] * dz)) * per
+                    column = column * camera[12] + camera[14]
+                    row = row * camera[13] + camera[15]
+                    inside = ((along > np.float32(1e-6)) & (column >= _ZERO) & (row >= _ZERO)
+                              & (column < np.float32(sizes[view, 1]))
+                              & (row < np.float32(sizes[view, 0])))
+                    if _bits(inside) == 0:
+                        continue
+                    pixel = (_ints(_where(inside, row, _ZERO)) * wide
+                             + _ints(_where(inside, column, _ZERO)))
+                    there = _gather(depths[view], pixel)
+                    ahead = (there - along) * inverse
+                    counted = inside & (there > _ZERO) & (ahead >= -_ONE)
+                    if _bits(counted) == 0:
+                        continue
+                    distance = distance + _where(counted, _minimum(ahead, _ONE), _ZERO)
+                    views = views + _where(counted, _floats(_ONE), _ZERO)
+                    close = counted & (ahead <= _ONE)
+                    if _bits(close) != 0:
+                        matter = matter + _where(close, _gather(mattes[view], pixel), _ZERO)
+                        near = near + _where(close, _floats(_ONE), _ZERO)
+                _store(total[k, j], np.uintp(i), distance)
+                _store(count[k, j], np.uintp(i), views)
+                _store(person[k, j], np.uintp(i), matter)
+                _store(seen[k, j], np.uintp(i), near)
+
+
+@lean_kernel
+def confirm_depth(  # type: ignore[no-untyped-def]
+        inverse, camera, others, inverses, sizes, slacks, confirmed):
+    """Which depths of a view agree with what the map of another view has at the place.
+
+    Parameters
+    ----------
+    inverse : float32 [h, w], one over the distance along the optical axis; NaN where not known.
+    camera, others : float64 [16] and [K, 16].
+    inverses, sizes : float32 [K, H, W] and int64 [K, 2]: the maps of the others, each in its upper
+        left corner, and their rows and columns.
+    slacks : float64 [K], how much the inverses may differ.
+    confirmed : bool [h, w], filled.
+    """
+    for v in range(inverse.shape[0]):
+        for u in range(inverse.shape[1]):
+            confirmed[v, u] = False
+            if not np.isfinite(inverse[v, u]):
+                continue
+            along = 1.0 / inverse[v, u]
+            x = (u + 0.5 - camera[14]) / camera[12] * along
+            y = (v + 0.5 - camera[15]) / camera[13] * along
+            px = camera[0] * x + camera[1] * y + camera[2] * along + camera[3]
+            py = camera[4] * x + camera[5] * y + camera[6] * along + camera[7]
+            pz = camera[8] * x + camera[9] * y + camera[10] * along + camera[11]
+            for k in range(len(others)):
+                row, column, deep = pixel_of(px, py, pz, others[k], sizes[k, 0], sizes[k, 1])
+                if row >= 0 and abs(inverses[k, row, column] - 1.0 / deep) < slacks[k]:
+                    confirmed[v, u] = True
+                    break
 
 
 @njit(cache=True, inline="always")
@@ -140,47 +214,82 @@ def outline_distance(  # type: ignore[no-untyped-def]
     -------
     least : float32 [height, width], in (-1, 1]; a ray that is deep inside the solid ends there.
     """
-    least = np.ones((height, width), np.float32)
-    _outline_rows(distance, clear, first, spacing, camera, least)
+    least = np.empty((height, width), np.float32)
+    grid = np.empty((-(-height // _STEP) + 1, -(-width // _STEP) + 1), np.float32)
+    _outline_grid(distance, clear, first, spacing, camera, grid)
+    _outline_rows(distance, clear, first, spacing, camera, grid, least)
     return least
+
+
+_STEP = 4
+"""Pixels between the rays that are followed first."""
+
+
+@lean
+def _least_along(distance, clear, first, spacing, camera, row, column):
+    """`outline_distance` along the ray of one pixel."""
+    top = distance.shape[0] - 1.0
+    x = (column + 0.5 - camera[14]) / camera[12]
+    y = (row + 0.5 - camera[15]) / camera[13]
+    ax = camera[0] * x + camera[1] * y + camera[2]
+    ay = camera[4] * x + camera[5] * y + camera[6]
+    az = camera[8] * x + camera[9] * y + camera[10]
+    norm = np.sqrt(ax * ax + ay * ay + az * az)
+    # In points, a step of one is a step of one point's distance.
+    ax, ay, az = ax / norm, ay / norm, az / norm
+    ox, oy = (camera[3] - first) / spacing, (camera[7] - first) / spacing
+    oz = (camera[11] - first) / spacing
+    start, end = 0.0, 1e9
+    for origin, slope in ((ox, ax), (oy, ay), (oz, az)):
+        if abs(slope) < 1e-9:
+            slope = 1e-9
+        one, two = -origin / slope, (top - origin) / slope
+        start, end = max(start, min(one, two)), min(end, max(one, two))
+    t = start + 1e-3
+    best = 1.0
+    while t < end - 1e-3:
+        px, py, pz = ox + t * ax, oy + t * ay, oz + t * az
+        free = clear[int(pz), int(py), int(px)]
+        if free > 0:
+            t += max(0.5, free - 1.0)
+            continue
+        best = min(best, _between(distance, px, py, pz))
+        if best < -0.8:
+            break
+        t += 0.5
+    return best
+
+
+@shared("grid")
+@lean_kernel
+def _outline_grid(since, until, distance, clear, first, spacing, camera, grid):
+    """The rays through the corners of blocks of pixels."""
+    for row in range(since, until):
+        for column in range(grid.shape[1]):
+            grid[row, column] = _least_along(distance, clear, first, spacing, camera,
+                                             row * _STEP, column * _STEP)
 
 
 @shared("least")
 @lean_kernel
-def _outline_rows(since, until, distance, clear, first, spacing, camera, least):
-    """Fill what `outline_distance` gives."""
-    top = distance.shape[0] - 1.0
+def _outline_rows(since, until, distance, clear, first, spacing, camera, grid, least):
+    """Fill what `outline_distance` gives.
+
+    The rays in a block whose corners all miss the solid by far miss it, too; those between four
+    that are deep inside are.
+    """
     for row in range(since, until):
+        upper, lower = grid[row // _STEP], grid[row // _STEP + 1]
         for column in range(least.shape[1]):
-            x = (column + 0.5 - camera[14]) / camera[12]
-            y = (row + 0.5 - camera[15]) / camera[13]
-            ax = camera[0] * x + camera[1] * y + camera[2]
-            ay = camera[4] * x + camera[5] * y + camera[6]
-            az = camera[8] * x + camera[9] * y + camera[10]
-            norm = np.sqrt(ax * ax + ay * ay + az * az)
-            # In points, a step of one is a step of one point's distance.
-            ax, ay, az = ax / norm, ay / norm, az / norm
-            ox, oy = (camera[3] - first) / spacing, (camera[7] - first) / spacing
-            oz = (camera[11] - first) / spacing
-            start, end = 0.0, 1e9
-            for origin, slope in ((ox, ax), (oy, ay), (oz, az)):
-                if abs(slope) < 1e-9:
-                    slope = 1e-9
-                one, two = -origin / slope, (top - origin) / slope
-                start, end = max(start, min(one, two)), min(end, max(one, two))
-            t = start + 1e-3
-            best = 1.0
-            while t < end - 1e-3:
-                px, py, pz = ox + t * ax, oy + t * ay, oz + t * az
-                free = clear[int(pz), int(py), int(px)]
-                if free > 0:
-                    t += max(0.5, free - 1.0)
-                    continue
-                best = min(best, _between(distance, px, py, pz))
-                if best < -0.8:
-                    break
-                t += 0.5
-            least[row, column] = best
+            left = column // _STEP
+            a, b, c, d = upper[left], upper[left + 1], lower[left], lower[left + 1]
+            if min(min(a, b), min(c, d)) >= 1.0:
+                least[row, column] = 1.0
+            elif max(max(a, b), max(c, d)) < -0.8:
+                least[row, column] = max(max(a, b), max(c, d))
+            else:
+                least[row, column] = _least_along(distance, clear, first, spacing, camera, row,
+                                                  column)
 
 
 @shared("inverse")
