@@ -20,7 +20,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..arrays import Bool, Float32, Float64, UInt8
 from ..simd.threads import side_by_side
@@ -432,18 +431,18 @@ def _corrected(votes: _Votes, view: int, matte: Float32) -> Float32:
         return np.asarray(cv2.blur(large[:matte.shape[0], :matte.shape[1]], (2 * factor + 1,) * 2,
                                    borderType=cv2.BORDER_REFLECT), np.float32)
 
-    cross = ndimage.generate_binary_structure(2, 2)
     # The lattice's points leave gaps between them; closing joins them, one more step is margin.
-    result = matte * full(ndimage.binary_dilation(_closed(votes.cover(view)), cross))
+    left = cv2.dilate(_closed(votes.cover(view)).view(np.uint8), np.ones((3, 3), np.uint8))
+    result = matte * full(left.view(bool))
     person = result > 0.5
-    holes = _holes(person)
+    holes = holes_of(person)
     if holes.any():
         certain = full(_closed(votes.cover(view, certain=True)))
         result = np.where(holes, np.maximum(result, certain), result)
     return np.clip(result, 0, 1)
 
 
-def _holes(person: Bool) -> Bool:
+def holes_of(person: Bool) -> Bool:
     """What is not the person, but surrounded by it."""
     _, pieces = cv2.connectedComponents((~person).astype(np.uint8), connectivity=4)
     border = np.zeros(pieces.max() + 1, bool)
@@ -455,7 +454,6 @@ def _holes(person: Bool) -> Bool:
 
 def _closed(mask: Bool) -> Bool:
     """Gaps of up to two pixels closed, also along the picture's border."""
-    cross = ndimage.generate_binary_structure(2, 2)
-    padded = np.pad(mask, 4, mode="edge")
-    closed: Bool = ndimage.binary_closing(padded, cross, iterations=2)[4:-4, 4:-4]
-    return closed
+    padded = np.pad(mask, 4, mode="edge").view(np.uint8)
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8), iterations=2)
+    return np.asarray(closed[4:-4, 4:-4] > 0)
