@@ -144,14 +144,13 @@ def refine_matte(image: UInt8, soft: NDArray[np.floating[Any]],
         return np.clip(coarse, 0, 1)
     # The band is two cells wide; colors are compared within six cells of what is asked.
     edge = cv2.morphologyEx(person.view(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-    edge |= ((coarse > 0.1) & (coarse < 0.9)).view(np.uint8)
-    box = _box_about(edge, 14 * cell, 2 * cell)
+    box = _box_about((edge > 0) | ((coarse > 0.1) & (coarse < 0.9)), 14 * cell, 2 * cell)
     matte = person.astype(np.float32)
     matte[box] = _decided(image[box], coarse[box], cell, calm)
     return matte
 
 
-def _box_about(mask: Bool | UInt8, margin: int, step: int) -> tuple[slice, slice]:
+def _box_about(mask: Bool, margin: int, step: int) -> tuple[slice, slice]:
     """What encloses a mask with a margin in its picture, in whole blocks of ``step`` pixels."""
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
     return np.s_[max(rows[0] - margin, 0) // step * step:-(-(rows[-1] + margin) // step) * step,
@@ -213,7 +212,7 @@ def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
         return after
     near = cv2.dilate(changed.astype(np.uint8), np.ones((8 * cell + 1, 8 * cell + 1), np.uint8))
     # Colors are compared within six cells, and bands are four wide.
-    box = _box_about(near, 12 * cell, 2 * cell)
+    box = _box_about(near > 0, 12 * cell, 2 * cell)
     result = after.copy()
     result[box] = np.where(near[box] > 0, refine_matte(image[box], after[box], cell), after[box])
     return result
