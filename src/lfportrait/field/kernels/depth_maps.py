@@ -103,7 +103,8 @@ def fuse_distance(  # type: ignore[no-untyped-def]
 
 _load, _store, _floats, _ints, _where = (LANES.load, LANES.store, LANES.floats, LANES.ints,
                                          LANES.where)
-_bits, _gather, _minimum = LANES.bits, LANES.gather, LANES.minimum
+_bits, _gather, _minimum, _iota = LANES.bits, LANES.gather, LANES.minimum, LANES.iota
+_maximum, _sqrt = LANES.maximum, LANES.sqrt
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -292,11 +293,8 @@ def _outline_rows(since, until, distance, clear, first, spacing, camera, grid, l
                                                   column)
 
 
-@shared("inverse")
-@lean_kernel
 def compose_plate(  # type: ignore[no-untyped-def]
-        since, until, inverse, wanted, camera, others, pictures, gains, enough, spread, scratch,
-        color, noise, known):
+        inverse, wanted, camera, others, pictures, order, gains, enough, spread):
     """Colors of a surface as other views show it, as one view sees it.
 
     The colors of the views are averaged, each by its weight and by how well it agrees with their
@@ -310,77 +308,136 @@ def compose_plate(  # type: ignore[no-untyped-def]
     camera, others : float64 [16] and [K, 16]: pose row by row, focal, principal point in pixels.
     pictures : uint8 [K, H, W, 4], sRGB and the weight of each pixel: how surely it shows the
         surface.
+    order : int64 [J], the views that are asked, in this order.
     gains : float32 [K, 3], by which the colors of each picture are multiplied.
     enough : Sum of weights after which no more views are asked.
     spread : Difference of colors, in [0, 1], from which on they count as different.
-    scratch : float32 [h, K, 4], overwritten.
-    color, noise, known : float32 [h, w, 3], [h, w] and [h, w], filled: mean color in [0, 1], its
-        standard deviation over the views (root of the channels' mean variance), and the sum of the
-        weights.
+
+    Returns
+    -------
+    color, noise, known : float32 [h, w, 3], [h, w] and [h, w]: mean color in [0, 1], its standard
+        deviation over the views (root of the channels' mean variance), and the sum of the weights.
+    """
+    height, width = inverse.shape
+    color, noise, known = (np.zeros((height, width, *rest), np.float32)
+                           for rest in ((3,), (), ()))
+    _compose_rows(inverse, wanted, camera, others.astype(np.float32),
+                  np.ascontiguousarray(pictures).view(np.int32)[..., 0], order, gains, enough,
+                  spread, np.empty((height, 64 * len(order) + 80), np.float32), color, noise, known)
+    return color, noise, known
+
+
+@lean
+def _byte(a, b, c, d, shift, right, down):
+    """One byte of four words, between them, in [0, 1]."""
+    mask, scale = np.int32(255), np.float32(1.0 / 255.0)
+    upper = (_floats((a >> shift) & mask) * (_ONE - right)
+             + _floats((b >> shift) & mask) * right)
+    lower = (_floats((c >> shift) & mask) * (_ONE - right)
+             + _floats((d >> shift) & mask) * right)
+    return (upper * (_ONE - down) + lower * down) * scale
+
+
+@shared("inverse")
+@lean_kernel
+def _compose_rows(since, until, inverse, wanted, camera, others, pictures, order, gains, enough,
+                  spread, scratch, color, noise, known):
+    """Fill what `compose_plate` gives, sixteen pixels of a row at a time.
+
+    ``pictures`` int32 [K, H, W]; ``scratch`` float32 [h, 64 J + 80]: of each view red, green, blue
+    and weight, then what comes out, for sixteen pixels each.
     """
     width = inverse.shape[1]
-    count, high, wide = pictures.shape[0], pictures.shape[1], pictures.shape[2]
-    scale = np.float32(1.0 / 255.0)
+    high, wide = pictures.shape[1], pictures.shape[2]
+    limit = spread * spread
     for y in range(since, until):
         samples = scratch[y]
-        for x in range(width):
-            if wanted[y, x] == 0:
+        out = 64 * len(order)
+        for first in range(0, width, 16):
+            some = False
+            for x in range(first, min(first + 16, width)):
+                some |= wanted[y, x] != 0
+            if not some:
                 continue
-            along = 1.0 / max(np.float64(inverse[y, x]), 1e-6)
-            u = (x + 0.5 - camera[14]) / camera[12] * along
-            v = (y + 0.5 - camera[15]) / camera[13] * along
-            px = camera[0] * u + camera[1] * v + camera[2] * along + camera[3]
-            py = camera[4] * u + camera[5] * v + camera[6] * along + camera[7]
-            pz = camera[8] * u + camera[9] * v + camera[10] * along + camera[11]
-            used, sum_of_weights = 0, np.float32(0.0)
-            for k in range(count):
-                if sum_of_weights >= enough:
+            place = _minimum(_iota() + np.int32(first), np.int32(width - 1))
+            along = _ONE / _maximum(_gather(inverse[y], place), np.float32(1e-6))
+            u = (_floats(place) + np.float32(0.5 - camera[14])) * np.float32(1 / camera[12]) * along
+            v = np.float32((y + 0.5 - camera[15]) / camera[13]) * along
+            px = (u * np.float32(camera[0]) + v * np.float32(camera[1])
+                  + along * np.float32(camera[2]) + np.float32(camera[3]))
+            py = (u * np.float32(camera[4]) + v * np.float32(camera[5])
+                  + along * np.float32(camera[6]) + np.float32(camera[7]))
+            pz = (u * np.float32(camera[8]) + v * np.float32(camera[9])
+                  + along * np.float32(camera[10]) + np.float32(camera[11]))
+            used, weights = 0, _floats(_ZERO)
+            for k in order:
+                lacking = weights < enough
+                if _bits(lacking) == 0:
                     break
-                dx, dy, dz = px - others[k, 3], py - others[k, 7], pz - others[k, 11]
-                far = others[k, 2] * dx + others[k, 6] * dy + others[k, 10] * dz
-                if far <= 1e-6:
+                other = others[k]
+                dx, dy, dz = px - other[3], py - other[7], pz - other[11]
+                far = dx * other[2] + dy * other[6] + dz * other[10]
+                per = _ONE / far
+                column = (dx * other[0] + dy * other[4] + dz * other[8]) * per
+                row = (dx * other[1] + dy * other[5] + dz * other[9]) * per
+                column = column * other[12] + (other[14] - np.float32(0.5))
+                row = row * other[13] + (other[15] - np.float32(0.5))
+                inside = (lacking & (far > np.float32(1e-6)) & (column >= _ZERO) & (row >= _ZERO)
+                          & (column < np.float32(wide - 1)) & (row < np.float32(high - 1)))
+                if _bits(inside) == 0:
                     continue
-                column = (others[k, 0] * dx + others[k, 4] * dy + others[k, 8] * dz) / far
-                row = (others[k, 1] * dx + others[k, 5] * dy + others[k, 9] * dz) / far
-                column = column * others[k, 12] + others[k, 14] - 0.5
-                row = row * others[k, 13] + others[k, 15] - 0.5
-                if not (0.0 <= column < wide - 1 and 0.0 <= row < high - 1):
+                column, row = _where(inside, column, _ZERO), _where(inside, row, _ZERO)
+                left, top = _ints(column), _ints(row)
+                right, down = column - _floats(left), row - _floats(top)
+                at = top * np.int32(wide) + left
+                a, b = _gather(pictures[k], at), _gather(pictures[k], at + np.int32(1))
+                at = at + np.int32(wide)
+                c, d = _gather(pictures[k], at), _gather(pictures[k], at + np.int32(1))
+                weight = _byte(a, b, c, d, np.int32(24), right, down)
+                weight = _where(inside & (weight > np.float32(0.004)), weight, _ZERO)
+                if _bits(weight > _ZERO) == 0:
                     continue
-                left, top = int(column), int(row)
-                a, b = np.float32(column - left), np.float32(row - top)
-                one = np.float32(1.0)
-                for channel in range(4):
-                    upper = (pictures[k, top, left, channel] * (one - a)
-                             + pictures[k, top, left + 1, channel] * a)
-                    lower = (pictures[k, top + 1, left, channel] * (one - a)
-                             + pictures[k, top + 1, left + 1, channel] * a)
-                    samples[used, channel] = (upper * (one - b) + lower * b) * scale
-                if samples[used, 3] > np.float32(0.004):
-                    for channel in range(3):
-                        samples[used, channel] *= gains[k, channel]
-                    sum_of_weights += samples[used, 3]
-                    used += 1
-            red = green = blue = total = variance = np.float32(0.0)
+                for channel in range(3):
+                    value = _byte(a, b, c, d, np.int32(8 * channel), right, down)
+                    _store(samples, np.uintp(64 * used + 16 * channel), value * gains[k, channel])
+                _store(samples, np.uintp(64 * used + 48), weight)
+                weights = weights + weight
+                used += 1
+            red = green = blue = total = variance = _floats(_ZERO)
             for step in range(3):
-                r = g = h = mass = squared = np.float32(0.0)
+                r = g = h = mass = squared = _floats(_ZERO)
                 for k in range(used):
-                    weight = samples[k, 3]
+                    one = _load(samples, np.uintp(64 * k))
+                    two = _load(samples, np.uintp(64 * k + 16))
+                    three = _load(samples, np.uintp(64 * k + 32))
+                    weight = _load(samples, np.uintp(64 * k + 48))
                     if step > 0:
-                        away = ((samples[k, 0] - red) ** 2 + (samples[k, 1] - green) ** 2
-                                + (samples[k, 2] - blue) ** 2)
-                        near = spread * spread / (spread * spread + away)
-                        weight *= near * near
-                        squared += weight * away
-                    r += weight * samples[k, 0]
-                    g += weight * samples[k, 1]
-                    h += weight * samples[k, 2]
-                    mass += weight
-                if mass > np.float32(0.0):
-                    red, green, blue = r / mass, g / mass, h / mass
-                    variance = squared / (np.float32(3.0) * mass)
+                        dr, dg, db = one - red, two - green, three - blue
+                        away = dr * dr + dg * dg + db * db
+                        near = limit / (limit + away)
+                        weight = weight * near * near
+                        squared = squared + weight * away
+                    r, g, h = r + weight * one, g + weight * two, h + weight * three
+                    mass = mass + weight
+                there = mass > _ZERO
+                per = _ONE / _where(there, mass, _ONE)
+                red = _where(there, r * per, red)
+                green = _where(there, g * per, green)
+                blue = _where(there, h * per, blue)
+                variance = _where(there, squared * per * np.float32(1 / 3), variance)
                 total = mass
-            color[y, x, 0], color[y, x, 1], color[y, x, 2] = red, green, blue
-            noise[y, x], known[y, x] = np.sqrt(variance), total
+            _store(samples, np.uintp(out), red)
+            _store(samples, np.uintp(out + 16), green)
+            _store(samples, np.uintp(out + 32), blue)
+            _store(samples, np.uintp(out + 48), _sqrt(variance))
+            _store(samples, np.uintp(out + 64), total)
+            for x in range(first, min(first + 16, width)):
+                if wanted[y, x] == 0:
+                    continue
+                at = out + x - first
+                for channel in range(3):
+                    color[y, x, channel] = samples[at + 16 * channel]
+                noise[y, x], known[y, x] = samples[at + 48], samples[at + 64]
 
 
 @lean_kernel
