@@ -7,6 +7,9 @@ STAMP := $(VENV)/.installed
 # What all of a first job's processes import is compiled before them.
 PIP_OPTIONS := --quiet --no-compile --disable-pip-version-check -c constraints.txt
 SITE_STAMP := $(VENV)/.site-installed
+# Tests and jobs start hundreds of processes. Without its bytecode each would compile a thousand
+# modules again: a second and more.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-vectors lint site clean
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture, consistent_mattes, refine_matte
-from lfportrait.capture.kernels import cover_views, vote_lattice
+from lfportrait.capture.kernels import count_votes, cover_views, vote_lattice
 from lfportrait.capture.mattes import guided_filter, refine_changes
 from tests.reference import voting
 
@@ -37,6 +37,39 @@ def test_voting_kernels_agree_with_their_plain_twins(seed: int) -> None:
     for row in rows:
         assert np.count_nonzero(cover_views(row, points, first, spacing, 13, 17)
                                 != voting.cover_views(row, points, first, spacing, 13, 17)) <= 2
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 10**6))
+def test_counted_votes_agree_with_their_plain_twin(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    count, size = 6, tuple(int(side) for side in random.integers(3, 22, 3))
+    cameras = Camera.look_at(random.normal(size=(count, 3)) * 1.7, random.normal(size=3) * 0.2,
+                             width=17, height=13, focal=11.0)
+    covered = [random.random((13, 17)) < 0.6 for _ in range(count)]
+    first, spacing = np.array([-1.0, -0.9, -1.1]), np.array([0.23, 0.1, 0.15])
+    rows, shapes = rows_of(cameras), np.full((count, 2), [13, 17])
+    z, y, x = np.meshgrid(*[np.arange(side) for side in size], indexing="ij")
+    points = first + spacing * np.stack([x, y, z], -1).reshape(-1, 3)
+    seen, against = np.zeros((2, len(points)))
+    for row, picture in zip(rows, covered):
+        shown, v, u = voting.inside(row, points, 13, 17)
+        seen[shown] += 1
+        against[shown] += ~picture[v, u]
+    found = [part.ravel() for part in count_votes(rows, covered, shapes, first, spacing, size,
+                                                  np.inf, None)]
+    # A point on the border of two pixels may be in either.
+    assert np.count_nonzero((found[0] != seen) | (found[1] != against)) <= 2
+    # Who shows a place empty is not asked: all do.
+    alone = count_votes(rows, [], shapes, first, spacing, size, np.inf, None)[0]
+    assert np.array_equal(alone.ravel(), found[0])
+    # With a limit only points are given up that would be found above it.
+    asked = random.random(size) < 0.1
+    few = [part[asked] for part in count_votes(rows, covered, shapes, first, spacing, size, 1.0,
+                                               asked)]
+    whole = [part.reshape(size)[asked] for part in found]
+    assert np.array_equal(few[1] > 1, whole[1] > 1)
+    assert np.array_equal(few[0][few[1] <= 1], whole[0][few[1] <= 1])
 
 
 def photo_of(mask: np.ndarray, seed: int = 0) -> np.ndarray:

@@ -166,11 +166,11 @@ def test_composed_plates_equal_the_plain_ones():
     pictures[..., 3][random.random((5, 24, 30)) < 0.4] = 0
     gains = random.uniform(0.8, 1.2, (5, 3)).astype(np.float32)
     wanted = (random.random((24, 30)) < 0.8).astype(np.uint8)
-    color, noise = np.zeros((24, 30, 3), np.float32), np.zeros((24, 30), np.float32)
-    known = np.zeros((24, 30), np.float32)
-    compose_plate(inverse, wanted, rows[0], rows[1:], pictures, gains, np.float32(1.5),
-                  np.float32(0.2), np.zeros((24, 5, 4), np.float32), color, noise, known)
-    plain = reference.compose_plate(inverse, wanted, rows[0], rows[1:], pictures, gains, 1.5, 0.2)
+    order = np.array([3, 0, 4, 1])
+    color, noise, known = compose_plate(inverse, wanted, rows[0], rows[1:], pictures, order, gains,
+                                        np.float32(1.5), np.float32(0.2))
+    plain = reference.compose_plate(inverse, wanted, rows[0], rows[1:][order], pictures[order],
+                                    gains[order], 1.5, 0.2)
     assert 0.3 < (known > 0).mean() < 0.9
     # Between pixels OpenCV blends in steps of a 32nd.
     for value, expected in zip((color, noise, known), plain):

@@ -10,7 +10,7 @@ from lfportrait.cli import reconstruction
 from lfportrait.errors import UserError
 from lfportrait.field.geometry.fused_depth import Solid, backing_planes
 from lfportrait.field.geometry.mattes import _cut, cut_out, trim
-from lfportrait.field.kernels.depth_maps import fuse_distance, outline_distance
+from lfportrait.field.kernels.depth_maps import confirm_depth, fuse_distance, outline_distance
 from lfportrait.job.prepare import cut_person
 
 TABLE, RADIUS, VIEWS = -0.75, 0.75, 24
@@ -261,26 +261,52 @@ def test_a_table_and_a_wall_are_both_found():
 
 def test_fused_distances_equal_the_plain_ones():
     random = np.random.default_rng(0)
-    camera = Camera.arc([25.0], distance=2.0, width=12, height=9, focal=10.0)
-    depth = random.uniform(1.2, 2.8, (9, 12)).astype(np.float32)
-    depth[random.random((9, 12)) < 0.3] = 0
-    matte = random.random((9, 12)).astype(np.float32)
-    axis, reach = np.linspace(-0.9, 0.9, 8), 0.3
-    total, person = (np.zeros((8, 8, 8), np.float32) for _ in range(2))
-    count, seen = (np.zeros((8, 8, 8), np.int16) for _ in range(2))
-    fuse_distance(axis, camera.row(0), depth, matte, reach, total, count, person, seen)
+    cameras = Camera.arc([25.0, -40.0], distance=2.0, width=12, height=9, focal=10.0)
+    depths = random.uniform(1.2, 2.8, (2, 9, 12)).astype(np.float32)
+    depths[random.random(depths.shape) < 0.3] = 0
+    mattes = random.random(depths.shape).astype(np.float32)
+    axis, reach = np.linspace(-0.91, 0.87, 19), 0.3
+    found = fuse_distance(axis, np.stack([cameras.row(0), cameras.row(1)]), depths, mattes,
+                          np.array([[9, 12], [9, 12]]), reach)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    pixels, along = camera.project(np.stack([x, y, z], -1).reshape(-1, 3))
-    column, row = (np.floor(pixels[0, :, i]).astype(int) for i in (0, 1))
-    inside = (along[0] > 0) & (column >= 0) & (column < 12) & (row >= 0) & (row < 9)
-    place = np.clip(row, 0, 8), np.clip(column, 0, 11)
-    ahead = (depth[place] - along[0]) / reach
-    counts = inside & (depth[place] > 0) & (ahead >= -1)
-    near = counts & (ahead <= 1)
-    assert np.array_equal(count.ravel(), counts) and np.array_equal(seen.ravel(), near)
-    assert 20 < near.sum() < counts.sum()
-    assert np.allclose(total.ravel(), np.where(counts, np.minimum(ahead, 1), 0), atol=1e-5)
-    assert np.allclose(person.ravel(), np.where(near, matte[place], 0), atol=1e-6)
+    pixels, along = cameras.project(np.stack([x, y, z], -1).reshape(-1, 3))
+    expected = np.zeros((4, 19**3))
+    for view in range(2):
+        column, row = (np.floor(pixels[view, :, i]).astype(int) for i in (0, 1))
+        inside = (along[view] > 0) & (column >= 0) & (column < 12) & (row >= 0) & (row < 9)
+        place = np.clip(row, 0, 8), np.clip(column, 0, 11)
+        ahead = (depths[view][place] - along[view]) / reach
+        counts = inside & (depths[view][place] > 0) & (ahead >= -1)
+        near = counts & (ahead <= 1)
+        assert 100 < near.sum() < counts.sum()
+        expected += [np.where(counts, np.minimum(ahead, 1), 0), counts,
+                     np.where(near, mattes[view][place], 0), near]
+    # A point on the border of two pixels may be in either.
+    for one, other in zip(found, expected):
+        assert np.count_nonzero(~np.isclose(one.ravel(), other, atol=1e-5)) <= 2
+
+
+def test_depth_is_confirmed_as_by_projection():
+    random = np.random.default_rng(3)
+    cameras = Camera.arc([0.0, 12.0, -30.0], distance=2.0, width=24, height=18, focal=22.0)
+    inverses = (1.0 / random.uniform(1.9, 2.1, (3, 18, 24))).astype(np.float32)
+    inverses[random.random(inverses.shape) < 0.2] = np.nan
+    rows, slacks = np.stack([cameras.row(view) for view in range(3)]), np.array([0.006, 0.003])
+    confirmed = np.empty((18, 24), bool)
+    confirm_depth(inverses[0], rows[0], rows[1:], inverses[1:], np.array([[18, 24], [18, 20]]),
+                  slacks, confirmed)
+    v, u = np.nonzero(np.isfinite(inverses[0]))
+    local = np.stack([(u + 0.5 - 12) / 22, (v + 0.5 - 9) / 22, np.ones(len(u))], 1)
+    world = (local / inverses[0][v, u, None]) @ cameras.pose[0, :3, :3].T + cameras.position[0]
+    expected = np.zeros((18, 24), bool)
+    for other, (slack, wide) in enumerate(zip(slacks, (24, 20)), 1):
+        pixels, along = cameras[other].project(world)
+        column, row = np.floor(pixels[0]).astype(int).T
+        inside = (along[0] > 0) & (row >= 0) & (row < 18) & (column >= 0) & (column < wide)
+        there = inverses[other][np.clip(row, 0, 17), np.clip(column, 0, 23)]
+        expected[v, u] |= inside & (abs(there - 1 / along[0]) < slack)
+    assert 20 < expected.sum() < 0.9 * len(u)
+    assert np.count_nonzero(confirmed != expected) <= 1
 
 
 def test_the_outline_of_a_ball_is_where_rays_touch_it():
@@ -305,3 +331,31 @@ def test_the_outline_of_a_ball_is_where_rays_touch_it():
                              camera.row(0), 60, 80)
     assert np.allclose(np.clip(plain * 3 * spacing, -2 * spacing, None).ravel(),
                        np.clip(outline, -2 * spacing, None), atol=0.1 * spacing)
+
+
+def test_outlines_that_follow_few_rays_equal_those_of_all():
+    """The blocks that are skipped, on two balls and a thin bar between them."""
+    size, reach = 64, 1.2
+    axis = reach * (2 * (np.arange(size) + 0.5) / size - 1)
+    spacing = axis[1] - axis[0]
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    away = np.minimum(np.sqrt((x - 0.5)**2 + y**2 + z**2) - 0.4,
+                      np.sqrt((x + 0.5)**2 + y**2 + z**2) - 0.3)
+    away = np.minimum(away, np.hypot(y, z) - 0.01 + np.maximum(abs(x) - 0.5, 0))
+    solid = Solid(float(axis[0]), float(spacing),
+                  np.clip(away / (3 * spacing), -1, 1).astype(np.float32))
+    camera = Camera.arc([12.0], distance=3, width=83, height=61, focal=80, pitch=5)
+    outline = solid.outline(camera) / spacing
+    # One pixel at a time: a picture of a row and a column, whose grid holds its own ray.
+    every = np.empty_like(outline)
+    for row in range(61):
+        for column in range(83):
+            one = camera.row(0)
+            one[14:] -= column, row
+            every[row, column] = 3 * outline_distance(solid.distance, solid._clear, solid.first,
+                                                      spacing, one, 1, 1)[0, 0]
+    deep = every < -2.4
+    assert deep.sum() > 200 and np.all(outline[deep] < -2.0)
+    rest = ~deep & (outline > -2.4)
+    assert np.sum(rest & (every < 2.5)) > 100
+    assert abs(np.minimum(outline, 2.5) - np.minimum(every, 2.5))[rest].max() < 0.1

@@ -33,6 +33,8 @@ from .lenses import Lens, some_depth, undistort
 from .mattes import (
     color_likelihood,
     consistent_mattes,
+    holes_of,
+    lattice_votes,
     matte_agreement,
     mattes_share,
     refine_changes,
@@ -58,7 +60,8 @@ __all__ = [
     "PhotosError", "PictureFacts", "Shot", "VideoFacts", "Views", "calibrate",
     "capture_formats", "color_likelihood", "consistent_mattes",
     "contact_sheet", "data_set_facts", "fineness", "focus_point", "follow_head", "font",
-    "held_out_views", "is_calibrated", "is_video", "load_photos", "looks_normalised",
+    "held_out_views", "holes_of", "is_calibrated", "is_video", "lattice_votes", "load_photos",
+    "looks_normalised",
     "matte_agreement", "mattes_share", "photo_listing", "picture_facts", "picture_files",
     "place_by_head", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
     "pose_corrections", "read_photos", "read_source", "read_video", "refine_changes",

@@ -132,9 +132,16 @@ class Camera:
 
     def shows(self, points: Float64) -> Bool:
         """Whether each view has world points [N, 3] before it and in its picture, bool [V, N]."""
-        pixels, depth = self.project(points)
-        size = np.stack([self.width, self.height], axis=-1)[:, None]
-        return np.asarray((depth > 0) & ((pixels >= 0) & (pixels < size)).all(axis=-1))
+        points = np.asarray(points, np.float64)
+        shown = np.empty((len(self), len(points)), bool)
+        for view, turn in enumerate(self.pose[:, :3, :3]):
+            local = points @ turn - self.position[view] @ turn
+            depth = local[:, 2]
+            shown[view] = depth > 0
+            for axis, size in enumerate((self.width[view], self.height[view])):
+                across = local[:, axis] * self.focal[view, axis] + self.center[view, axis] * depth
+                shown[view] &= (across >= 0) & (across < size * depth)
+        return shown
 
     def transformed(self, similarity: Float64) -> Camera:
         """The cameras in another world: ``similarity`` [4, 4] maps old world points to new ones."""

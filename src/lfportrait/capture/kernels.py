@@ -24,11 +24,11 @@ def _along_row(camera, first, spacing, j, k, line):
 
     ``line`` float32 [6] is filled: these three, and what each point adds to them.
     """
-    dx, dy, dz = first[0] - camera[3], first[1] + spacing * j - camera[7], (
-        first[2] + spacing * k - camera[11])
+    dx, dy, dz = first[0] - camera[3], first[1] + spacing[1] * j - camera[7], (
+        first[2] + spacing[2] * k - camera[11])
     for axis in range(3):
         at = camera[axis] * dx + camera[4 + axis] * dy + camera[8 + axis] * dz
-        step = spacing * camera[axis]
+        step = spacing[0] * camera[axis]
         if axis == 2:
             line[2], line[5] = at, step
             line[0] += camera[14] * at
@@ -60,7 +60,8 @@ def vote_lattice(  # type: ignore[no-untyped-def]
     share = np.empty((size, size, wide), np.float32)
     starts = np.concatenate([[0], np.cumsum(shapes[:, 0] * shapes[:, 1])])
     lines = np.empty((size, len(cameras), 6), np.float32)
-    _vote(cameras, mattes, shapes, starts, first, spacing, np.float32(tolerance * len(cameras)),
+    steps = np.full(3, spacing)
+    _vote(cameras, mattes, shapes, starts, first, steps, np.float32(tolerance * len(cameras)),
           lines, share)
     return np.ascontiguousarray(share[..., :size])
 
@@ -108,13 +109,103 @@ def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, 
                 _store(share[k, j], np.uintp(i), _where(against <= limit, mean, _ZERO))
 
 
+def count_votes(  # type: ignore[no-untyped-def]
+        cameras, covered, shapes, first, spacing, size, limit, asked):
+    """How many views have each point of a lattice in the picture, and how many show it empty.
+
+    Parameters
+    ----------
+    cameras : float64 [V, 16], a row a view: pose (camera-to-world, three rows), focal, center.
+    covered : V pictures, bool [H, W], false where there is nothing; or none at all: all are
+        empty.
+    shapes : int64 [V, 2], height and width of each picture.
+    first, spacing : float64 [3] each (x, y, z), the first point and the steps.
+    size : Points along z, y and x.
+    limit : Views after which that show a point empty no more are asked.
+    asked : bool [Z, Y, X], or None: all are.
+
+    Returns
+    -------
+    seen, against : float32 [Z, Y, X]; zero where nothing was asked.
+    """
+    deep, high, across = size
+    wide = (across + 15) // 16 * 16
+    packed = [np.packbits(picture, bitorder="little") for picture in covered]
+    # Each picture begins with a word of 32 pixels.
+    starts = np.cumsum([0] + [-(-len(bits) // 4) for bits in packed])
+    words = np.zeros(max(1, int(starts[-1])), np.int32)
+    for bits, start in zip(packed, starts):
+        words[start:].view(np.uint8)[:len(bits)] = bits
+    some = np.full((1, 1, 1), True)
+    if asked is not None:
+        some = np.zeros((deep, high, wide), np.bool_)
+        some[..., :across] = asked
+    seen, against = (np.zeros((deep, high, wide), np.float32) for _ in range(2))
+    lines = np.empty((deep, len(cameras), 6), np.float32)
+    _count(cameras, words, starts, shapes, first, spacing, np.float32(limit), some, lines, seen,
+           against)
+    return seen[..., :across], against[..., :across]
+
+
+@shared("seen")
+@lean_kernel
+def _count(since, until, cameras, words, starts, shapes, first, spacing, limit, some, lines, seen,
+           against):
+    """Fill what `count_votes` gives, sixteen points of a row at a time.
+
+    ``words`` int32 hold the pixels' bits, each view's from ``starts`` on; ``some`` bool [Z, Y, X],
+    or [1, 1, 1] if all are asked; ``lines`` [Z, V, 6] is scratch.
+    """
+    count, high, wide = len(cameras), seen.shape[1], seen.shape[2]
+    empty, all_asked = len(starts) == 1, some.size == 1
+    for k in range(since, until):
+        for j in range(high):
+            ready = False
+            for i in range(0, wide, 16):
+                wanted = all_asked
+                if not all_asked:
+                    for place in range(i, i + 16):
+                        wanted |= some[k, j, place]
+                if not wanted:
+                    continue
+                if not ready:
+                    for view in range(count):
+                        _along_row(cameras[view], first, spacing, j, k, lines[k, view])
+                    ready = True
+                place = _floats(_iota() + np.int32(i))
+                views, nothing = _floats(_ZERO), _floats(_ZERO)
+                for view in range(count):
+                    line = lines[k, view]
+                    depth = line[2] + line[5] * place
+                    inverse = _ONE / depth
+                    column = (line[0] + line[3] * place) * inverse
+                    row = (line[1] + line[4] * place) * inverse
+                    inside = ((depth > np.float32(1e-6)) & (column >= _ZERO) & (row >= _ZERO)
+                              & (column < np.float32(shapes[view, 1]))
+                              & (row < np.float32(shapes[view, 0])))
+                    if _bits(inside) == 0:
+                        continue
+                    views = views + _where(inside, _floats(_ONE), _ZERO)
+                    if empty:
+                        continue
+                    pixel = (_ints(_where(inside, row, _ZERO)) * np.int32(shapes[view, 1])
+                             + _ints(_where(inside, column, _ZERO)))
+                    word = _gather(words[starts[view]:starts[view + 1]], pixel >> np.int32(5))
+                    bit = (word >> (pixel & np.int32(31))) & np.int32(1)
+                    nothing = nothing + _where(inside, _ONE - _floats(bit), _ZERO)
+                    if _bits(nothing <= limit) == 0:
+                        break
+                _store(seen[k, j], np.uintp(i), views)
+                _store(against[k, j], np.uintp(i), nothing)
+
+
 def cover_views(camera, points, first, spacing, height, width):  # type: ignore[no-untyped-def]
     """Pixels, bool [height, width], in which one of the lattice's ``points`` lies.
 
     ``points`` is bool [Z, Y, X].
     """
     covered = np.zeros((height, width), np.bool_)
-    _cover(camera, points, first, spacing, np.empty(6, np.float32), covered)
+    _cover(camera, points, first, np.full(3, spacing), np.empty(6, np.float32), covered)
     return covered
 
 
@@ -363,3 +454,41 @@ def window_functions(  # type: ignore[no-untyped-def]
             own[1] = (i01 * red + i11 * green + i12 * blue) * over
             own[2] = (i02 * red + i12 * green + i22 * blue) * over
             own[3] = level - own[0] * r - own[1] * g - own[2] * b
+
+
+@shared("image")
+@lean_kernel
+def apply_functions(since, until, image, functions, wanted, result):  # type: ignore[no-untyped-def]
+    """Linear functions of the colors, interpolated between blocks of pixels, at each pixel.
+
+    Parameters
+    ----------
+    image : float32 [H, W, 3].
+    functions : float32 [h, w, 4], slopes and offset of each of h x w blocks of the picture.
+    wanted : uint8 [H, W], zero where nothing is asked and nothing is written.
+    result : float32 [H, W], filled.
+    """
+    height, width = wanted.shape
+    high, wide = functions.shape[0], functions.shape[1]
+    half = np.float32(0.5)
+    down, along = np.float32(high / height), np.float32(wide / width)
+    for y in range(since, until):
+        place = min(max((y + half) * down - half, np.float32(0)), np.float32(high - 1))
+        top = int(place)
+        upper, lower = functions[top], functions[min(top + 1, high - 1)]
+        below = np.float32(place - top)
+        above = np.float32(1) - below
+        for x in range(width):
+            if wanted[y, x] == 0:
+                continue
+            place = min(max((x + half) * along - half, np.float32(0)), np.float32(wide - 1))
+            left = int(place)
+            right = min(left + 1, wide - 1)
+            after = np.float32(place - left)
+            before = np.float32(1) - after
+            a, b, c, d = upper[left], upper[right], lower[left], lower[right]
+            total = above * (before * a[3] + after * b[3]) + below * (before * c[3] + after * d[3])
+            for k in range(3):
+                total += image[y, x, k] * (above * (before * a[k] + after * b[k])
+                                           + below * (before * c[k] + after * d[k]))
+            result[y, x] = total

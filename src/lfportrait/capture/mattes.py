@@ -20,7 +20,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..arrays import Bool, Float32, Float64, UInt8
 from ..simd.threads import side_by_side
@@ -29,7 +28,9 @@ from .capture import Capture
 from .kernels import (
     MOMENTS,
     TERMS,
+    apply_functions,
     block_moments,
+    count_votes,
     cover_views,
     gaussians,
     pixel_likelihood,
@@ -91,22 +92,23 @@ def guided_filter(image: Float32, plane: Float32, radius: int, epsilon: float,
     height, width = plane.shape
     blocks, radius = (-(-width // step), -(-height // step)), max(1, radius // step)
 
-    def small(full: NDArray[Any]) -> Float32:
-        return np.asarray(full if step == 1 else cv2.resize(
-            full, blocks, interpolation=cv2.INTER_AREA), np.float32)
+    def small(full: NDArray[Any], how: int = cv2.INTER_AREA) -> NDArray[Any]:
+        return full if step == 1 else cv2.resize(full, blocks, interpolation=how)
 
-    asked = np.ones((blocks[1], blocks[0]), np.uint8)
-    if wanted is not None and step == 1:
-        side = 2 * radius + 1
-        asked = cv2.dilate(wanted.astype(np.uint8), np.ones((side, side), np.uint8))
-    functions = np.zeros((*asked.shape, 4), np.float32)
-    window_functions(np.ascontiguousarray(small(image)), small(plane), asked, radius,
-                     np.float32(epsilon), np.empty((*asked.shape, 16), np.float32), functions)
-    functions = _mean(functions, radius)
-    if step > 1:
-        functions = np.asarray(cv2.resize(functions, (width, height),
-                                          interpolation=cv2.INTER_LINEAR), np.float32)
-    return np.asarray(np.einsum("yxc,yxc->yx", functions[..., :3], image) + functions[..., 3])
+    asked, functioning = np.ones(plane.shape, np.uint8), np.ones(blocks[::-1], np.uint8)
+    if wanted is not None:
+        asked = wanted.astype(np.uint8)
+        # Between blocks is interpolated: one more counts.
+        side = 2 * (radius + (step > 1)) + 1
+        functioning = cv2.dilate((small(255 * asked) > 0).astype(np.uint8),
+                                 np.ones((side, side), np.uint8))
+    functions = np.zeros((*functioning.shape, 4), np.float32)
+    image = np.ascontiguousarray(image)
+    window_functions(np.ascontiguousarray(small(image)), small(plane), functioning, radius,
+                     np.float32(epsilon), np.empty((*functioning.shape, 16), np.float32), functions)
+    filtered = np.zeros(plane.shape, np.float32)
+    apply_functions(image, _mean(functions, radius), asked, filtered)
+    return filtered
 
 
 def refine_matte(image: UInt8, soft: NDArray[np.floating[Any]],
@@ -127,35 +129,58 @@ def refine_matte(image: UInt8, soft: NDArray[np.floating[Any]],
     matte : float32 [H, W] in [0, 1]. Pixels far from the outline keep their value, rounded to 0
         or 1 where it was nearly so.
     """
-    guide = image[..., :3].astype(np.float32) / np.float32(255)
     coarse = np.asarray(soft, np.float32)
     cell = cell or max(2, round(max(coarse.shape) / 256))
-    band = _unsure_band(coarse, 2 * cell)
-    if not band.any():
+    person = coarse > 0.5
+    if person.all() or not person.any():
         return np.clip(coarse, 0, 1)
-    person = (coarse > 0.5) & ~band
-    behind = (coarse <= 0.5) & ~band
-    # Only what is near the band is asked: a blur of the answers reaches 2.4 cells.
-    asked = cv2.dilate(band.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=3 * cell) > 0
-    inside, near_person = color_likelihood(guide, person.astype(np.float32), cell, asked)
-    outside, near_behind = color_likelihood(guide, behind.astype(np.float32), cell, asked)
+    # The band is two cells wide; colors are compared within six cells of what is asked.
+    edge = cv2.morphologyEx(person.view(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
+    box = _box_about((edge > 0) | ((coarse > 0.1) & (coarse < 0.9)), 14 * cell, 2 * cell)
+    matte = person.astype(np.float32)
+    matte[box] = _decided(image[box], coarse[box], cell, calm)
+    return matte
+
+
+def _box_about(mask: Bool, margin: int, step: int) -> tuple[slice, slice]:
+    """What encloses a mask with a margin in its picture, in whole blocks of ``step`` pixels."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    return np.s_[max(rows[0] - margin, 0) // step * step:-(-(rows[-1] + margin) // step) * step,
+                 max(columns[0] - margin, 0) // step * step:
+                 -(-(columns[-1] + margin) // step) * step]
+
+
+def _decided(image: UInt8, coarse: Float32, cell: int, calm: bool) -> Float32:
+    """`refine_matte` in a part of the picture that holds an outline."""
+    guide = image[..., :3].astype(np.float32)
+    guide /= np.float32(255)
+    person, band = coarse > 0.5, _unsure_band(coarse, 2 * cell)
+    asked = band
+    if calm:  # a blur of the answers reaches 2.4 cells
+        asked = cv2.dilate(band.astype(np.uint8), np.ones((3, 3), np.uint8),
+                           iterations=3 * cell) > 0
+    inside, near_person = color_likelihood(guide, (person & ~band).astype(np.float32), cell, asked)
+    outside, near_behind = color_likelihood(guide, (~person & ~band).astype(np.float32), cell,
+                                            asked)
     # The network's word counts as well: its log-odds, bounded so that colors can outvote them.
-    prior = np.log(np.clip(coarse, 0.02, 0.98) / np.clip(1 - coarse, 0.02, 0.98))
-    known = (near_person > 0.01) & (near_behind > 0.01)
+    there = asked.nonzero()
+    share = np.clip(coarse[there], 0.02, 0.98)
+    prior = np.log(share / (1 - share)) * np.float32(2.5 if calm else 1.0)
+    known = (near_person[there] > 0.01) & (near_behind[there] > 0.01)
+    bound = 6 if calm else 12
+    odds = np.zeros_like(coarse)
+    odds[there] = np.where(known, np.clip((inside - outside)[there], -bound, bound), prior)
     if calm:
-        prior = np.float32(2.5) * prior
-        odds = np.where(known, np.clip(inside - outside, -6, 6), prior).astype(np.float32)
-        odds = np.asarray(cv2.GaussianBlur(odds, (0, 0), 0.6 * cell), np.float32) + prior
-    else:
-        odds = np.where(known, np.clip(inside - outside, -12, 12), prior) + prior
-    decided = np.where(band, 1 / (1 + np.exp(-np.clip(odds, -30, 30))), coarse > 0.5)
-    decided = np.asarray(cv2.medianBlur(decided.astype(np.float32), 5 if calm else 3), np.float32)
+        odds = np.asarray(cv2.GaussianBlur(odds, (0, 0), 0.6 * cell), np.float32)
+    odds[there] += prior
+    decided = person.astype(np.float32)
+    decided[band] = 1 / (1 + np.exp(-np.clip(odds[band], -30, 30)))
+    decided = np.asarray(cv2.medianBlur(decided, 5 if calm else 3), np.float32)
     diamond = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     wide = cv2.dilate(band.astype(np.uint8), diamond, iterations=cell) > 0
     matte = guided_filter(guide, decided, max(2, cell), 1e-4, 2 if cell >= 4 else 1, wide)
     # The filter leaves a faint veil on textures; a steeper slope removes it and keeps the edge.
-    matte = np.clip((matte - 0.1) / 0.8, 0, 1)
-    return np.where(wide, matte, decided).astype(np.float32)
+    return np.where(wide, np.clip((matte - 0.1) / 0.8, 0, 1), decided).astype(np.float32)
 
 
 def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
@@ -176,9 +201,7 @@ def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
         return after
     near = cv2.dilate(changed.astype(np.uint8), np.ones((8 * cell + 1, 8 * cell + 1), np.uint8))
     # Colors are compared within six cells, and bands are four wide.
-    rows, columns = (np.flatnonzero(near.any(axis)) for axis in (1, 0))
-    top, left = max(rows[0] - 12 * cell, 0), max(columns[0] - 12 * cell, 0)
-    box = np.s_[top:rows[-1] + 12 * cell, left:columns[-1] + 12 * cell]
+    box = _box_about(near > 0, 12 * cell, 2 * cell)
     result = after.copy()
     result[box] = np.where(near[box] > 0, refine_matte(image[box], after[box], cell), after[box])
     return result
@@ -187,9 +210,7 @@ def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
 def _unsure_band(coarse: Float32, reach: int) -> Bool:
     """Pixels within ``reach`` of the outline, or about which the matte itself is unsure."""
     person = coarse > 0.5
-    if person.all() or not person.any():
-        return np.zeros(coarse.shape, bool)
-    inside, outside = (cv2.distanceTransform(part.astype(np.uint8), cv2.DIST_L2, 5)
+    inside, outside = (cv2.distanceTransform(part.view(np.uint8), cv2.DIST_L2, 5)
                        for part in (person, ~person))
     away = np.maximum(inside, outside)
     unsure = (coarse > 0.1) & (coarse < 0.9) & (away < 6 * reach)
@@ -285,10 +306,39 @@ def views_share(cameras: Camera, reach: float, size: int) -> Float64:
     -------
     share : float64 [size, size, size] (z, y, x).
     """
-    axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    shown = cameras.shows(np.stack([x, y, z], -1).reshape(-1, 3))
-    return np.asarray(shown.mean(axis=0).reshape(z.shape))
+    seen, _ = lattice_votes(cameras, None, np.zeros(3), np.full(3, reach), (size,) * 3)
+    return np.asarray(seen / np.float64(len(cameras)))
+
+
+def lattice_votes(cameras: Camera, covered: Sequence[Bool] | None, center: Float64,
+                  radius: Float64, size: tuple[int, ...], limit: float = np.inf,
+                  asked: Bool | None = None) -> tuple[Float32, Float32]:
+    """How many views have each point of a lattice in the picture, and how many show it empty.
+
+    Parameters
+    ----------
+    cameras : V views.
+    covered : Bool [H, W] for each, of its camera's size, false where there is nothing; None
+        where only ``seen`` is asked.
+    center, radius : The box of the lattice, float64 [3] each (x, y, z), whose points are its
+        cells' middles.
+    size : Points along z, y and x.
+    limit : A point that more views than this show empty is given up: more views are not asked.
+    asked : Bool [Z, Y, X], the points that are asked, or all.
+
+    Returns
+    -------
+    seen, against : float32 [Z, Y, X] each; of no meaning where nothing is asked.
+    """
+    # Neighbouring views err alike; in scattered order an empty point is found out sooner.
+    order = np.argsort((np.arange(len(cameras)) * 0.6180339887) % 1.0, kind="stable")
+    spacing = 2.0 * np.asarray(radius, np.float64) / np.array(size[::-1])
+    seen, against = count_votes(
+        np.stack([cameras.row(view) for view in order]),
+        [] if covered is None else [covered[view] for view in order],
+        np.stack([cameras.height, cameras.width], 1)[order], center - radius + 0.5 * spacing,
+        spacing, size, limit, asked)
+    return np.asarray(seen), np.asarray(against)
 
 
 def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int,
@@ -352,18 +402,18 @@ def _corrected(votes: _Votes, view: int, matte: Float32) -> Float32:
         return np.asarray(cv2.blur(large[:matte.shape[0], :matte.shape[1]], (2 * factor + 1,) * 2,
                                    borderType=cv2.BORDER_REFLECT), np.float32)
 
-    cross = ndimage.generate_binary_structure(2, 2)
     # The lattice's points leave gaps between them; closing joins them, one more step is margin.
-    result = matte * full(ndimage.binary_dilation(_closed(votes.cover(view)), cross))
+    left = cv2.dilate(_closed(votes.cover(view)).view(np.uint8), np.ones((3, 3), np.uint8))
+    result = matte * full(left.view(bool))
     person = result > 0.5
-    holes = _holes(person)
+    holes = holes_of(person)
     if holes.any():
         certain = full(_closed(votes.cover(view, certain=True)))
         result = np.where(holes, np.maximum(result, certain), result)
     return np.clip(result, 0, 1)
 
 
-def _holes(person: Bool) -> Bool:
+def holes_of(person: Bool) -> Bool:
     """What is not the person, but surrounded by it."""
     _, pieces = cv2.connectedComponents((~person).astype(np.uint8), connectivity=4)
     border = np.zeros(pieces.max() + 1, bool)
@@ -375,7 +425,6 @@ def _holes(person: Bool) -> Bool:
 
 def _closed(mask: Bool) -> Bool:
     """Gaps of up to two pixels closed, also along the picture's border."""
-    cross = ndimage.generate_binary_structure(2, 2)
-    padded = np.pad(mask, 4, mode="edge")
-    closed: Bool = ndimage.binary_closing(padded, cross, iterations=2)[4:-4, 4:-4]
-    return closed
+    padded = np.pad(mask, 4, mode="edge").view(np.uint8)
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8), iterations=2)
+    return np.asarray(closed[4:-4, 4:-4] > 0)

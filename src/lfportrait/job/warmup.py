@@ -39,7 +39,7 @@ from ..progress import Progress
 from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
-FUNCTIONS = {"mattes": 10, "transfer": 44, "reconstruct": 68, "stylize": 43, "encode": 38}
+FUNCTIONS = {"mattes": 14, "transfer": 44, "reconstruct": 67, "stylize": 43, "encode": 38}
 """Functions that each stage compiles after those before it: a few more or less on other
 processors."""
 

@@ -200,15 +200,12 @@ class CleanPlates:
         matte = _reduced(self.mattes[view], shape)
         away = np.linalg.norm(self.capture.cameras.position[self.views]
                               - camera.position[0], axis=1)
-        others = [int(k) for k in np.argsort(away) if self.views[k] != view]
+        others = np.argsort(away)
         room = cv2.resize(self._surface(one.camera), shape[::-1], interpolation=cv2.INTER_LINEAR)
-        color, noise = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
-        known = np.zeros(shape, np.float32)
         gains = self._gains(one, _reduced(self.mattes[view], one.depth.shape))
-        compose_plate(np.asarray(room), _near(matte), camera.row(0), self._rows[others],
-                      self._pictures[others], gains[others], np.float32(_ENOUGH),
-                      np.float32(_SPREAD), np.zeros((shape[0], len(others), 4), np.float32), color,
-                      noise, known)
+        color, noise, known = compose_plate(
+            np.asarray(room), _near(matte), camera.row(0), self._rows, self._pictures,
+            others[self.views[others] != view], gains, np.float32(_ENOUGH), np.float32(_SPREAD))
         return image.astype(np.float32) / 255.0, matte, _completed(color, noise, known)
 
     def person(self, view: int) -> Plane:

@@ -20,7 +20,7 @@ from scipy import ndimage
 from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera, mattes_share, views_share
 from ..kernels.depth_maps import fuse_distance, outline_distance
-from .sweep import DepthMap
+from .sweep import DepthMap, stacked
 
 REACH = 1.8
 """Half of the lattice's edge in world units: a head is about one in radius, shoulders reach on."""
@@ -143,14 +143,12 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
     """
     spacing = 2.0 * REACH / _SIZE
     axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)
-    total, person = (np.zeros((_SIZE,) * 3, np.float32) for _ in range(2))
-    count, seen = (np.zeros((_SIZE,) * 3, np.int16) for _ in range(2))
-    for item, matte in zip(maps, mattes):
-        depth = np.where(np.isfinite(item.depth), item.depth, 0.0).astype(np.float32)
-        fuse_distance(axis, item.camera.row(0), depth, matte, _THICK * spacing, total,
-                      count, person, seen)
+    depths, sizes = stacked([np.nan_to_num(item.depth, posinf=0.0) for item in maps])
+    total, count, person, seen = fuse_distance(
+        axis, np.stack([item.camera.row(0) for item in maps]), depths, stacked(mattes)[0], sizes,
+        _THICK * spacing)
     known = count >= 2
-    mean = (total / np.maximum(count, 1)).astype(np.float32)
+    mean = total / np.maximum(count, 1)
     shell = known & (mean < 0) & (seen > 0)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)
     radius = np.sqrt(x * x + y * y + z * z)
@@ -201,8 +199,8 @@ def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
     return lattice
 
 
-def _smooth_vote(person: Float32, seen: NDArray[np.int16]) -> Float32:
+def _smooth_vote(person: Float32, seen: Float32) -> Float32:
     """How much the mattes call a place of the surface the person, over its surroundings."""
     votes = ndimage.gaussian_filter(person, 2.0)
-    voters = ndimage.gaussian_filter(seen.astype(np.float32), 2.0)
+    voters = ndimage.gaussian_filter(seen, 2.0)
     return np.asarray(votes / np.maximum(voters, 1e-4), np.float32)

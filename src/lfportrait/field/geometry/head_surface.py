@@ -221,6 +221,8 @@ _ALONG = 0.2
 """Cosine up to which photos look along a surface."""
 _MOST = 0.3
 """Logarithm of the ratio by which a face differs from the generic one at most."""
+_SLAB = 32
+"""Planes of a lattice whose distances are found together."""
 _CELL = 0.016
 _VIEWS = 16
 _SWEEPS = ((0.12, 25, 9, 1.0), (0.06, 21, 7, 0.3), (0.03, 17, 5, 0.1))
@@ -448,6 +450,14 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
     ends = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
     near = tuple(slice(max(0, int(end[0]) - more), int(end[-1]) + more + 1)
                  for end, more in zip(ends, margin_points))
-    out = ndimage.distance_transform_edt(~inside[near], spacing).astype(np.float32)
-    np.minimum(along[near], out, out=along[near], where=~inside[near])
+    outside, more = ~inside[near], int(margin_points[0])
+
+    def through_space(first: int) -> None:
+        since = max(first - more, 0)
+        out = ndimage.distance_transform_edt(outside[since:first + _SLAB + more], spacing)
+        own, here = np.s_[first - since:first - since + _SLAB], np.s_[first:first + _SLAB]
+        np.minimum(along[near][here], out[own].astype(np.float32), out=along[near][here],
+                   where=outside[here])
+
+    side_by_side(through_space, range(0, len(outside), _SLAB))
     return along, clearance

@@ -23,10 +23,9 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ...arrays import Float32, UInt8
-from ...capture import Capture, refine_matte
+from ...capture import Capture, holes_of, refine_matte
 from ...progress import Progress
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
@@ -197,8 +196,7 @@ def _outlined(capture: Capture, view: int, solid: Solid) -> Plane:
     height, width = capture.images[view].shape[:2]
     camera = capture.cameras[view].scaled(min(1.0, _OUTLINE / max(height, width)))
     distance = solid.outline(camera)
-    holes = ndimage.binary_fill_holes(distance < 0) & (distance >= 0)
-    distance[holes] = -1e-3 * solid.spacing
+    distance[holes_of(distance < 0)] = -1e-3 * solid.spacing
     return np.asarray(cv2.resize(distance, (width, height), interpolation=cv2.INTER_CUBIC),
                       np.float32)
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float64, Int64, UInt8
-from ...capture import Camera, Capture
+from ...arrays import Bool, Float32, Float64, Int64, UInt8
+from ...capture import Camera, Capture, lattice_votes
 from ...errors import UserError
+from ...simd.threads import side_by_side
 from ..background import Background
 from ..config import Settings
-from ..kernels.depth_maps import carve
 from ..training.lattice import Lattice, box_shape
 from ..training.pixels import TrainingPixels
 from .exposure import exposure_gains
@@ -22,26 +21,25 @@ from .head_surface import HeadSurface, distance_outside
 from .sweep import fuse, scene_box, small_view, sweep_depth
 
 
-def _votes(cameras: Camera, alphas: Sequence[UInt8], asked: Bool, center: Float64, radius: Float64,
-           wide: bool) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """How many views have each of the lattice points ``asked`` in the picture, and show it empty.
+def _votes(cameras: Camera, alphas: Sequence[UInt8], shape: tuple[int, ...], center: Float64,
+           radius: Float64, *, wide: bool, limit: float = np.inf,
+           asked: Bool | None = None) -> tuple[Float32, Float32]:
+    """How many views have each point of a lattice in the picture, and show it empty.
 
     Empty are pixels with nothing in their mattes within a voxel (``wide``), or not a quarter of
-    the light within half a voxel.
+    the light within half a voxel. See `lattice_votes` for ``limit`` and ``asked``.
     """
-    shape = asked.shape
-    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
-               for i in range(3))
-    seen, against = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
-    for view, alpha in enumerate(alphas):
-        pose, focal = cameras.pose[view], cameras.focal[view]
+    edge = 2.0 * float((radius / shape[::-1]).max())
+
+    def covered(view: int) -> Bool:
         distance = float(np.linalg.norm(cameras.position[view] - center))
-        voxel = 2.0 * float((radius / shape[::-1]).max()) * float(focal.max()) / distance
+        voxel = edge * float(cameras.focal[view].max()) / distance
         reach, least = (int(np.ceil(voxel)), 12) if wide else (round(0.5 * voxel), 63)
-        covered = cv2.dilate(alpha, np.ones((2 * reach + 1,) * 2, np.uint8)) > least
-        row = np.concatenate([pose[:3].ravel(), focal, cameras.center[view]])
-        carve(x, y, z, row, covered, asked, seen, against)
-    return seen, against
+        near = cv2.dilate(alphas[view], np.ones((2 * reach + 1,) * 2, np.uint8))
+        return np.asarray(near > least)
+
+    pictures = side_by_side(covered, range(len(alphas)))
+    return lattice_votes(cameras, pictures, center, radius, shape, limit, asked)
 
 
 def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int], center: Float64,
@@ -61,14 +59,16 @@ def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int
     hull : bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
         nothing would keep them from becoming floaters.
     """
-    return _hull(*_votes(cameras, alphas, np.ones(shape, bool), center, radius, wide=True),
-                 len(alphas), tolerance)
+    return _hull(cameras, alphas, shape, center, radius, tolerance)[0]
 
 
-def _hull(seen: NDArray[np.int16], against: NDArray[np.int16], views: int,
-          tolerance: float = 0.03) -> Bool:
-    """The hull that so many views' votes give."""
-    return (seen >= max(1, round(0.05 * views))) & (against <= tolerance * seen)
+def _hull(cameras: Camera, alphas: Sequence[UInt8], shape: tuple[int, ...], center: Float64,
+          radius: Float64, tolerance: float = 0.03) -> tuple[Bool, Float32]:
+    """`visual_hull`, and how many views have each of its points in the picture."""
+    seen, against = _votes(cameras, alphas, shape, center, radius, wide=True,
+                           limit=tolerance * len(alphas))
+    hull = (seen >= max(1, round(0.05 * len(alphas)))) & (against <= tolerance * seen)
+    return hull, seen
 
 
 def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool, center: Float64,
@@ -92,7 +92,7 @@ def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool, center: Fl
     ruled_out, hardly_shown : bool [Z, Y, X]; points that fewer views than ``seldom`` have in the
         picture.
     """
-    seen, against = _votes(cameras, alphas, filled, center, radius, wide=False)
+    seen, against = _votes(cameras, alphas, filled.shape, center, radius, wide=False, asked=filled)
     wrong, hardly = np.zeros(filled.shape, bool), np.zeros(filled.shape, bool)
     seen, against = seen[filled], against[filled]
     wrong[filled], hardly[filled] = against > tolerance * seen, seen < seldom * len(alphas)
@@ -108,8 +108,7 @@ def hull_box(cameras: Camera, alphas: list[UInt8], reach: float = 1.8) -> tuple[
     """
     center, radius = np.zeros(3), np.full(3, reach)
     size = 72
-    seen, against = _votes(cameras, alphas, np.ones((size,) * 3, bool), center, radius, wide=True)
-    hull = _hull(seen, against, len(alphas))
+    hull, seen = _hull(cameras, alphas, (size,) * 3, center, radius)
     axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
     z, y, x = np.nonzero(hull)
     if not len(z):

@@ -21,7 +21,7 @@ from scipy import ndimage
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
-from ..kernels.depth_maps import fuse_depth, match_planes
+from ..kernels.depth_maps import confirm_depth, fuse_depth, match_planes
 from ..kernels.march import C0
 from ..training.lattice import box_shape
 
@@ -168,24 +168,15 @@ def _homographies(reference: Camera, other: Camera) -> tuple[Float64, Float64]:
 def _confirmed(view: int, found: list[Float32], cameras: list[Camera],
                neighbours: list[int], steps: Float64) -> Float32:
     """Depth where a neighbour's own map agrees within a plane and a half; NaN elsewhere."""
-    depth = 1.0 / found[view]
-    points = DepthMap(cameras[view], np.zeros((*depth.shape, 3), np.float32), depth)
-    row, column = np.nonzero(np.isfinite(depth))
-    world = points.points()
-    votes = np.zeros(len(row), int)
-    for other in neighbours:
-        pixels, along = cameras[other].project(world)
-        high, wide = found[other].shape
-        x, y = (np.floor(np.nan_to_num(pixels[0, :, axis], nan=-1.0)).astype(int)
-                for axis in (0, 1))
-        inside = (along[0] > 0) & (x >= 0) & (y >= 0) & (x < wide) & (y < high)
-        there = found[other][np.clip(y, 0, high - 1), np.clip(x, 0, wide - 1)]
-        step = max(steps[view], steps[other])
-        votes += inside & (abs(there - 1.0 / np.maximum(along[0], 1e-6)) < 1.5 * step)
-    kept = np.full(depth.shape, np.nan, np.float32)
-    sure = votes >= 1
-    kept[row[sure], column[sure]] = depth[row[sure], column[sure]]
-    return kept
+    depth = (1.0 / found[view]).astype(np.float32)
+    if not neighbours:
+        return np.full_like(depth, np.nan)
+    confirmed = np.empty(depth.shape, bool)
+    inverses, sizes = stacked([found[other] for other in neighbours])
+    confirm_depth(found[view], cameras[view].row(0),
+                  np.stack([cameras[other].row(0) for other in neighbours]), inverses, sizes,
+                  1.5 * np.maximum(steps[neighbours], steps[view]), confirmed)
+    return np.where(confirmed, depth, np.float32(np.nan))
 
 
 def scene_box(maps: list[DepthMap], least: float, most: float) -> tuple[Float64, Float64] | None:

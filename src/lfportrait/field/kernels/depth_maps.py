@@ -11,6 +11,7 @@ from numba import njit
 
 from ...simd.decorators import lean, lean_kernel
 from ...simd.threads import shared
+from ...simd.vectors import LANES
 
 
 @njit(cache=True, inline="always")
@@ -71,45 +72,118 @@ def fuse_depth(since, until, x, y, z, camera, depth, sure, image, margin, slack,
                         unsure[k, j, i] += 1
 
 
-@shared("axis")
-@lean_kernel
 def fuse_distance(  # type: ignore[no-untyped-def]
-        since, until, axis, camera, depth, matte, reach, total, count, person, seen):
-    """Add one view's depth to a lattice of signed distances (Curless and Levoy 1996).
+        axis, cameras, depths, mattes, sizes, reach):
+    """A lattice of signed distances of depth maps (Curless and Levoy 1996).
 
     Parameters
     ----------
-    axis : float64 [N], coordinates of the points along each of x, y, z.
-    camera : float64 [16], the view of the depth map.
-    depth, matte : float32 [h, w]: distance along the optical axis, 0 where it is not known; how
-        much of the pixel is the person, in [0, 1].
+    axis : float64 [N], evenly spaced coordinates of the points along each of x, y, z.
+    cameras : float64 [V, 16], the views of the depth maps.
+    depths, mattes : float32 [V, H, W], each in its upper left corner: distance along the optical
+        axis, 0 where it is not known; how much of the pixel is the person, in [0, 1].
+    sizes : int64 [V, 2], the rows and columns of each.
     reach : Distance in world units at which the measure ends: 1 in front, -1 behind the surface.
-    total : float32 [N, N, N] (z, y, x), sum of the distances in parts of ``reach``.
-    count : int16 [N, N, N], how many views it is of. A point further behind a surface is hidden
-        and not counted.
-    person : float32 [N, N, N], sum of the matte over the views whose surface is within
-        ``reach``.
-    seen : int16 [N, N, N], how many these are.
+
+    Returns
+    -------
+    total, count : float32 [N, N, N] (z, y, x): the sum of the distances in parts of ``reach``,
+        and over how many views. A point further behind a surface is hidden and not counted.
+    person, seen : The sum of the matte over the views whose surface is within ``reach``, and how
+        many these are.
     """
-    height, width = depth.shape
     size = len(axis)
+    wide = (size + 15) // 16 * 16
+    across = axis[0] + (axis[1] - axis[0]) * np.arange(wide)
+    fused = np.empty((4, size, size, wide), np.float32)
+    _fuse_rows(axis, across.astype(np.float32), cameras.astype(np.float32), depths, mattes, sizes,
+               np.float32(1.0 / reach), fused[0], fused[1], fused[2], fused[3])
+    return [part[..., :size] for part in fused]
+
+
+_load, _store, _floats, _ints, _where = (LANES.load, LANES.store, LANES.floats, LANES.ints,
+                                         LANES.where)
+_bits, _gather, _minimum, _iota = LANES.bits, LANES.gather, LANES.minimum, LANES.iota
+_maximum, _sqrt = LANES.maximum, LANES.sqrt
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+
+
+@shared("axis")
+@lean_kernel
+def _fuse_rows(since, until, axis, across, cameras, depths, mattes, sizes, inverse, total, count,
+               person, seen):
+    """Fill what `fuse_distance` gives, sixteen points of a row at a time."""
+    wide = np.int32(depths.shape[2])
     for k in range(since, until):
-        for j in range(size):
-            for i in range(size):
-                row, column, along = pixel_of(axis[i], axis[j], axis[k], camera, height, width)
-                if row < 0:
-                    continue
-                there = depth[row, column]
-                if there <= 0.0:
-                    continue
-                ahead = (there - along) / reach
-                if ahead < -1.0:
-                    continue
-                total[k, j, i] += min(ahead, 1.0)
-                count[k, j, i] += 1
-                if ahead <= 1.0:
-                    person[k, j, i] += matte[row, column]
-                    seen[k, j, i] += 1
+        for j in range(len(axis)):
+            for i in range(0, len(across), 16):
+                x = _load(across, np.uintp(i))
+                distance, views = _floats(_ZERO), _floats(_ZERO)
+                matter, near = _floats(_ZERO), _floats(_ZERO)
+                for view in range(len(cameras)):
+                    camera = cameras[view]
+                    dy, dz = np.float32(axis[j]) - camera[7], np.float32(axis[k]) - camera[11]
+                    dx = x - camera[3]
+                    along = dx * camera[2] + (camera[6] * dy + camera[10] * dz)
+                    per = _ONE / along
+                    column = (dx * camera[0] + (camera[4] * dy + camera[8] * dz)) * per
+                    row = (dx * camera[1] + (camera[5] * dy + camera[9] * dz)) * per
+                    column = column * camera[12] + camera[14]
+                    row = row * camera[13] + camera[15]
+                    inside = ((along > np.float32(1e-6)) & (column >= _ZERO) & (row >= _ZERO)
+                              & (column < np.float32(sizes[view, 1]))
+                              & (row < np.float32(sizes[view, 0])))
+                    if _bits(inside) == 0:
+                        continue
+                    pixel = (_ints(_where(inside, row, _ZERO)) * wide
+                             + _ints(_where(inside, column, _ZERO)))
+                    there = _gather(depths[view], pixel)
+                    ahead = (there - along) * inverse
+                    counted = inside & (there > _ZERO) & (ahead >= -_ONE)
+                    if _bits(counted) == 0:
+                        continue
+                    distance = distance + _where(counted, _minimum(ahead, _ONE), _ZERO)
+                    views = views + _where(counted, _floats(_ONE), _ZERO)
+                    close = counted & (ahead <= _ONE)
+                    if _bits(close) != 0:
+                        matter = matter + _where(close, _gather(mattes[view], pixel), _ZERO)
+                        near = near + _where(close, _floats(_ONE), _ZERO)
+                _store(total[k, j], np.uintp(i), distance)
+                _store(count[k, j], np.uintp(i), views)
+                _store(person[k, j], np.uintp(i), matter)
+                _store(seen[k, j], np.uintp(i), near)
+
+
+@lean_kernel
+def confirm_depth(  # type: ignore[no-untyped-def]
+        inverse, camera, others, inverses, sizes, slacks, confirmed):
+    """Which depths of a view agree with what the map of another view has at the place.
+
+    Parameters
+    ----------
+    inverse : float32 [h, w], one over the distance along the optical axis; NaN where not known.
+    camera, others : float64 [16] and [K, 16].
+    inverses, sizes : float32 [K, H, W] and int64 [K, 2]: the maps of the others, each in its
+        upper left corner, and their rows and columns.
+    slacks : float64 [K], how much the inverses may differ.
+    confirmed : bool [h, w], filled.
+    """
+    for v in range(inverse.shape[0]):
+        for u in range(inverse.shape[1]):
+            confirmed[v, u] = False
+            if not np.isfinite(inverse[v, u]):
+                continue
+            along = 1.0 / inverse[v, u]
+            x = (u + 0.5 - camera[14]) / camera[12] * along
+            y = (v + 0.5 - camera[15]) / camera[13] * along
+            px = camera[0] * x + camera[1] * y + camera[2] * along + camera[3]
+            py = camera[4] * x + camera[5] * y + camera[6] * along + camera[7]
+            pz = camera[8] * x + camera[9] * y + camera[10] * along + camera[11]
+            for k in range(len(others)):
+                row, column, deep = pixel_of(px, py, pz, others[k], sizes[k, 0], sizes[k, 1])
+                if row >= 0 and abs(inverses[k, row, column] - 1.0 / deep) < slacks[k]:
+                    confirmed[v, u] = True
+                    break
 
 
 @njit(cache=True, inline="always")
@@ -141,54 +215,86 @@ def outline_distance(  # type: ignore[no-untyped-def]
     -------
     least : float32 [height, width], in (-1, 1]; a ray that is deep inside the solid ends there.
     """
-    least = np.ones((height, width), np.float32)
-    _outline_rows(distance, clear, first, spacing, camera, least)
+    least = np.empty((height, width), np.float32)
+    grid = np.empty((-(-height // _STEP) + 1, -(-width // _STEP) + 1), np.float32)
+    _outline_grid(distance, clear, first, spacing, camera, grid)
+    _outline_rows(distance, clear, first, spacing, camera, grid, least)
     return least
+
+
+_STEP = 4
+"""Pixels between the rays that are followed first."""
+
+
+@lean
+def _least_along(distance, clear, first, spacing, camera, row, column):
+    """`outline_distance` along the ray of one pixel."""
+    top = distance.shape[0] - 1.0
+    x = (column + 0.5 - camera[14]) / camera[12]
+    y = (row + 0.5 - camera[15]) / camera[13]
+    ax = camera[0] * x + camera[1] * y + camera[2]
+    ay = camera[4] * x + camera[5] * y + camera[6]
+    az = camera[8] * x + camera[9] * y + camera[10]
+    norm = np.sqrt(ax * ax + ay * ay + az * az)
+    # In points, a step of one is a step of one point's distance.
+    ax, ay, az = ax / norm, ay / norm, az / norm
+    ox, oy = (camera[3] - first) / spacing, (camera[7] - first) / spacing
+    oz = (camera[11] - first) / spacing
+    start, end = 0.0, 1e9
+    for origin, slope in ((ox, ax), (oy, ay), (oz, az)):
+        if abs(slope) < 1e-9:
+            slope = 1e-9
+        one, two = -origin / slope, (top - origin) / slope
+        start, end = max(start, min(one, two)), min(end, max(one, two))
+    t = start + 1e-3
+    best = 1.0
+    while t < end - 1e-3:
+        px, py, pz = ox + t * ax, oy + t * ay, oz + t * az
+        free = clear[int(pz), int(py), int(px)]
+        if free > 0:
+            t += max(0.5, free - 1.0)
+            continue
+        best = min(best, _between(distance, px, py, pz))
+        if best < -0.8:
+            break
+        t += 0.5
+    return best
+
+
+@shared("grid")
+@lean_kernel
+def _outline_grid(since, until, distance, clear, first, spacing, camera, grid):
+    """The rays through the corners of blocks of pixels."""
+    for row in range(since, until):
+        for column in range(grid.shape[1]):
+            grid[row, column] = _least_along(distance, clear, first, spacing, camera,
+                                             row * _STEP, column * _STEP)
 
 
 @shared("least")
 @lean_kernel
-def _outline_rows(since, until, distance, clear, first, spacing, camera, least):
-    """Fill what `outline_distance` gives."""
-    top = distance.shape[0] - 1.0
+def _outline_rows(since, until, distance, clear, first, spacing, camera, grid, least):
+    """Fill what `outline_distance` gives.
+
+    The rays in a block whose corners all miss the solid by far miss it, too; those between four
+    that are deep inside are.
+    """
     for row in range(since, until):
+        upper, lower = grid[row // _STEP], grid[row // _STEP + 1]
         for column in range(least.shape[1]):
-            x = (column + 0.5 - camera[14]) / camera[12]
-            y = (row + 0.5 - camera[15]) / camera[13]
-            ax = camera[0] * x + camera[1] * y + camera[2]
-            ay = camera[4] * x + camera[5] * y + camera[6]
-            az = camera[8] * x + camera[9] * y + camera[10]
-            norm = np.sqrt(ax * ax + ay * ay + az * az)
-            # In points, a step of one is a step of one point's distance.
-            ax, ay, az = ax / norm, ay / norm, az / norm
-            ox, oy = (camera[3] - first) / spacing, (camera[7] - first) / spacing
-            oz = (camera[11] - first) / spacing
-            start, end = 0.0, 1e9
-            for origin, slope in ((ox, ax), (oy, ay), (oz, az)):
-                if abs(slope) < 1e-9:
-                    slope = 1e-9
-                one, two = -origin / slope, (top - origin) / slope
-                start, end = max(start, min(one, two)), min(end, max(one, two))
-            t = start + 1e-3
-            best = 1.0
-            while t < end - 1e-3:
-                px, py, pz = ox + t * ax, oy + t * ay, oz + t * az
-                free = clear[int(pz), int(py), int(px)]
-                if free > 0:
-                    t += max(0.5, free - 1.0)
-                    continue
-                best = min(best, _between(distance, px, py, pz))
-                if best < -0.8:
-                    break
-                t += 0.5
-            least[row, column] = best
+            left = column // _STEP
+            a, b, c, d = upper[left], upper[left + 1], lower[left], lower[left + 1]
+            if min(min(a, b), min(c, d)) >= 1.0:
+                least[row, column] = 1.0
+            elif max(max(a, b), max(c, d)) < -0.8:
+                least[row, column] = max(max(a, b), max(c, d))
+            else:
+                least[row, column] = _least_along(distance, clear, first, spacing, camera, row,
+                                                  column)
 
 
-@shared("inverse")
-@lean_kernel
 def compose_plate(  # type: ignore[no-untyped-def]
-        since, until, inverse, wanted, camera, others, pictures, gains, enough, spread, scratch,
-        color, noise, known):
+        inverse, wanted, camera, others, pictures, order, gains, enough, spread):
     """Colors of a surface as other views show it, as one view sees it.
 
     The colors of the views are averaged, each by its weight and by how well it agrees with their
@@ -202,94 +308,137 @@ def compose_plate(  # type: ignore[no-untyped-def]
     camera, others : float64 [16] and [K, 16]: pose row by row, focal, principal point in pixels.
     pictures : uint8 [K, H, W, 4], sRGB and the weight of each pixel: how surely it shows the
         surface.
+    order : int64 [J], the views that are asked, in this order.
     gains : float32 [K, 3], by which the colors of each picture are multiplied.
     enough : Sum of weights after which no more views are asked.
     spread : Difference of colors, in [0, 1], from which on they count as different.
-    scratch : float32 [h, K, 4], overwritten.
-    color, noise, known : float32 [h, w, 3], [h, w] and [h, w], filled: mean color in [0, 1], its
+
+    Returns
+    -------
+    color, noise, known : float32 [h, w, 3], [h, w] and [h, w]: mean color in [0, 1], its
         standard deviation over the views (root of the channels' mean variance), and the sum of
         the weights.
     """
+    height, width = inverse.shape
+    color, noise, known = (np.zeros((height, width, *rest), np.float32)
+                           for rest in ((3,), (), ()))
+    _compose_rows(inverse, wanted, camera, others.astype(np.float32),
+                  np.ascontiguousarray(pictures).view(np.int32)[..., 0], order, gains, enough,
+                  spread, np.empty((height, 64 * len(order) + 80), np.float32), color, noise, known)
+    return color, noise, known
+
+
+@lean
+def _byte(a, b, c, d, shift, right, down):
+    """One byte of four words, between them, in [0, 1]."""
+    mask, scale = np.int32(255), np.float32(1.0 / 255.0)
+    upper = (_floats((a >> shift) & mask) * (_ONE - right)
+             + _floats((b >> shift) & mask) * right)
+    lower = (_floats((c >> shift) & mask) * (_ONE - right)
+             + _floats((d >> shift) & mask) * right)
+    return (upper * (_ONE - down) + lower * down) * scale
+
+
+@shared("inverse")
+@lean_kernel
+def _compose_rows(since, until, inverse, wanted, camera, others, pictures, order, gains, enough,
+                  spread, scratch, color, noise, known):
+    """Fill what `compose_plate` gives, sixteen pixels of a row at a time.
+
+    ``pictures`` int32 [K, H, W]; ``scratch`` float32 [h, 64 J + 80]: of each view red, green, blue
+    and weight, then what comes out, for sixteen pixels each.
+    """
     width = inverse.shape[1]
-    count, high, wide = pictures.shape[0], pictures.shape[1], pictures.shape[2]
-    scale = np.float32(1.0 / 255.0)
+    high, wide = pictures.shape[1], pictures.shape[2]
+    limit = spread * spread
     for y in range(since, until):
         samples = scratch[y]
-        for x in range(width):
-            if wanted[y, x] == 0:
+        out = 64 * len(order)
+        for first in range(0, width, 16):
+            some = False
+            for x in range(first, min(first + 16, width)):
+                some |= wanted[y, x] != 0
+            if not some:
                 continue
-            along = 1.0 / max(np.float64(inverse[y, x]), 1e-6)
-            u = (x + 0.5 - camera[14]) / camera[12] * along
-            v = (y + 0.5 - camera[15]) / camera[13] * along
-            px = camera[0] * u + camera[1] * v + camera[2] * along + camera[3]
-            py = camera[4] * u + camera[5] * v + camera[6] * along + camera[7]
-            pz = camera[8] * u + camera[9] * v + camera[10] * along + camera[11]
-            used, sum_of_weights = 0, np.float32(0.0)
-            for k in range(count):
-                if sum_of_weights >= enough:
+            place = _minimum(_iota() + np.int32(first), np.int32(width - 1))
+            along = _ONE / _maximum(_gather(inverse[y], place), np.float32(1e-6))
+            u = (_floats(place) + np.float32(0.5 - camera[14])) * np.float32(1 / camera[12]) * along
+            v = np.float32((y + 0.5 - camera[15]) / camera[13]) * along
+            px = (u * np.float32(camera[0]) + v * np.float32(camera[1])
+                  + along * np.float32(camera[2]) + np.float32(camera[3]))
+            py = (u * np.float32(camera[4]) + v * np.float32(camera[5])
+                  + along * np.float32(camera[6]) + np.float32(camera[7]))
+            pz = (u * np.float32(camera[8]) + v * np.float32(camera[9])
+                  + along * np.float32(camera[10]) + np.float32(camera[11]))
+            used, weights = 0, _floats(_ZERO)
+            for k in order:
+                lacking = weights < enough
+                if _bits(lacking) == 0:
                     break
-                dx, dy, dz = px - others[k, 3], py - others[k, 7], pz - others[k, 11]
-                far = others[k, 2] * dx + others[k, 6] * dy + others[k, 10] * dz
-                if far <= 1e-6:
+                other = others[k]
+                dx, dy, dz = px - other[3], py - other[7], pz - other[11]
+                far = dx * other[2] + dy * other[6] + dz * other[10]
+                per = _ONE / far
+                column = (dx * other[0] + dy * other[4] + dz * other[8]) * per
+                row = (dx * other[1] + dy * other[5] + dz * other[9]) * per
+                column = column * other[12] + (other[14] - np.float32(0.5))
+                row = row * other[13] + (other[15] - np.float32(0.5))
+                inside = (lacking & (far > np.float32(1e-6)) & (column >= _ZERO) & (row >= _ZERO)
+                          & (column < np.float32(wide - 1)) & (row < np.float32(high - 1)))
+                if _bits(inside) == 0:
                     continue
-                column = (others[k, 0] * dx + others[k, 4] * dy + others[k, 8] * dz) / far
-                row = (others[k, 1] * dx + others[k, 5] * dy + others[k, 9] * dz) / far
-                column = column * others[k, 12] + others[k, 14] - 0.5
-                row = row * others[k, 13] + others[k, 15] - 0.5
-                if not (0.0 <= column < wide - 1 and 0.0 <= row < high - 1):
+                column, row = _where(inside, column, _ZERO), _where(inside, row, _ZERO)
+                left, top = _ints(column), _ints(row)
+                right, down = column - _floats(left), row - _floats(top)
+                at = top * np.int32(wide) + left
+                a, b = _gather(pictures[k], at), _gather(pictures[k], at + np.int32(1))
+                at = at + np.int32(wide)
+                c, d = _gather(pictures[k], at), _gather(pictures[k], at + np.int32(1))
+                weight = _byte(a, b, c, d, np.int32(24), right, down)
+                weight = _where(inside & (weight > np.float32(0.004)), weight, _ZERO)
+                if _bits(weight > _ZERO) == 0:
                     continue
-                left, top = int(column), int(row)
-                a, b = np.float32(column - left), np.float32(row - top)
-                one = np.float32(1.0)
-                for channel in range(4):
-                    upper = (pictures[k, top, left, channel] * (one - a)
-                             + pictures[k, top, left + 1, channel] * a)
-                    lower = (pictures[k, top + 1, left, channel] * (one - a)
-                             + pictures[k, top + 1, left + 1, channel] * a)
-                    samples[used, channel] = (upper * (one - b) + lower * b) * scale
-                if samples[used, 3] > np.float32(0.004):
-                    for channel in range(3):
-                        samples[used, channel] *= gains[k, channel]
-                    sum_of_weights += samples[used, 3]
-                    used += 1
-            red = green = blue = total = variance = np.float32(0.0)
+                for channel in range(3):
+                    value = _byte(a, b, c, d, np.int32(8 * channel), right, down)
+                    _store(samples, np.uintp(64 * used + 16 * channel), value * gains[k, channel])
+                _store(samples, np.uintp(64 * used + 48), weight)
+                weights = weights + weight
+                used += 1
+            red = green = blue = total = variance = _floats(_ZERO)
             for step in range(3):
-                r = g = h = mass = squared = np.float32(0.0)
+                r = g = h = mass = squared = _floats(_ZERO)
                 for k in range(used):
-                    weight = samples[k, 3]
+                    one = _load(samples, np.uintp(64 * k))
+                    two = _load(samples, np.uintp(64 * k + 16))
+                    three = _load(samples, np.uintp(64 * k + 32))
+                    weight = _load(samples, np.uintp(64 * k + 48))
                     if step > 0:
-                        away = ((samples[k, 0] - red) ** 2 + (samples[k, 1] - green) ** 2
-                                + (samples[k, 2] - blue) ** 2)
-                        near = spread * spread / (spread * spread + away)
-                        weight *= near * near
-                        squared += weight * away
-                    r += weight * samples[k, 0]
-                    g += weight * samples[k, 1]
-                    h += weight * samples[k, 2]
-                    mass += weight
-                if mass > np.float32(0.0):
-                    red, green, blue = r / mass, g / mass, h / mass
-                    variance = squared / (np.float32(3.0) * mass)
+                        dr, dg, db = one - red, two - green, three - blue
+                        away = dr * dr + dg * dg + db * db
+                        near = limit / (limit + away)
+                        weight = weight * near * near
+                        squared = squared + weight * away
+                    r, g, h = r + weight * one, g + weight * two, h + weight * three
+                    mass = mass + weight
+                there = mass > _ZERO
+                per = _ONE / _where(there, mass, _ONE)
+                red = _where(there, r * per, red)
+                green = _where(there, g * per, green)
+                blue = _where(there, h * per, blue)
+                variance = _where(there, squared * per * np.float32(1 / 3), variance)
                 total = mass
-            color[y, x, 0], color[y, x, 1], color[y, x, 2] = red, green, blue
-            noise[y, x], known[y, x] = np.sqrt(variance), total
-
-
-@shared("z")
-@lean_kernel
-def carve(since, until, x, y, z, camera, covered, asked, seen, against):
-    """Count, for each point asked about, the view if it shows it, and if it shows it empty."""
-    height, width = covered.shape
-    for k in range(since, until):
-        for j in range(len(y)):
-            for i in range(len(x)):
-                if not asked[k, j, i]:
+            _store(samples, np.uintp(out), red)
+            _store(samples, np.uintp(out + 16), green)
+            _store(samples, np.uintp(out + 32), blue)
+            _store(samples, np.uintp(out + 48), _sqrt(variance))
+            _store(samples, np.uintp(out + 64), total)
+            for x in range(first, min(first + 16, width)):
+                if wanted[y, x] == 0:
                     continue
-                row, column, _ = pixel_of(x[i], y[j], z[k], camera, height, width)
-                if row >= 0:
-                    seen[k, j, i] += 1
-                    if not covered[row, column]:
-                        against[k, j, i] += 1
+                at = out + x - first
+                for channel in range(3):
+                    color[y, x, channel] = samples[at + 16 * channel]
+                noise[y, x], known[y, x] = samples[at + 48], samples[at + 64]
 
 
 @lean_kernel
