@@ -33,7 +33,6 @@ from .transfers import (
     transfer,
 )
 from .video import VideoTransfer
-from .worn.glasses import spectacles
 from .worn.hat import Wear, not_worn
 from .worn.inpainting import bared, without_spectacles
 
@@ -99,7 +98,6 @@ __all__ = [
     "save_skin",
     "shut_eyes",
     "skin_key",
-    "spectacles",
     "suited",
     "surface_position_guide",
     "synthesise",

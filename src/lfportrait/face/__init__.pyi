@@ -1,6 +1,14 @@
 from .capture_head import fit_to_surface
 from .detect import detect_faces, detect_landmarks, detectors_key, face_mesh, face_yaw
 from .face_cameras import capture_from_faces
+from .glasses import (
+    IN_PHOTOS,
+    dark_glasses,
+    drawn_spectacles,
+    find_spectacles,
+    spectacle_lenses,
+    spectacles,
+)
 from .landmarks import (
     GENERIC_LANDMARKS,
     MOST_TURNED,
@@ -17,9 +25,10 @@ from .one_photo.portrait import portrait_capture, portrait_field
 from .segmentation import face_mask, hair_mask, mattes, parts, person_matte
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
-__all__ = ["GENERIC_LANDMARKS", "MOST_TURNED", "PORTRAIT_CONE", "FacePose", "capture_from_faces",
-           "detect_faces", "detect_landmarks", "detectors_key", "face_mask", "face_mesh",
-           "face_pose", "face_yaw", "fit_to_surface", "frontal_order", "generic_depth", "hair_mask",
+__all__ = ["GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "PORTRAIT_CONE", "FacePose",
+           "capture_from_faces", "dark_glasses", "detect_faces", "detect_landmarks",
+           "detectors_key", "drawn_spectacles", "face_mask", "face_mesh", "face_pose", "face_yaw",
+           "find_spectacles", "fit_to_surface", "frontal_order", "generic_depth", "hair_mask",
            "is_portrait", "landmarks_of_capture", "mattes", "parts", "person_matte",
-           "portrait_capture", "portrait_field", "read_landmarks", "symmetric_landmarks",
-           "triangulate", "write_landmarks"]
+           "portrait_capture", "portrait_field", "read_landmarks", "spectacle_lenses",
+           "spectacles", "symmetric_landmarks", "triangulate", "write_landmarks"]

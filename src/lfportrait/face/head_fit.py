@@ -45,9 +45,10 @@ EXPRESSION = 0.35
 OUTLINE = 0.008
 """Deviation of the matte's outline, over the distance of the eyes."""
 ROUNDS = 14
-FOUND, ALIKE = 0.012, 40.0
-"""Deviation of a place that is found again in another photo, over the distance of the eyes; so many
-of them, all together, count as independent."""
+PLACED, SURFACE, ALIKE = 0.006, 0.003, 40.0
+"""Deviation of a place that is found again in another photo, over the distance of the eyes; of the
+head's surface there from the model's, metres; and so many places, all together, count as
+independent."""
 TURNED = 10.0
 """Landmarks and outline of a photo in which places are found are so many times less exact:
 detectors see a turned face as turned less, and its outline is of ears and skull, which modes know
@@ -278,28 +279,33 @@ class _Solver:
                 rows = [self._landmark_rows(index, vertices)]
                 if outlines and self.pictures[index].inside is not None:
                     rows.append(self._outline_rows(index, vertices, normals))
-                rows += [self._found_rows(index, vertices, one) for one in self.found[index]]
                 blocks.append(tuple(np.concatenate(part) for part in zip(*rows, strict=True)))
-            self._step(blocks)
+            self._step(blocks, self._shared_rows())
 
-    def _step(self, blocks: list[tuple[Float64, ...]]) -> None:
+    def _step(self, blocks: list[tuple[Float64, ...]], both: tuple[Float64, Float64]) -> None:
         """One regularised least-squares step of all unknowns."""
         shared, own = len(self.identity), 6 + len(self.prior.expression)
-        size = shared + own * len(blocks)
+        size = self._size()
         normal, right = np.zeros((size, size)), np.zeros(size)
         cost = 0.0
-        for index, (pose, identity, expression, error) in enumerate(blocks):
-            first = shared + own * index
-            rows = np.zeros((len(error), size))
-            rows[:, :shared] = identity
-            rows[:, first:first + 6] = pose
-            rows[:, first + 6:first + own] = expression
+
+        def add(rows: Float64, error: Float64) -> None:
+            nonlocal normal, right, cost
             length = np.abs(error)
             weight = np.minimum(1.0, HUBER / np.maximum(length, 1e-12))
             cost += float(np.where(length < HUBER, length ** 2,
                                    2 * HUBER * length - HUBER ** 2).sum())
             normal += rows.T @ (weight[:, None] * rows)
             right -= rows.T @ (weight * error)
+
+        for index, (pose, identity, expression, error) in enumerate(blocks):
+            first = shared + own * index
+            rows = np.zeros((len(error), size))
+            rows[:, :shared] = identity
+            rows[:, first:first + 6] = pose
+            rows[:, first + 6:first + own] = expression
+            add(rows, error)
+        add(*both)
         at = np.concatenate([self.identity, *(np.concatenate([np.zeros(6), view.expression])
                                               for view in self.views)])
         held = np.concatenate([np.ones(shared), *(np.concatenate(
@@ -354,14 +360,50 @@ class _Solver:
         away = view.project(points) - picture.landmarks[numbers]
         return (*self._rows(index, chosen, points, along), (away * along).sum(axis=1))
 
-    def _found_rows(self, index: int, vertices: Float64, found: Found) -> tuple[Float64, ...]:
-        """Rows of vertices that a photo shows besides landmarks: two each."""
-        view = self.views[index]
-        noise = FOUND * _eyes_of(view, self.prior) * np.sqrt(max(len(found.vertices) / ALIKE, 1.0))
+    def _shared_rows(self) -> tuple[Float64, Float64]:
+        """Rows of places that the first photo and another show: four each, of all unknowns.
+
+        A head's surface is further from the model's than places are inexact in a photo. That moves
+        them in both photos, along lines that the poses give: off these they are a pixel, along
+        them some millimetres.
+        """
+        rows, errors = [np.zeros((0, self._size()))], [np.zeros(0)]
+        pairs = [(other, found) for other in range(1, len(self.views))
+                 for found in self.found[other]]
+        for base, (other, found) in zip(self.found[0], pairs, strict=True):
+            block, lines, away = (np.concatenate(part, axis=1) for part in zip(
+                self._half(0, base), self._half(other, found), strict=True))
+            spread = np.eye(4) + SURFACE ** 2 * lines @ lines.transpose(0, 2, 1)
+            white = np.linalg.inv(np.linalg.cholesky(spread))
+            white /= np.sqrt(max(len(away) / ALIKE, 1.0))
+            rows.append((white @ block).reshape(-1, block.shape[2]))
+            errors.append((white @ away[:, :, None]).ravel())
+        return np.concatenate(rows), np.concatenate(errors)
+
+    def _half(self, index: int, found: Found) -> tuple[Float64, Float64, Float64]:
+        """One photo's part of `_shared_rows`, in deviations of `PLACED`.
+
+        Derivatives [M, 2, unknowns], those by the vertices themselves [M, 2, 3], errors [M, 2].
+        """
+        view, count = self.views[index], len(found.vertices)
+        vertices = self.prior.shape(self.identity, view.expression)
         chosen = np.repeat(found.vertices, 2)
-        along = np.tile(np.eye(2) / noise, (len(found.vertices), 1))
-        away = (view.project(vertices[found.vertices]) - found.places).ravel() / noise
-        return (*self._rows(index, chosen, vertices[chosen], along), away)
+        noise = PLACED * _eyes_of(view, self.prior)
+        along = np.tile(np.eye(2) / noise, (count, 1))
+        pose, identity, expression = self._rows(index, chosen, vertices[chosen], along)
+        shared, own = len(self.identity), 6 + len(self.prior.expression)
+        first = shared + own * index
+        block = np.zeros((2 * count, self._size()))
+        block[:, :shared] = identity
+        block[:, first:first + 6] = pose
+        block[:, first + 6:first + own] = expression
+        away = (view.project(vertices[found.vertices]) - found.places) / noise
+        return (block.reshape(count, 2, -1), (pose[:, 3:] @ view.rotation).reshape(count, 2, 3),
+                away)
+
+    def _size(self) -> int:
+        """The number of unknowns."""
+        return len(self.identity) + (6 + len(self.prior.expression)) * len(self.views)
 
     def _slide_jaw(self, index: int, vertices: Float64, normals: Float64) -> None:
         """For each of the jaw's landmarks the vertex of the present outline that is nearest."""

@@ -198,8 +198,7 @@ def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
     landmarks : float64 [68, 2], pixels.
     name : Of the photo.
     """
-    from ..example import spectacles
-    from ..face import hair_mask, parts
+    from ..face import IN_PHOTOS, dark_glasses, find_spectacles, hair_mask, parts
 
     found = []
     if not models.missing(["hair-segmentation"]):
@@ -216,8 +215,12 @@ def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
         if share > _HAND:
             found.append(f"a hand seems to lie at the face in {name}: it becomes paint on the "
                          "skin; use a photo without it")
-    if spectacles(image, landmarks).any():
-        found.append(f"glasses in {name} become paint on the skin; a photo without them is better")
+    if dark_glasses(image, landmarks):
+        found.append(f"dark glasses hide the eyes in {name}: they become paint on the skin; use a "
+                     "photo without them")
+    elif find_spectacles(image, landmarks, sure=IN_PHOTOS) is not None:
+        found.append(f"the glasses in {name} become wires before the eyes; a photo without them "
+                     "is better")
     return found
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from lfportrait.demo import demo_exemplar, demo_styles
 from lfportrait.example import Exemplar
-from lfportrait.example.worn.glasses import find_spectacles, spectacles
 from lfportrait.face import face_pose
+from lfportrait.face.glasses import find_spectacles, spectacles
 from lfportrait.face.landmarks import MIRRORED
 from modelled_head import painted_exemplar
 from tests.example.worn.drawn_spectacles import KINDS, put_on

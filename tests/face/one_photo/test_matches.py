@@ -5,7 +5,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from lfportrait.face.head_fit import HeadFit, Picture, View, refit
+from lfportrait.face.head_fit import Found, HeadFit, Picture, View, refit
 from lfportrait.face.head_prior import EYES, generic_prior, with_normals
 from lfportrait.face.one_photo.matches import found_again
 
@@ -66,3 +66,23 @@ def test_photos_that_show_nothing_alike_say_nothing():
     fit = HeadFit(prior, np.zeros(len(prior.identity)), views, [0.0, 0.0], 0.0)
     blank = np.full((SIZE, SIZE, 3), 128, np.uint8)
     assert found_again(fit, pictures, [blank, blank]) == [[], []]
+
+
+def test_a_surface_unlike_the_models_turns_no_photo():
+    prior = generic_prior()
+    vertices = prior.shape(np.zeros(0), np.zeros(0)).astype(float)
+    face = np.flatnonzero((vertices[:, 2] > np.quantile(vertices[:, 2], 0.7))
+                          & (prior.part != EYES))
+    chosen = np.sort(np.random.default_rng(0).choice(face, 120, replace=False))
+    # A chin that recedes, which no mode has: from the front nothing of it is seen.
+    true = vertices.copy()
+    true[:, 2] += 0.15 * (true[:, 1] - true[chosen, 1].mean())
+    views = [_view(0.0), _view(40.0)]
+    places = [view.project(true) for view in views]
+    pictures = [Picture((SIZE, SIZE), shown[prior.landmarks], FOCAL) for shown in places]
+    fit = HeadFit(prior, np.zeros(len(prior.identity)), views, [0.0, 0.0], 0.0)
+    first, other = (Found(chosen, shown[chosen]) for shown in places)
+    again = refit(fit, pictures, [[first], [other]], rounds=8)
+    turn = again.views[1].rotation @ again.views[0].rotation.T
+    away = Rotation.from_matrix(turn @ (views[1].rotation @ views[0].rotation.T).T)
+    assert np.degrees(away.magnitude()) < 1.5

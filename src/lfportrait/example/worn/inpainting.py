@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
+from ...face import drawn_spectacles, find_spectacles, spectacle_lenses
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import broad_blur, dilated, grey
@@ -24,7 +25,6 @@ from ..painter.materials import ExemplarMaterials, main_material, nearest_of_mat
 from ..painter.patch_painter import PatchPainter, PatchRequest, PhotoAtlas
 from ..painter.picture_materials import FEATURES, SKIN
 from ..patches import PatchSearch
-from .glasses import drawn, find_spectacles, lenses
 from .hat import HIDES, covered_forehead
 
 MOST = 0.8
@@ -94,8 +94,8 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
             return {}
         height = FaceFrame.of(points).height
         # Strong rims shine and shade within themselves: a nose between them stays.
-        lines = drawn(worn, shape, min(worn.width, worn.unsure)) > RIM
-        behind = lenses(worn, shape, points) > 0
+        lines = drawn_spectacles(worn, shape, min(worn.width, worn.unsure)) > RIM
+        behind = spectacle_lenses(worn, shape, points) > 0
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
         # Beside an eye or a brow that the rims cross, its own paint is worth more.
         features = dilated(_drawn_features(points, shape), BROW * height)

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from ...field import VoxelField
 from ...measure import usable_cores
-from .solid import HEAD, Solid, scalp
+from .solid import HEAD, WORN, Solid, scalp
+from .wires import Wires
 
 __all__ = ["Shell", "shell_of"]
 
@@ -36,24 +37,25 @@ class Shell:
     links : int32 [Z, Y, X], rows of the points.
     points : float64 [N, 3].
     away : float64 [N], signed distances, positive outside.
-    owner : uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`).
+    owner : uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`, `WORN`).
     normals : float64 [N, 3], outward.
     scalp : bool [N], what belongs to the head and lies where hair grows.
     center, radius : Of the lattice's box.
     voxel : Distance of points.
     """
 
-    def __init__(self, solid: Solid, voxel: float) -> None:
+    def __init__(self, solid: Solid, voxel: float, wires: Wires | None = None) -> None:
         self.voxel = voxel
+        distance = _Distance(solid, wires, voxel)
         step = COARSE * voxel
         half = np.ceil(REACH / step).astype(int)
-        first, distance = _coarse(solid, half, step)
-        first, distance = _cropped(first, distance, step)
-        self._fill(solid, *_finer(solid, first, distance, step))
+        first, coarse = _coarse(distance, half, step)
+        first, coarse = _cropped(first, coarse, step)
+        self._fill(distance, *_finer(distance, first, coarse, step))
         self.scalp = self.owner == HEAD
         self.scalp[self.scalp] = scalp(solid.head.at_rest(self.on[self.scalp]))
 
-    def _fill(self, solid: Solid, first: Float64, middle: Float32) -> None:
+    def _fill(self, distance: _Distance, first: Float64, middle: Float32) -> None:
         """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``."""
         voxel = self.voxel
         rough = _doubled(middle)
@@ -63,7 +65,7 @@ class Shell:
         away = rough[z, y, x].astype(np.float64)
         # The surface itself exactly, what lies around it between the coarser lattice's points.
         close = np.abs(away) < CLOSE * voxel
-        away[close], owner = solid.distance(points[close], 2 * CLOSE * voxel)
+        away[close], owner = distance(points[close], 2 * CLOSE * voxel)
         away[close] = np.clip(away[close], -2 * CLOSE * voxel, 2 * CLOSE * voxel)
         rough[z, y, x] = away
         # Where distances jump the shell is closed all the same.
@@ -101,17 +103,34 @@ class Shell:
         return VoxelField(self.links, density.astype(np.float32), sh, self.center, self.radius)
 
 
-def _coarse(solid: Solid, half: NDArray[np.int64], step: float) -> tuple[Float64, Float32]:
+class _Distance:
+    """Signed distances of points from a solid and what it wears, on a lattice."""
+
+    def __init__(self, solid: Solid, wires: Wires | None, voxel: float) -> None:
+        self.solid, self.wires, self.voxel = solid, wires, voxel
+
+    def __call__(self, points: Float64, reach: float, near: NDArray[np.bool_] | None = None,
+                 ) -> tuple[Float64, NDArray[np.uint8]]:
+        """As `Solid.distance`."""
+        out, owner = self.solid.distance(points, reach, near)
+        if self.wires is not None:
+            away = self.wires.distance(points, reach, self.voxel)
+            owner[away < out] = WORN
+            out = np.minimum(out, away)
+        return out, owner
+
+
+def _coarse(distance: _Distance, half: NDArray[np.int64], step: float) -> tuple[Float64, Float32]:
     """First point of a coarse lattice, and signed distances [z, y, x], clipped at three steps."""
     axes = [(np.arange(2 * count + 1) - count) * step for count in half]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).transpose(2, 1, 0, 3)
     shape = grid.shape[:3]
     near = np.zeros(shape, bool)
-    cell = np.rint(solid.head.points / step).astype(np.int64) + half
+    cell = np.rint(distance.solid.head.points / step).astype(np.int64) + half
     cell = np.clip(cell, 0, 2 * half)
     near[cell[:, 2], cell[:, 1], cell[:, 0]] = True
     near = ndimage.binary_dilation(near, np.ones((3, 3, 3)), iterations=2)
-    found, _ = solid.distance(grid.reshape(-1, 3), 3 * step, near.ravel())
+    found, _ = distance(grid.reshape(-1, 3), 3 * step, near.ravel())
     out = np.clip(found, -3 * step, 3 * step).reshape(shape)
     # Deep within the head no sample is near: all that free space does not reach is inside.
     free, _ = ndimage.label(out > 0)
@@ -128,13 +147,13 @@ def _cropped(first: Float64, distance: Float32, step: float) -> tuple[Float64, F
     return first + step * low[::-1], np.ascontiguousarray(part)
 
 
-def _finer(solid: Solid, first: Float64, distance: Float32, step: float,
+def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
            ) -> tuple[Float64, Float32]:
     """The same with half the step, exact near the surface."""
-    out = _doubled(distance)
+    out = _doubled(coarse)
     z, y, x = np.nonzero(np.abs(out) < 1.75 * step)
     points = first + 0.5 * step * np.stack([x, y, z], axis=1)
-    found, _ = solid.distance(points, 2 * step)
+    found, _ = distance(points, 2 * step)
     old = out[z, y, x]
     out[z, y, x] = np.where(np.isfinite(found), np.clip(found, -3 * step, 3 * step), old)
     return first, out
@@ -176,6 +195,6 @@ def _gradients(distance: Float32, z: NDArray[np.int64], y: NDArray[np.int64],
     return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-9)[:, None])
 
 
-def shell_of(solid: Solid, points: int) -> Shell:
-    """The shell of a solid on a lattice of ``points`` points to two units."""
-    return Shell(solid, 2.0 / points)
+def shell_of(solid: Solid, points: int, wires: Wires | None = None) -> Shell:
+    """The shell of a solid and what it wears on a lattice of ``points`` points to two units."""
+    return Shell(solid, 2.0 / points, wires)

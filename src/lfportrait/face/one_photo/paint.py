@@ -19,7 +19,7 @@ from ...capture import Camera
 from ...field import C0
 from .lattice import Shell
 from .parts import Parts
-from .solid import HAIR
+from .solid import HAIR, WORN
 
 __all__ = ["Shot", "painted"]
 
@@ -131,6 +131,7 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
     """Coefficients [N, 3, 1] of a shell's points; the first shot's light is everybody's."""
     points, normals = shell.on, shell.normals
     bare = shell.field(np.zeros((len(points), 3, 1), np.float32))
+    bare.density[shell.owner == WORN] = 0.0  # the photos are without it
     own, other = _Mean(len(points)), _Mean(len(points))
     mirror = np.array([-1.0, 1.0, 1.0])
     for shot in shots:

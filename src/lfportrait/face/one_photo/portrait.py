@@ -21,7 +21,7 @@ from ...capture import (
     some_depth,
 )
 from ...errors import UserError
-from ...field import ReconstructConfig, VoxelField, lattice_points
+from ...field import C0, ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..detect import detect_faces, face_yaw
@@ -35,8 +35,9 @@ from .matches import found_again
 from .paint import Shot, painted
 from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
 from .samples import MeshSamples, depth_maps
-from .solid import METRES, solid_of
+from .solid import METRES, WORN, solid_of
 from .warp import warped_together
+from .wires import Wires, wires_of, without_wires
 
 __all__ = ["portrait_capture", "portrait_field"]
 
@@ -241,22 +242,24 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     note("hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
+    wires, images = _bare(capture, fit, pictures, local, samples)
     shots = [Shot.of(capture.cameras[view],
-                     clean_colors(capture.images[view], capture.alphas[view] / np.float32(255)),
+                     clean_colors(images[view], capture.alphas[view] / np.float32(255)),
                      pictures[view].hair) for view in range(len(capture))]
     seconds = 0.0
     if points > ROUGH:
         looked = time.perf_counter()
-        rough = functools.cache(lambda: _colored(capture, shell_of(solid, ROUGH), shots))
+        rough = functools.cache(
+            lambda: _colored(capture, shell_of(solid, ROUGH, wires), shots, wires))
         if progress is not None:
             progress.show(rough, at_once=True)
         if look is not None:
             look(rough)
         seconds = time.perf_counter() - looked
     note("lattice")
-    shell = shell_of(solid, points)
+    shell = shell_of(solid, points, wires)
     note("colors")
-    field = _colored(capture, shell, shots)
+    field = _colored(capture, shell, shots, wires)
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
                "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
@@ -267,9 +270,32 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     return field, figures
 
 
-def _colored(capture: Capture, shell: Shell, shots: list[Shot]) -> VoxelField:
+def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,
+          samples: MeshSamples) -> tuple[Wires | None, list[NDArray[np.uint8]]]:
+    """The spectacles that the first photo shows, and the photos without any."""
+    wires, images = None, []
+    for view, picture in enumerate(pictures):
+        shown = bare = _shown(capture, view)
+        if view:
+            bare = without_wires(shown, picture.landmarks)
+        else:
+            found = wires_of(shown, picture.landmarks, fit.prior, fit.views[0], local,
+                             capture.frame, samples)
+            if found is not None:
+                wires, bare = found
+        same = (bare == shown).all(axis=-1, keepdims=True)
+        images.append(np.where(same, capture.images[view], bare))
+    return wires, images
+
+
+def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | None,
+             ) -> VoxelField:
     """A shell in its colors, as a field."""
-    field = shell.field(painted(shell, shots))
+    sh = painted(shell, shots)
+    if wires is not None:
+        worn = shell.owner == WORN
+        sh[worn, :, 0] = (wires.colors_at(shell.points[worn]) - 0.5) / C0
+    field = shell.field(sh)
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
     return field
 

@@ -21,12 +21,12 @@ from .parts import Parts
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
 
-__all__ = ["BODY", "HAIR", "HEAD", "Piece", "Solid", "scalp", "solid_of"]
+__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Piece", "Solid", "scalp", "solid_of"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-HEAD, HAIR, BODY = range(3)
+HEAD, HAIR, BODY, WORN = range(4)
 """What a place of the surface belongs to."""
 METRES = 0.207
 """Of a unit of the portrait frame."""

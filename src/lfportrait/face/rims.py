@@ -19,9 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, UInt8
-from ...face import FacePose
-from ..guides.filters import disk
+from ..arrays import Bool, Float32, Float64, UInt8
+from .landmarks import FacePose
 
 UNIT = 200.0
 """Pixels a unit of the generic head, whose eyes are 0.36 apart: a rim is 2 to 6 pixels wide."""
@@ -105,7 +104,8 @@ def upright(image: UInt8, landmarks: Float64, pose: FacePose) -> UprightFace:
     points = landmarks @ turn.T + matrix[:, 2]
     for one in (points[36:42], points[42:48]):
         cv2.fillPoly(eyes, [np.round(one * 16).astype(np.int32)], 1, shift=4)
-    near = cv2.dilate(eyes, disk(LIDS * UNIT))
+    side = 2 * round(LIDS * UNIT) + 1
+    near = cv2.dilate(eyes, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
     return UprightFace(pose, rotation, matrix, np.asarray(grey, np.float32), near > 0,
                        np.stack([points[36:42].mean(axis=0), points[42:48].mean(axis=0)]))
 

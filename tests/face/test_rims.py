@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfportrait.example.worn.rims import STIFF, ways
+from lfportrait.face.rims import STIFF, ways
 
 
 def plain(gain):
