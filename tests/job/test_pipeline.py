@@ -32,8 +32,8 @@ from tests.job.forking import Forker
 PANEL = Display(128, 96, views=16, pitch=7.3, slant=0.15, cone=40, quilt=(3, 2),
                 quilt_size=(192, 128), name="tiny")
 CONFIG = MakeConfig(
-    reconstruct=ReconstructConfig(resolutions=(24, 48), rays=(0.03, 0.06), batch=(1024,),
-                                  sh_degree=0),
+    # With as many coefficients as usual: rows of another width have kernels of their own.
+    reconstruct=ReconstructConfig(resolutions=(24, 48), rays=(0.03, 0.06), batch=(1024,)),
     stylize=StylizeConfig(pixels=48.0, fit_iterations=2, steps=2, content_network="embedded",
                           style_network="embedded"),
     sweep_size=48)

@@ -21,7 +21,6 @@ from lfportrait.simd.host import compiling_progress, watched_compilations
 # What a small job compiles in its own process although all stages were compiled ahead.
 JOB = """
 import sys
-from dataclasses import replace
 from pathlib import Path
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.job import MakeConfig, Warmup, make
@@ -30,8 +29,6 @@ from lfportrait.lightfield import Display
 from tests.job.test_pipeline import CONFIG
 
 out, seen = Path(sys.argv[1]), []
-# With as many coefficients as usual: rows of another width have kernels of their own.
-CONFIG = replace(CONFIG, reconstruct=replace(CONFIG.reconstruct, sh_degree=2))
 with Warmup(("transfer", "reconstruct", "stylize", "encode")) as warmup:
     warmup.wait(("transfer", "reconstruct", "stylize", "encode"))
 with watched_compilations(seen.append):

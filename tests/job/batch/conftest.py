@@ -24,7 +24,6 @@ sweep_size = 48
 resolutions = [16, 32]
 rays = [0.04, 0.08]
 batch = [1024]
-sh_degree = 0
 [defaults.stylize]
 pixels = 48.0
 fit_iterations = 1
