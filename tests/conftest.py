@@ -35,8 +35,12 @@ gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """From now on garbage is looked for, among what tests make."""
+    """From now on garbage is looked for, among what tests make.
+
+    More seldom than by default: Numba compiles two hundred functions here, and makes little.
+    """
     gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
     gc.enable()
 
 
