@@ -35,8 +35,12 @@ gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """From now on garbage is looked for, among what tests make."""
+    """From now on garbage is looked for, among what tests make.
+
+    More seldom than by default: Numba compiles two hundred functions here, and makes little.
+    """
     gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
     gc.enable()
 
 
@@ -89,6 +93,30 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         slow = [item for item in items if item.get_closest_marker("slow")]
         items[:] = [item for item in items if not item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=slow)
+
+
+TOGETHER = ("studio/web/", "lfportrait_eval/study/"), ("share/page/",)
+"""Folders whose files one process runs, as they share what starts slowly: a browser, a studio."""
+
+
+def scope_of(nodeid: str) -> str:
+    """Tests of one scope run one after the other in one process: a file's, or folders'."""
+    name = file_of(nodeid)
+    return next((folders[0] for folders in TOGETHER if name.startswith(folders)), name)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
+    """xdist's own for files, but for those that go together."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return scope_of(nodeid)
+
+    return Scheduling(config, log)
 
 
 class Clock:

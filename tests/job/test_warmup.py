@@ -1,4 +1,4 @@
-"""Kernels compiled ahead: told as they come, found again, and all that a job needs."""
+"""Kernels compiled ahead: told as they come, and found again."""
 
 import subprocess
 import sys
@@ -18,39 +18,12 @@ from lfportrait.job.warmup import (
 )
 from lfportrait.simd.host import compiling_progress, watched_compilations
 
-# What a small job compiles in its own process although all stages were compiled ahead.
-JOB = """
-import sys
-from dataclasses import replace
-from pathlib import Path
-from lfportrait.demo import demo_capture, demo_exemplar
-from lfportrait.job import MakeConfig, Warmup, make
-from lfportrait.simd.host import watched_compilations
-from lfportrait.lightfield import Display
-from tests.job.test_pipeline import CONFIG
-
-out, seen = Path(sys.argv[1]), []
-# With as many coefficients as usual: rows of another width have kernels of their own.
-CONFIG = replace(CONFIG, reconstruct=replace(CONFIG.reconstruct, sh_degree=2))
-with Warmup(("transfer", "reconstruct", "stylize", "encode")) as warmup:
-    warmup.wait(("transfer", "reconstruct", "stylize", "encode"))
-with watched_compilations(seen.append):
-    make(demo_capture(size=48, views=10), demo_exemplar(width=120, height=160), out,
-         Display(64, 48, views=6, pitch=7.3, slant=0.1), CONFIG, offline=True)
-print(*seen)
-"""
-
 ONE = "import sys; from lfportrait.job.warmup import run_stage; run_stage('encode')"
 
 
 def run(script, *arguments):
     return subprocess.run([sys.executable, "-c", script, *arguments], check=True, text=True,
                           stdout=subprocess.PIPE).stdout.split()
-
-
-@pytest.mark.timeout(900)  # run alone, in a fresh clone, it compiles all stages
-def test_a_job_compiles_nothing_that_was_not_compiled_ahead(tmp_path):
-    assert run(JOB, str(tmp_path / "out")) == []
 
 
 def test_the_second_run_compiles_nothing():

@@ -32,7 +32,7 @@ SMALL = replace(CONFIG, stylize=replace(CONFIG.stylize, steps=0))
 
 PARAMETERS = {
     "reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.03, 0.06],
-    "reconstruct.batch": [1024], "reconstruct.sh_degree": 0, "stylize.pixels": 48.0,
+    "reconstruct.batch": [1024], "stylize.pixels": 48.0,
     "stylize.fit_iterations": 2, "stylize.steps": 0, "stylize.content_network": "embedded",
     "stylize.style_network": "embedded", "sweep_size": 48}
 

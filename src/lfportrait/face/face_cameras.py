@@ -18,7 +18,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy import sparse
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from ..arrays import Float64, Int64, UInt8
@@ -164,6 +163,8 @@ def _up(capture: Capture, view: int) -> Float64:
 def _fitted(observed: list[Float64], sizes: list[tuple[int, int]], focals: list[float | None],
             lenses: list[int], photos: list[int]) -> tuple[FaceCameras, Float64]:
     """Cameras of all photos, and the error of each."""
+    from scipy.optimize import least_squares
+
     seen = np.stack(observed)
     extent = np.linalg.norm(np.ptp(seen[:, 17:], axis=1), axis=1)
     center = np.array(sizes, np.float64) / 2

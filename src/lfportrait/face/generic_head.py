@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator
 
 from ..arrays import Float64, Int32, Int64, UInt8
 from .landmarks import MIRRORED
@@ -115,6 +114,8 @@ def generic_surface() -> tuple[Float64, Int32, Int64, UInt8]:
 
 def _chart_points() -> Float64:
     """Rings of vertices [V, U, 3], metres: the bust, drawn to the places."""
+    from scipy.interpolate import RBFInterpolator
+
     from ..field.geometry import bust_chart, bust_distance
 
     chart = bust_chart(CELL, lowest=LOWEST)

@@ -24,7 +24,6 @@ sweep_size = 48
 resolutions = [16, 32]
 rays = [0.04, 0.08]
 batch = [1024]
-sh_degree = 0
 [defaults.stylize]
 pixels = 48.0
 fit_iterations = 1
@@ -35,8 +34,10 @@ style_network = "embedded"
 [[sitter]]
 photos = "sittings/*"
 
+# Without refinement: a process that paints nothing else does not import torch.
 [[style]]
 painting = "ken.png"
+stylize.steps = 0
 [[style]]
 painting = "chalk.png"
 

@@ -65,15 +65,16 @@ def test_each_stage_is_done_once_and_all_files_are_there(made):
 
 
 def test_the_files_are_those_of_make(made, studio, tmp_path, one_thread):
-    config = load_jobs(studio / "jobs.toml").parameters("anna", "ken", "desk")
-    make(studio / "sittings" / "anna", studio / "ken.png", tmp_path / "out", studio / "tiny.toml",
+    config = load_jobs(studio / "jobs.toml").parameters("anna", "chalk", "desk")
+    make(studio / "sittings" / "anna", studio / "chalk.png", tmp_path / "out", studio / "tiny.toml",
          config)
-    for one, other in (("field.npz", "field.npz"), ("styled.npz", "ken/styled.npz"),
-                       ("lightfield.png", "ken/desk.png"), ("portrait.html", "ken/portrait.html")):
+    for one, other in (("field.npz", "field.npz"), ("styled.npz", "chalk/styled.npz"),
+                       ("lightfield.png", "chalk/desk.png"),
+                       ("portrait.html", "chalk/portrait.html")):
         assert (tmp_path / "out" / one).read_bytes() == (
             made[0] / "anna" / other).read_bytes(), one
     keys = [json.loads(path.read_text())["key"] for path in (
-        tmp_path / "out/.stages/encode.json", made[0] / "anna/ken/.stages/display-desk.json")]
+        tmp_path / "out/.stages/encode.json", made[0] / "anna/chalk/.stages/display-desk.json")]
     assert keys[0] == keys[1]
 
 

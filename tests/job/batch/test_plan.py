@@ -50,7 +50,8 @@ def test_one_capture_field_and_skin_serve_all_styles(studio, jobs_text):
 @pytest.mark.parametrize("old, new, stages", [
     ('steps = 1', 'steps = 2', {"stylize", "encode", "page"}),
     ('encode.size = 0.6', 'encode.size = 0.7', {"encode"}),
-    ('sh_degree = 0', 'sh_degree = 1', set(STAGES) - {"capture", "sweep", "share"}),
+    ('[defaults.reconstruct]', '[defaults.reconstruct]\nsh_degree = 1',
+     set(STAGES) - {"capture", "sweep", "share"}),
     ('[defaults]', '[defaults]\npage.title = "She"', {"page"}),
     ('pixels = 48.0', 'pixels = 40.0', {"skin", "stylize", "encode", "page"})])
 def test_a_change_redoes_what_depends_on_it(studio, jobs_text, old, new, stages):

@@ -265,10 +265,13 @@ def studio(running, opened_once) -> Studio:
 
 
 @pytest.fixture(scope="module")
-def opened_here(opened_once, studio) -> Opened:
+def opened_here(opened_once, studio) -> Iterator[Opened]:
     """The page, for all tests of a file."""
     opened_once.again()
-    return opened_once
+    yield opened_once
+    # Where it is left on a portrait, or with a dialog, it draws on and on: that took half a core
+    # from all tests that came after.
+    opened_once.again()
 
 
 @pytest.fixture

@@ -41,6 +41,7 @@ def test_the_same_screen_in_the_panels_window_is_pixel_for_pixel(opened):
     }""")
     assert shown == [0, 0, 0]
     assert "full screen" in panel.inner_text("#note")
+    panel.close()
 
 
 def drafted(opened, **more):

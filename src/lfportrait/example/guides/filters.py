@@ -119,7 +119,9 @@ class Distribution:
             values = np.ascontiguousarray(values, np.float32).reshape(1, -1)
             inside = np.ones(values.shape, np.float32)
         counts = np.zeros((8, bins), np.int64)
-        count_values(values, np.asarray(inside, np.float32), np.float32(0.5), np.float32(1), counts)
+        # What may not be written has a kernel of its own, which is not compiled ahead.
+        inside = np.require(inside, np.float32, ["C", "W"])
+        count_values(values, inside, np.float32(0.5), np.float32(1), counts)
         total = counts.sum(axis=0)
         if total.sum() == 0:
             return Distribution.of(values, None, bins)

@@ -13,7 +13,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import LinearNDInterpolator
 
 from ..head_fit import Found, HeadFit, Picture
 from ..head_prior import EYES, SOCKETS, with_normals
@@ -65,6 +64,8 @@ def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> l
 def _matched(fit: HeadFit, pictures: list[Picture], images: list[Bytes], other: int,
              ) -> tuple[NDArray[np.int64], Float64, Float64] | None:
     """Vertices [M] and their places [M, 2] in the first photo and in another one."""
+    from scipy.interpolate import LinearNDInterpolator
+
     seen = _seen(fit, pictures, 0) & _seen(fit, pictures, other)
     if seen.sum() < 100:
         return None

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.interpolate import RBFInterpolator
 
 from ..head_fit import (
     Found,
@@ -125,6 +124,8 @@ def _neighbors(prior: HeadPrior) -> sparse.csr_array:
 def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
            found: Sequence[Found] = ()) -> Float64:
     """How far vertices [N, 3] are to move in a photo, pixels [N, 2]."""
+    from scipy.interpolate import RBFInterpolator
+
     seen = view.project(vertices)
     landmarks = prior.vertices_seen(picture.landmarks)
     normals = with_normals(vertices, prior.triangles)

@@ -29,7 +29,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from scipy import ndimage
-from scipy.interpolate import RBFInterpolator
 
 from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
@@ -372,6 +371,8 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
 
     Between the landmarks the face is interpolated in depth.
     """
+    from scipy.interpolate import RBFInterpolator
+
     points = landmarks[np.isfinite(landmarks).all(axis=1)]
     depth = RBFInterpolator(points[:, :2], points[:, 2], kernel="linear", smoothing=1e-4)
     outline = cv2.convexHull((1000 * points[:, :2]).astype(np.float32))
