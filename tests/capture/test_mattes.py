@@ -48,6 +48,7 @@ def test_counted_votes_agree_with_their_plain_twin(seed: int) -> None:
                              width=17, height=13, focal=11.0)
     covered = [random.random((13, 17)) < 0.6 for _ in range(count)]
     first, spacing = np.array([-1.0, -0.9, -1.1]), np.array([0.23, 0.1, 0.15])
+    packed = [np.packbits(picture, bitorder="little") for picture in covered]
     rows, shapes = rows_of(cameras), np.full((count, 2), [13, 17])
     z, y, x = np.meshgrid(*[np.arange(side) for side in size], indexing="ij")
     points = first + spacing * np.stack([x, y, z], -1).reshape(-1, 3)
@@ -56,7 +57,7 @@ def test_counted_votes_agree_with_their_plain_twin(seed: int) -> None:
         shown, v, u = voting.inside(row, points, 13, 17)
         seen[shown] += 1
         against[shown] += ~picture[v, u]
-    found = [part.ravel() for part in count_votes(rows, covered, shapes, first, spacing, size,
+    found = [part.ravel() for part in count_votes(rows, packed, shapes, first, spacing, size,
                                                   np.inf, None)]
     # A point on the border of two pixels may be in either.
     assert np.count_nonzero((found[0] != seen) | (found[1] != against)) <= 2
@@ -65,7 +66,7 @@ def test_counted_votes_agree_with_their_plain_twin(seed: int) -> None:
     assert np.array_equal(alone.ravel(), found[0])
     # With a limit only points are given up that would be found above it.
     asked = random.random(size) < 0.1
-    few = [part[asked] for part in count_votes(rows, covered, shapes, first, spacing, size, 1.0,
+    few = [part[asked] for part in count_votes(rows, packed, shapes, first, spacing, size, 1.0,
                                                asked)]
     whole = [part.reshape(size)[asked] for part in found]
     assert np.array_equal(few[1] > 1, whole[1] > 1)

@@ -110,14 +110,14 @@ def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, 
 
 
 def count_votes(  # type: ignore[no-untyped-def]
-        cameras, covered, shapes, first, spacing, size, limit, asked):
+        cameras, packed, shapes, first, spacing, size, limit, asked):
     """How many views have each point of a lattice in the picture, and how many show it empty.
 
     Parameters
     ----------
     cameras : float64 [V, 16], a row a view: pose (camera-to-world, three rows), focal, center.
-    covered : V pictures, bool [H, W], false where there is nothing; or none at all: all are
-        empty.
+    packed : V pictures, uint8 each, the bits of bool [H, W] in scan order, lowest first; false is
+        nothing. Or none at all: then all are empty.
     shapes : int64 [V, 2], height and width of each picture.
     first, spacing : float64 [3] each (x, y, z), the first point and the steps.
     size : Points along z, y and x.
@@ -130,7 +130,6 @@ def count_votes(  # type: ignore[no-untyped-def]
     """
     deep, high, across = size
     wide = (across + 15) // 16 * 16
-    packed = [np.packbits(picture, bitorder="little") for picture in covered]
     # Each picture begins with a word of 32 pixels.
     starts = np.cumsum([0] + [-(-len(bits) // 4) for bits in packed])
     words = np.zeros(max(1, int(starts[-1])), np.int32)

@@ -14,7 +14,7 @@ nearly all views see the person is filled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
@@ -310,7 +310,7 @@ def views_share(cameras: Camera, reach: float, size: int) -> Float64:
     return np.asarray(seen / np.float64(len(cameras)))
 
 
-def lattice_votes(cameras: Camera, covered: Sequence[Bool] | None, center: Float64,
+def lattice_votes(cameras: Camera, covered: Callable[[int], Bool] | None, center: Float64,
                   radius: Float64, size: tuple[int, ...], limit: float = np.inf,
                   asked: Bool | None = None) -> tuple[Float32, Float32]:
     """How many views have each point of a lattice in the picture, and how many show it empty.
@@ -318,8 +318,8 @@ def lattice_votes(cameras: Camera, covered: Sequence[Bool] | None, center: Float
     Parameters
     ----------
     cameras : V views.
-    covered : Bool [H, W] for each, of its camera's size, false where there is nothing; None
-        where only ``seen`` is asked.
+    covered : Gives a view's picture, bool [H, W], of its camera's size, false where there is
+        nothing; None where only ``seen`` is asked.
     center, radius : The box of the lattice, float64 [3] each (x, y, z), whose points are its
         cells' middles.
     size : Points along z, y and x.
@@ -333,11 +333,20 @@ def lattice_votes(cameras: Camera, covered: Sequence[Bool] | None, center: Float
     # Neighbouring views err alike; in scattered order an empty point is found out sooner.
     order = np.argsort((np.arange(len(cameras)) * 0.6180339887) % 1.0, kind="stable")
     spacing = 2.0 * np.asarray(radius, np.float64) / np.array(size[::-1])
+    sizes = [(int(height), int(width)) for height, width in zip(cameras.height, cameras.width)]
+
+    def packed(view: int) -> UInt8:  # a bit a pixel: all pictures are there at once
+        assert covered is not None
+        picture = covered(view)
+        if picture.shape != sizes[view]:
+            raise ValueError(f"the picture of view {view} has another size than its camera")
+        return np.packbits(picture, bitorder="little")
+
     seen, against = count_votes(
         np.stack([cameras.row(view) for view in order]),
-        [] if covered is None else [covered[view] for view in order],
-        np.stack([cameras.height, cameras.width], 1)[order], center - radius + 0.5 * spacing,
-        spacing, size, limit, asked)
+        [] if covered is None else side_by_side(packed, order.tolist()),
+        np.array([sizes[view] for view in order]), center - radius + 0.5 * spacing, spacing, size,
+        limit, asked)
     return np.asarray(seen), np.asarray(against)
 
 

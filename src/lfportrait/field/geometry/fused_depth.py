@@ -141,6 +141,8 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
     solid : The object, or None if nothing of known depth is near the origin, or if most mattes
         see no person in what is.
     """
+    if not maps:
+        return None
     spacing = 2.0 * REACH / _SIZE
     axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)
     depths, sizes = stacked([np.nan_to_num(item.depth, posinf=0.0) for item in maps])

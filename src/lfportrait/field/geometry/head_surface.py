@@ -455,6 +455,8 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
 
     def through_space(first: int) -> None:
         since = max(first - more, 0)
+        if outside[since:first + _SLAB + more].all():
+            return
         out = ndimage.distance_transform_edt(outside[since:first + _SLAB + more], spacing)
         own, here = np.s_[first - since:first - since + _SLAB], np.s_[first:first + _SLAB]
         np.minimum(along[near][here], out[own].astype(np.float32), out=along[near][here],

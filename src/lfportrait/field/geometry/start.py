@@ -11,7 +11,6 @@ import numpy as np
 from ...arrays import Bool, Float32, Float64, Int64, UInt8
 from ...capture import Camera, Capture, lattice_votes
 from ...errors import UserError
-from ...simd.threads import side_by_side
 from ..background import Background
 from ..config import Settings
 from ..training.lattice import Lattice, box_shape
@@ -38,8 +37,7 @@ def _votes(cameras: Camera, alphas: Sequence[UInt8], shape: tuple[int, ...], cen
         near = cv2.dilate(alphas[view], np.ones((2 * reach + 1,) * 2, np.uint8))
         return np.asarray(near > least)
 
-    pictures = side_by_side(covered, range(len(alphas)))
-    return lattice_votes(cameras, pictures, center, radius, shape, limit, asked)
+    return lattice_votes(cameras, covered, center, radius, shape, limit, asked)
 
 
 def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int], center: Float64,

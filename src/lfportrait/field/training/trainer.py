@@ -47,8 +47,6 @@ log(1 + 2 sigma^2) on the samples, which is not used."""
 _SAVE_EVERY = 60.0
 """Seconds after which the state is written, which takes one or two: what is lost at most if a
 training is interrupted."""
-_RAYS_SEEN = 60
-"""So many rays times the square of the resolution meet all points that photos see."""
 _SHOWN = 96
 """Lattice points to two world units of a level that is good enough for a look; the last level but
 one is so in any case."""
@@ -334,15 +332,12 @@ class Trainer:
                          LAMBDA_SPARSITY, config.lambda_distortion, 0.0, config.near_clip])
 
     def _largest_weights(self) -> Float32:
-        """The largest weight of each row on an eighth of the training tiles, or fewer if enough."""
+        """The largest weight of each row on an eighth of the training tiles."""
         assert self.lattice is not None
-        # A surface has a few resolution^2 points. Those of a coarse lattice are many pixels wide.
-        resolution = self.config.resolutions[max(self.level - 1, 0)]
-        every = max(8, min(16 * len(self.data.tiles) // (_RAYS_SEEN * resolution ** 2), 32))
         # Behind a transmittance of ``prune`` no weight is larger than that: a ray may end there.
         options = self.options()
         options[2] = self.config.prune
-        tiles = self.data.tiles[self.level % every::every]
+        tiles = self.data.tiles[self.level % 8::8]
         if self.process is not None and fits_gpu(self.lattice):
             try:
                 return largest_on_gpu(self.process, self.lattice, self.data, tiles, self.scale,
