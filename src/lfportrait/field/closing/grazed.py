@@ -22,9 +22,12 @@ from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from .fitted_head import Ears
+from .photos import Photos
 
 SQUARELY = 0.3
 """Cosine to the photos that see a place best from which on their colors stay as they are."""
+BARELY = 0.1, 0.2
+"""Cosines over which the photos themselves say what colors are."""
 BEST = 0.8
 """Quantile of the cosines to the photos that counts."""
 MEDIAN = (5, 7)
@@ -56,6 +59,7 @@ class Grazed:
     beside : bool [V, U], cells whose rays may meet ears.
     hair : bool [V, U], cells that keep apart from the others, and their colors; None: one color.
     cut : What lies below is none of the head.
+    photos : What they show.
     """
 
     chart: Chart
@@ -65,6 +69,29 @@ class Grazed:
     beside: Bool
     hair: Bool | None
     cut: Cut | None
+    photos: Photos | None = None
+
+
+def photo_colors(photos: Photos, chart: Chart, distance: Float64, colors: Float64,
+                 told: Bool) -> tuple[Float64, Float64]:
+    """A surface's colors as photos show them, where they do, and how far these count.
+
+    Parameters
+    ----------
+    photos : The photos.
+    chart, distance : The surface, float64 [V, U], world units.
+    colors : Those of the field, float64 [V, U, 3].
+    told : bool [V, U], cells where the field has that surface.
+
+    Returns
+    -------
+    colors, share : float64 [V, U, 3]; and [V, U], 0 where the field's colors stay, to 1.
+    """
+    normals = normals_of(chart, smoothed(distance, np.ones(told.shape, bool), _EVEN))
+    shown, facing = photos.colors(chart.points(distance), normals,
+                                  np.where(told[..., None], colors, np.nan))
+    share = np.where(told, np.clip((facing - BARELY[0]) / (BARELY[1] - BARELY[0]), 0, 1), 0.0)
+    return colors + share[..., None] * (shown - colors), np.asarray(share, np.float64)
 
 
 def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
@@ -124,6 +151,10 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     if not told.any():
         return field
     even = without_specks(colors, told, grazed.hair)
+    if grazed.photos is not None:
+        there = np.where(told, distance, grazed.distance)
+        shown, share = photo_colors(grazed.photos, chart, there, np.nan_to_num(colors), told)
+        even += share[..., None] * (shown - even)
     points = field.lattice_points()
     places, away = chart.places(points)
     deep = (at_places(grazed.distance, places) - away) * at_places(cosine, places) / voxel
