@@ -150,11 +150,9 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     told[told] = (np.abs(distance - grazed.distance) * cosine)[told] < ON * voxel
     if not told.any():
         return field
-    even = without_specks(colors, told, grazed.hair)
+    even, twice = without_specks(colors, told, grazed.hair), 1
     if grazed.photos is not None:
-        there = np.where(told, distance, grazed.distance)
-        shown, share = photo_colors(grazed.photos, chart, there, np.nan_to_num(colors), told)
-        even += share[..., None] * (shown - even)
+        even, twice = _shown_finely(grazed, distance, np.nan_to_num(colors), told, even), 2
     points = field.lattice_points()
     places, away = chart.places(points)
     deep = (at_places(grazed.distance, places) - away) * at_places(cosine, places) / voxel
@@ -164,7 +162,25 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     if grazed.ears is not None:
         share[grazed.ears.distance(points)[0] < BESIDE * voxel] = 0.0
     chosen = np.flatnonzero(share > 0)
-    return replace(field, sh=_blended(field.sh, chosen, share[chosen], even, places[:, chosen]))
+    places = twice * places[:, chosen] + [[0.0], [0.5 * (twice - 1)]]
+    return replace(field, sh=_blended(field.sh, chosen, share[chosen], even, places))
+
+
+def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool,
+                  even: Float64) -> Float64:
+    """Even colors [V, U, 3], replaced by the photos' where these show any, in `Chart.finer`."""
+    chart, halves = grazed.chart, grazed.chart.halves
+    assert grazed.photos is not None
+
+    def between(values: Float64) -> Float64:
+        return at_places(values, halves.reshape(2, -1)).reshape(halves.shape[1:])
+
+    colors, even = (np.stack([between(part[..., k]) for k in range(3)], axis=-1)
+                    for part in (colors, even))
+    shown, share = photo_colors(grazed.photos, chart.finer(),
+                                between(np.where(told, distance, grazed.distance)), colors,
+                                between(told.astype(np.float64)) > 0.99)
+    return np.asarray(even + share[..., None] * (shown - even), np.float64)
 
 
 def _blended(sh: Float32, rows: Int64, share: Float64, even: Float64, places: Float64) -> Float32:
