@@ -7,7 +7,12 @@ import pytest
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.closing.grazed import (
-    Grazed, faced_by, photo_colors, with_even_colors, without_specks)
+    Grazed,
+    faced_by,
+    photo_colors,
+    with_even_colors,
+    without_specks,
+)
 from lfportrait.field.closing.photos import Photos
 from lfportrait.field.geometry.chart import chart_of, read_surface
 from lfportrait.field.kernels.march import C0
@@ -151,3 +156,14 @@ def test_what_shows_nothing_is_left_alone(head):
     nowhere = Grazed(chart, distance, np.zeros(distance.shape), None,
                      np.ones(distance.shape, bool), None, None)
     assert with_even_colors(field, nowhere) is field
+
+
+def test_a_finer_chart_has_the_same_rays_and_those_between(head):
+    chart = head[1]
+    fine = chart.finer()
+    places, away = chart.places(fine.points(np.full(chart.halves.shape[1:], 0.5)).reshape(-1, 3))
+    # A place beyond the last row or the first column is the same one counted otherwise.
+    inner = np.zeros(chart.halves.shape[1:], bool)
+    inner[1:-1, 1:] = True
+    assert np.allclose(places[:, inner.ravel()], chart.halves[:, inner], atol=1e-6)
+    assert np.allclose(away[inner.ravel()], 0.5)

@@ -6,6 +6,9 @@ stippled and a temple streaked. So the surface is read once more when its last t
 Its colors lose their specks in a median, which keeps the edge of a jaw, and its chroma is smoothed
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
 counts. Hair keeps its strands.
+
+Photos themselves have no such noise: where enough of them look at the skin's surface, they are
+looked up there (`Photos.colors`), and only what they do not show is left to the median.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from ..kernels.march import C0
 from .fitted_head import Ears
 from .photos import Photos
 
-SQUARELY = 0.3
+SQUARELY = 0.5
 """Cosine to the photos that see a place best from which on their colors stay as they are."""
 BARELY = 0.1, 0.2
 """Cosines over which the photos themselves say what colors are."""
@@ -59,7 +62,7 @@ class Grazed:
     beside : bool [V, U], cells whose rays may meet ears.
     hair : bool [V, U], cells that keep apart from the others, and their colors; None: one color.
     cut : What lies below is none of the head.
-    photos : What they show.
+    photos : What they show; None: only the field tells colors.
     """
 
     chart: Chart

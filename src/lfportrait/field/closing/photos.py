@@ -219,7 +219,8 @@ class Photos:
         size = int(self.cameras.width[view]), int(self.cameras.height[view])
 
         def reduced(picture: UInt8) -> Float32:
-            return cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+            small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+            return np.asarray(small / np.float32(255), np.float32)
 
         photo = int(self._views[view])
         picture, mattes = reduced(self._capture.images[photo]), self._capture.alphas

@@ -244,8 +244,8 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     there = finite & ~beside & (np.abs(np.where(finite, distance, 0) - whole) * cosine < ON * voxel)
     if hair is not None:
         there &= ~hair
-    shown, share = photo_colors(photos, chart, whole, np.nan_to_num(colors), there)
-    colors, own = np.where(share[..., None] > 0, shown, colors), own | (share > SURELY)
+    colors, share = photo_colors(photos, chart, whole, np.nan_to_num(colors), np.asarray(there))
+    own |= share > SURELY
     paint = continued_colors(colors, own, upwards, hair)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True,
