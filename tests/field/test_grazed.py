@@ -5,8 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.capture import Camera
-from lfportrait.field.closing.grazed import Grazed, faced_by, with_even_colors, without_specks
+from lfportrait.capture import Camera, Capture
+from lfportrait.field.closing.grazed import (
+    Grazed,
+    faced_by,
+    photo_colors,
+    with_even_colors,
+    without_specks,
+)
+from lfportrait.field.closing.photos import Photos
 from lfportrait.field.geometry.chart import chart_of, read_surface
 from lfportrait.field.kernels.march import C0
 from tests.fields import head_field
@@ -90,6 +97,47 @@ def test_colors_are_even_where_nothing_faces_them_and_stay_elsewhere(head):
     assert np.abs(middle[0] - middle[1]).max() < 0.06
 
 
+@pytest.fixture(scope="module")
+def photographed(head):
+    """A gray head with specks, darker on its left, and an arc of photos without them."""
+    sh = np.zeros_like(head[0].sh)
+    sh[:, :, 0] = (np.where(head[0].lattice_points()[:, :1] > 0, 0.4, 0.7) - 0.5) / C0
+    clean = replace(head[0], sh=sh)
+    specks = np.random.default_rng(2).normal(0, 0.5, (len(sh), 3, 1)).astype(np.float32)
+    field = replace(clean, sh=sh + specks * (np.arange(9) == 0))
+    views = [clean.render(ARC, view) for view in range(len(ARC))]
+    images = [np.uint8(255 * np.clip(view.color, 0, 1)) for view in views]
+    # One was exposed otherwise, and something green passed before another.
+    images[3] = np.uint8(images[3] * 0.8)
+    images[5][:] = (0, 255, 0)
+    alphas = [np.uint8(255 * np.clip(view.alpha, 0, 1)) for view in views]
+    return field, Photos(field, Capture(ARC, images, alphas, [str(k) for k in range(len(ARC))],
+                                        np.zeros(len(ARC), bool)))
+
+
+def test_photos_know_the_colors_that_they_look_along(head, photographed):
+    (field, photos), (_, chart, distance) = photographed, head
+    told = np.ones(distance.shape, bool)
+    colors = read_surface(field, chart, None)[1]
+    shown, share = photo_colors(photos, chart, distance, colors, told)
+    angle = np.degrees(chart.angle)
+    rows = (np.abs(chart.axis[:, 1]) < 0.1) & (np.arange(len(chart.axis)) < chart.level)
+    for low, high, true in ((-65, -20, 0.7), (20, 65, 0.4)):
+        part = np.ix_(rows, (angle > low) & (angle < high))
+        assert share[part].min() == 1.0
+        assert np.abs(shown[part].mean(axis=-1) - true).max() < 0.05
+        assert np.abs(colors[part].mean(axis=-1) - true).max() > 0.1
+    # What no photo shows is the field's.
+    behind = np.ix_(rows, np.abs(angle) > 120)
+    assert not share[behind].any() and np.array_equal(shown[behind], colors[behind])
+    even = with_even_colors(field, Grazed(chart, distance, np.zeros(distance.shape), None, ~told,
+                                          None, None, photos))
+    points = field.lattice_points()
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (points[:, 2] > 0.2)
+    near &= (np.abs(points[:, 1]) < 0.1) & (points[:, 0] < -0.2)
+    assert np.abs(0.5 + C0 * even.sh[near][..., 0] - 0.7).max() < 0.06
+
+
 def test_hair_keeps_its_strands(head):
     field, chart, distance = head
     nothing = np.zeros(distance.shape, bool)
@@ -108,3 +156,14 @@ def test_what_shows_nothing_is_left_alone(head):
     nowhere = Grazed(chart, distance, np.zeros(distance.shape), None,
                      np.ones(distance.shape, bool), None, None)
     assert with_even_colors(field, nowhere) is field
+
+
+def test_a_finer_chart_has_the_same_rays_and_those_between(head):
+    chart = head[1]
+    fine = chart.finer()
+    places, away = chart.places(fine.points(np.full(chart.halves.shape[1:], 0.5)).reshape(-1, 3))
+    # A place beyond the last row or the first column is the same one counted otherwise.
+    inner = np.zeros(chart.halves.shape[1:], bool)
+    inner[1:-1, 1:] = True
+    assert np.allclose(places[:, inner.ravel()], chart.halves[:, inner], atol=1e-6)
+    assert np.allclose(away[inner.ravel()], 0.5)

@@ -6,6 +6,9 @@ stippled and a temple streaked. So the surface is read once more when its last t
 Its colors lose their specks in a median, which keeps the edge of a jaw, and its chroma is smoothed
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
 counts. Hair keeps its strands.
+
+Photos themselves have no such noise: where enough of them look at the skin's surface, they are
+looked up there (`Photos.colors`), and only what they do not show is left to the median.
 """
 
 from __future__ import annotations
@@ -22,9 +25,12 @@ from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from .fitted_head import Ears
+from .photos import Photos
 
-SQUARELY = 0.3
+SQUARELY = 0.5
 """Cosine to the photos that see a place best from which on their colors stay as they are."""
+BARELY = 0.1, 0.2
+"""Cosines over which the photos themselves say what colors are."""
 BEST = 0.8
 """Quantile of the cosines to the photos that counts."""
 MEDIAN = (5, 7)
@@ -58,6 +64,29 @@ class Grazed:
     # bool [V, U], cells that keep apart from the others, and their colors; None: one color.
     hair: Bool | None
     cut: Cut | None  # What lies below is none of the head.
+    photos: Photos | None = None  # What they show; None: only the field tells colors.
+
+
+def photo_colors(photos: Photos, chart: Chart, distance: Float64, colors: Float64,
+                 told: Bool) -> tuple[Float64, Float64]:
+    """A surface's colors as photos show them, where they do, and how far these count.
+
+    Parameters
+    ----------
+    photos : The photos.
+    chart, distance : The surface, float64 [V, U], world units.
+    colors : Those of the field, float64 [V, U, 3].
+    told : bool [V, U], cells where the field has that surface.
+
+    Returns
+    -------
+    colors, share : float64 [V, U, 3]; and [V, U], 0 where the field's colors stay, to 1.
+    """
+    normals = normals_of(chart, smoothed(distance, np.ones(told.shape, bool), _EVEN))
+    shown, facing = photos.colors(chart.points(distance), normals,
+                                  np.where(told[..., None], colors, np.nan))
+    share = np.where(told, np.clip((facing - BARELY[0]) / (BARELY[1] - BARELY[0]), 0, 1), 0.0)
+    return colors + share[..., None] * (shown - colors), np.asarray(share, np.float64)
 
 
 def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
@@ -66,6 +95,7 @@ def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
     Parameters
     ----------
     chart, distance : The surface, float64 [V, U], world units.
+    cameras : Of the photos.
     """
     even = smoothed(distance, np.ones(distance.shape, bool), _EVEN)
     cosine = np.quantile(cosines_of(chart, even, cameras), BEST, axis=0)
@@ -101,6 +131,7 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     Parameters
     ----------
     field : Without a texture.
+    grazed : Its surface.
 
     Returns
     -------
@@ -114,7 +145,9 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     told[told] = (np.abs(distance - grazed.distance) * cosine)[told] < ON * voxel
     if not told.any():
         return field
-    even = without_specks(colors, told, grazed.hair)
+    even, twice = without_specks(colors, told, grazed.hair), 1
+    if grazed.photos is not None:
+        even, twice = _shown_finely(grazed, distance, np.nan_to_num(colors), told, even), 2
     points = field.lattice_points()
     places, away = chart.places(points)
     deep = (at_places(grazed.distance, places) - away) * at_places(cosine, places) / voxel
@@ -124,7 +157,25 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     if grazed.ears is not None:
         share[grazed.ears.distance(points)[0] < BESIDE * voxel] = 0.0
     chosen = np.flatnonzero(share > 0)
-    return replace(field, sh=_blended(field.sh, chosen, share[chosen], even, places[:, chosen]))
+    places = twice * places[:, chosen] + [[0.0], [0.5 * (twice - 1)]]
+    return replace(field, sh=_blended(field.sh, chosen, share[chosen], even, places))
+
+
+def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool,
+                  even: Float64) -> Float64:
+    """Even colors [V, U, 3], replaced by the photos' where these show any, in `Chart.finer`."""
+    chart, halves = grazed.chart, grazed.chart.halves
+    assert grazed.photos is not None
+
+    def between(values: Float64) -> Float64:
+        return at_places(values, halves.reshape(2, -1)).reshape(halves.shape[1:])
+
+    colors, even = (np.stack([between(part[..., k]) for k in range(3)], axis=-1)
+                    for part in (colors, even))
+    shown, share = photo_colors(grazed.photos, chart.finer(),
+                                between(np.where(told, distance, grazed.distance)), colors,
+                                between(told.astype(np.float64)) > 0.99)
+    return np.asarray(even + share[..., None] * (shown - even), np.float64)
 
 
 def _blended(sh: Float32, rows: Int64, share: Float64, even: Float64, places: Float64) -> Float32:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import functools
 
+import cv2
 import numpy as np
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64, Int32, Int64
+from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..geometry.chart import Chart
@@ -21,6 +22,16 @@ from ..kernels.depth_maps import places_shown
 
 PHOTOS = 40
 """Photos, at most, that are asked what they see."""
+GRAZED, SQUARE = 0.1, 0.6
+"""Cosines to a surface from which on a photo says what color it has, and how bright the photo is
+over the others."""
+SHARPLY = 4.0
+"""Power of a cosine, over that of the third best photo, that a photo's color counts with."""
+OUTLIER = 0.05
+"""A color so far from those of the other photos (sRGB in [0, 1]) counts half."""
+EDGE, WITHIN = 3, 0.99
+"""Pixels by which mattes are made smaller, wall and person being mixed beside their edges, and
+their least value within."""
 
 _NO_MAP, _NO_WAYS = np.zeros((0, 0), np.float32), np.zeros((0, 3))
 
@@ -49,6 +60,7 @@ class Photos:
         self.enough = min(3, 1 + len(views) // 20)
         self.cameras = capture.cameras[views].scaled(
             float(np.clip(capture.cameras.pixel / (pixel * self.voxel), 0.1, 1.0)))
+        self._views, self._capture = views, capture
         self._depths = []
         for view in range(len(views)):
             alpha, depth = field.depth(self.cameras, view)
@@ -153,6 +165,69 @@ class Photos:
         origins, rays = self.cameras.rays(view, pixels)
         ahead = self.cameras.pose[view, :3, 2]
         return origins + rays * (depth[near] / (rays @ ahead))[:, None], -rays
+
+    def colors(self, points: Float64, outwards: Float64, given: Float64,
+               ) -> tuple[Float64, Float64]:
+        """The colors that photos show at places of a surface, and how squarely they look at it.
+
+        The photos that look most squarely count most, and those that differ from them little.
+
+        Parameters
+        ----------
+        points, outwards : float64 [V, U, 3] each: places, and the surface's unit normals there.
+        given : float64 [V, U, 3], colors of the field, which tell how bright each photo is; NaN
+            where there are none.
+
+        Returns
+        -------
+        colors, facing : float64 [V, U, 3] and [V, U]; the third largest cosine between the
+            normals and the ways to the photos that see a place, 0 where fewer than three do.
+        """
+        sees = self.each(points.reshape(-1, 3), outwards.reshape(-1, 3), GRAZED)
+        shown, cosines = (np.stack(part) for part in zip(*side_by_side(
+            lambda view: self._looked_up(view, points, outwards, given,
+                                         sees[view].reshape(points.shape[:2])),
+            range(len(self._views)))))
+        facing = (np.sort(cosines, axis=0)[-3] if len(cosines) > 2
+                  else np.zeros(points.shape[:2]))
+        share = np.minimum(cosines / np.maximum(facing, GRAZED), 1.0) ** SHARPLY
+        weights, out = share, np.zeros(points.shape)
+        for _ in range(3):
+            total = np.maximum(weights.sum(axis=0), 1e-9)
+            out = (weights[..., None] * shown).sum(axis=0) / total[..., None]
+            weights = share / (1.0 + (np.abs(shown - out).mean(axis=-1) / OUTLIER) ** 2)
+        return np.asarray(out, np.float64), np.asarray(facing, np.float64)
+
+    def _looked_up(self, view: int, points: Float64, outwards: Float64, given: Float64,
+                   sees: Bool) -> tuple[Float32, Float32]:
+        """A photo's colors at points, as bright as ``given``, and cosines [V, U], or 0."""
+        picture, matte = self._picture(view)
+        places = self.cameras[view].project(points.reshape(-1, 3))[0][0].astype(np.float32) - 0.5
+        x, y = places.reshape(*points.shape[:2], 2).transpose(2, 0, 1)
+        colors, inside = (cv2.remap(of, np.ascontiguousarray(x), np.ascontiguousarray(y),
+                                    cv2.INTER_LINEAR, borderValue=0) for of in (picture, matte))
+        way = self.cameras.position[view] - points
+        cosine = (way * outwards).sum(axis=-1) / np.linalg.norm(way, axis=-1)
+        cosine[~sees | (inside < WITHIN)] = 0.0
+        told = (cosine > SQUARE) & np.isfinite(given).all(axis=-1)
+        if told.any():
+            colors = colors * np.median(given[told] / np.maximum(colors[told], 0.02), axis=0)
+        return np.asarray(colors, np.float32), np.asarray(cosine, np.float32)
+
+    def _picture(self, view: int) -> tuple[Float32, Float32]:
+        """A photo reduced to the camera's size, [H, W, 3] in [0, 1], and where it is the person."""
+        size = int(self.cameras.width[view]), int(self.cameras.height[view])
+
+        def reduced(picture: UInt8) -> Float32:
+            small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+            return np.asarray(small / np.float32(255), np.float32)
+
+        photo = int(self._views[view])
+        picture, mattes = reduced(self._capture.images[photo]), self._capture.alphas
+        if mattes is None:
+            return picture, np.ones(picture.shape[:2], np.float32)
+        return picture, np.asarray(cv2.erode(reduced(mattes[photo]), np.ones((EDGE, EDGE))),
+                                   np.float32)
 
     def depth_at(self, view: int, points: Float64) -> tuple[Float64, Float64]:
         """Depths of those of points [N, 3] that a view shows, and of what it sees there, [M]."""

@@ -34,7 +34,7 @@ from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
 from .colors import NAPE, continued_colors, hair_cells, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
-from .grazed import Grazed, faced_by
+from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
 from .shell import FRINGE, Shell, with_shell
 
@@ -159,6 +159,9 @@ STANDS_OUT, EAR_STANDS_OUT = -2.0, -4.0
 """Voxels that what was trained may stand out from a fitted head's skin, and from its ears."""
 NARROW_FRINGE = -0.75
 """Voxels outside of a surface that follows a fitted head at which its fringe begins."""
+ON, SURELY = 3.0, 0.5
+"""Voxels beside the closed surface up to which what was trained is that surface, and the share of
+the photos' own colors from which on closed colors begin at them."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
@@ -217,15 +220,21 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     well = shown_well(chart, chart.points(np.where(finite, distance, whole)), known & finite,
                       photos)
     hair, own = hair_cells(chart, whole, colors, well)
+    beside = np.zeros(gap.shape, bool) if guess.ears is None else _ear_cells(chart, guess.ears)
+    # Where photos look along a surface they know its colors better than what was trained.
+    there = finite & ~beside & (np.abs(np.where(finite, distance, 0) - whole) * cosine < ON * voxel)
+    if hair is not None:
+        there &= ~hair
+    colors, share = photo_colors(photos, chart, whole, np.nan_to_num(colors), np.asarray(there))
+    own |= share > SURELY
     paint = continued_colors(colors, own, upwards, hair)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True,
                   ears=guess.ears,
                   yields=guess.yields, fringe=FRINGE if head is None else NARROW_FRINGE)
     closed, count = with_shell(field, shell, photos, cut)
-    beside = np.zeros(gap.shape, bool) if guess.ears is None else _ear_cells(chart, guess.ears)
     grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras), guess.ears, beside, hair,
-                    cut)
+                    cut, photos)
     return closed, Closed(float((area * gap).sum() / area.sum()), count, grazed)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -65,6 +65,25 @@ class Chart:
         rays = np.stack(np.broadcast_arrays(flat * np.sin(self.angle), up,
                                             flat * np.cos(self.angle)), axis=-1)
         return rays if self.frame is None else rays @ self.frame[:3, :3] / self.scale
+
+    def finer(self) -> Chart:
+        """The same rays and as many between them: 2 V - 1 rows, 2 U columns."""
+        rows = np.arange(2 * len(self.axis) - 1) / 2
+        low, share = rows.astype(int), (rows % 1)[:, None]
+        high = np.minimum(low + 1, len(self.axis) - 1)
+        columns = 2 * len(self.angle)
+        step = 0.5 * (self.angle[1] - self.angle[0])
+        return replace(
+            self, axis=(1 - share) * self.axis[low] + share * self.axis[high],
+            elevation=(1 - share[:, 0]) * self.elevation[low] + share[:, 0] * self.elevation[high],
+            angle=self.angle[0] + step * (np.arange(columns) - 0.5), cell=0.5 * self.cell,
+            level=2 * self.level - 1)
+
+    @property
+    def halves(self) -> Float64:
+        """Places (row, column) of the cells of `finer` in this chart, [2, 2 V - 1, 2 U]."""
+        rows, columns = np.mgrid[:2 * len(self.axis) - 1, :2 * len(self.angle)]
+        return np.stack([0.5 * rows, 0.5 * columns - 0.25])
 
     def points(self, distance: Float64) -> Float64:
         """Points at distances [V, U], [V, U, 3]."""
