@@ -305,6 +305,8 @@ def portrait_frame_from_landmarks(landmarks: Float64, cameras: Camera) -> Float6
     cameras : Decide instead (`portrait_frame_from_cameras`) where too little of the face is
         known.
 
+    Notes
+    -----
     A mean adult face (eyes, brows, nose, mouth, chin) is laid over the landmarks by the
     least-squares similarity. Its unit is the height h from the eyes to the chin; the origin lies
     0.72 h behind the eyes, and the cube's half edge is 1.8 h, so that chin (1.0 h down), crown
