@@ -63,7 +63,7 @@ def make_build(count: int) -> Callable[..., Any]:
         columns b << shift to (b + 1) << shift.
     """
     floats, ints, iota, where = LANES.floats, LANES.ints, LANES.iota, LANES.where
-    bits, lowest, lane_of, load_half = LANES.bits, LANES.lowest, LANES.lane, LANES.load_half
+    bits, lane_of, load_half = LANES.bits, LANES.lane, LANES.load_half
     minimum, maximum = LANES.minimum, LANES.maximum
     lines = 1 + 3 * count
     # A channel's terms that a direction needs: with one coefficient the first, with four no sin 2.
@@ -106,6 +106,7 @@ def make_build(count: int) -> Callable[..., Any]:
                 for ahead in range(0, lines * 16, 32):
                     prefetch(values, below + np.uintp(ahead))
                 sigma = floats(zero)
+                whole = until - since == 1 and bits(fits) == np.uint32(0xFFFF)
                 for j in range(since, until):
                     here = fits & (row == np.int32(j))
                     place0 = np.uintp(places[j, k, block]) * np.uintp(lines * 16)
@@ -114,11 +115,13 @@ def make_build(count: int) -> Callable[..., Any]:
                              + where(here, part, zero) * load_half(values, place1))
                 store_half(slab, np.uintp(base + x), sigma)
                 dense = bits(sigma > threshold)
-                while dense != 0:
-                    at = x + np.int64(lowest(dense))
-                    dense &= dense - np.uint32(1)
-                    marks[k] |= ((np.uint64(1) << np.uint64(max(at - 1, 0) >> shift))
-                                 | (np.uint64(1) << np.uint64(at >> shift)))
+                for since_bit in range(0, 16, 1 << shift):
+                    some = (dense >> np.uint32(since_bit)) & np.uint32((1 << (1 << shift)) - 1)
+                    if some != 0:
+                        at = x + since_bit
+                        marks[k] |= np.uint64(1) << np.uint64(at >> shift)
+                        if some & np.uint32(1):  # a ray between columns reads both
+                            marks[k] |= np.uint64(1) << np.uint64(max(at - 1, 0) >> shift)
                 # What is next to a stretch is empty, unless another one follows.
                 for channel in range(3):
                     for term in range(terms):
@@ -131,8 +134,10 @@ def make_build(count: int) -> Callable[..., Any]:
                     level, cosine, sine, mixed = floats(zero), floats(zero), floats(zero), floats(
                         zero)
                     for j in range(since, until):
-                        here = fits & (row == np.int32(j))
-                        share0, share1 = where(here, one - part, zero), where(here, part, zero)
+                        share0, share1 = one - part, part
+                        if not whole:
+                            here = fits & (row == np.int32(j))
+                            share0, share1 = where(here, share0, zero), where(here, share1, zero)
                         place0 = np.uintp(places[j, k, block]) * np.uintp(lines * 16)
                         place1 = np.uintp(places[j + 1, k, block]) * np.uintp(lines * 16)
                         for coefficient in range(count):

@@ -124,6 +124,7 @@ def slice_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
         least = least_cosine(nx, nz, (side_i, side_k, side_0), (depth_i, depth_k, depth_0), eyes,
                               aspect, distance)
         groups = (nz + GROUP * stride - 1) // (GROUP * stride)
+        nearer = 1.0 / distance
         backed = background < np.float32(0.0)
         blank = np.uint8(min(max(background, np.float32(0.0)), np.float32(1.0))
                          * np.float32(255.0) + np.float32(0.5))
@@ -165,10 +166,10 @@ def slice_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
                             continue
                         group_marks[group] |= marks[k]
                         for end in (low[k] - 1, high[k] + 1):
-                            depth = (depth_i * end + depth_k * k + depth_0) / distance
+                            depth = (depth_i * end + depth_k * k + depth_0) * nearer
+                            there, per = side_i * end + side_k * k + side_0, 1.0 / (1.0 - depth)
                             for eye in (eyes[0], eyes[views - 1]):
-                                px = (side_i * end + side_k * k + side_0 - eye * depth) / (
-                                    1.0 - depth)
+                                px = (there - eye * depth) * per
                                 left, right = min(left, px), max(right, px)
                 if left > right:
                     continue
