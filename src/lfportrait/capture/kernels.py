@@ -72,6 +72,18 @@ _where, _bits, _gather = LANES.where, LANES.bits, LANES.gather
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
+@lean
+def _seen_at(line, place, shape):
+    """Rows and columns of sixteen points of a lattice's row (`_along_row`), and which are shown."""
+    depth = line[2] + line[5] * place
+    inverse = _ONE / depth
+    column = (line[0] + line[3] * place) * inverse
+    row = (line[1] + line[4] * place) * inverse
+    inside = ((depth > np.float32(1e-9)) & (column >= _ZERO) & (row >= _ZERO)
+              & (column < np.float32(shape[1])) & (row < np.float32(shape[0])))
+    return row, column, inside
+
+
 @shared("share")
 @lean_kernel
 def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, lines, share):
@@ -88,14 +100,7 @@ def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, 
                 place = _floats(_iota() + np.int32(i))
                 seen, against = _floats(_ZERO), _floats(_ZERO)
                 for view in range(count):
-                    line = lines[k, view]
-                    depth = line[2] + line[5] * place
-                    inverse = _ONE / depth
-                    column = (line[0] + line[3] * place) * inverse
-                    row = (line[1] + line[4] * place) * inverse
-                    inside = ((depth > np.float32(1e-9)) & (column >= _ZERO) & (row >= _ZERO)
-                              & (column < np.float32(shapes[view, 1]))
-                              & (row < np.float32(shapes[view, 0])))
+                    row, column, inside = _seen_at(lines[k, view], place, shapes[view])
                     if _bits(inside) == 0:
                         continue
                     pixel = (_ints(_where(inside, row, _ZERO)) * np.int32(shapes[view, 1])
@@ -174,14 +179,7 @@ def _count(since, until, cameras, words, starts, shapes, first, spacing, limit, 
                 place = _floats(_iota() + np.int32(i))
                 views, nothing = _floats(_ZERO), _floats(_ZERO)
                 for view in range(count):
-                    line = lines[k, view]
-                    depth = line[2] + line[5] * place
-                    inverse = _ONE / depth
-                    column = (line[0] + line[3] * place) * inverse
-                    row = (line[1] + line[4] * place) * inverse
-                    inside = ((depth > np.float32(1e-6)) & (column >= _ZERO) & (row >= _ZERO)
-                              & (column < np.float32(shapes[view, 1]))
-                              & (row < np.float32(shapes[view, 0])))
+                    row, column, inside = _seen_at(lines[k, view], place, shapes[view])
                     if _bits(inside) == 0:
                         continue
                     views = views + _where(inside, _floats(_ONE), _ZERO)
