@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,6 +129,7 @@ class Opened:
     page : Playwright's.
     complaints, requests : What the page wrote on the console or threw, and the addresses that it
         asked for.
+    open : Addresses that have not been answered in full, by their requests.
     """
 
     def __init__(self, browser, studio: Studio, hash_: str = "", *, width=1280, height=800,
@@ -146,6 +148,10 @@ class Opened:
                          f"{message.text} {message.location.get('url', '')}".strip()))
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
+        self.open: dict[Any, str] = {}
+        self.page.on("request", lambda request: self.open.update({request: request.url}))
+        for ended in ("requestfinished", "requestfailed"):
+            self.page.on(ended, lambda request: self.open.pop(request, None))
         self.page.goto(studio.address)
         self.page.wait_for_selector("[data-screen][data-ready]")
         if hash_:
@@ -166,8 +172,20 @@ class Opened:
           location.hash = name;
         }""", hash_)
         screen = hash_.partition("/")[0]
-        self.page.wait_for_selector(f"[data-screen={screen}][data-ready]:not([data-before])",
-                                    timeout=60000)
+        self.wait(f"[data-screen={screen}][data-ready]:not([data-before])")
+
+    def wait(self, selector: str, seconds: float = 120.0) -> None:
+        """Until something is seen; where it does not come, what is there is told."""
+        from playwright.sync_api import TimeoutError
+
+        try:
+            self.page.wait_for_selector(selector, timeout=1000 * seconds)
+        except TimeoutError as error:
+            around = self.run("""() => [location.hash, ...document.querySelectorAll(
+              "[data-screen], .toast")].map((each) => each.outerHTML ?? each).join("\\n")""")
+            raise AssertionError(f"{selector} does not come\n"
+                                 f"unanswered: {sorted(self.open.values())}\n"
+                                 f"complaints: {self.complaints}\n{around[:5000]}") from error
 
     def reload(self) -> None:
         self.page.reload()

@@ -131,12 +131,53 @@ def test_a_folder_is_dropped_with_what_lies_in_it(sitter, tmp_path):
 
 def test_a_photo_is_left_out_and_taken_in_again(sitter, tmp_path):
     choose(sitter, write(tmp_path, 2))
+    sitter.wait("text=2 files added")
     sitter.until("() => document.querySelectorAll('.shot-card').length === 2")
     first = ".shot-card:first-child button"
     sitter.page.click(first)
-    sitter.page.wait_for_selector(f"{first}[aria-pressed=true]")
+    sitter.wait(f"{first}[aria-pressed=true]")
     assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 1
     sitter.until("(s) => document.activeElement === document.querySelector(s)", first)
     sitter.page.click(first)
-    sitter.page.wait_for_selector(f"{first}[aria-pressed=false]")
+    sitter.wait(f"{first}[aria-pressed=false]")
     assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 0
+
+
+def test_a_button_that_is_drawn_again_while_it_is_pressed_is_pressed(sitter, tmp_path):
+    """Each photo that comes draws the sheet again, whatever a hand does at that moment."""
+    one, other = write(tmp_path, 2)
+    choose(sitter, [one])
+    first = ".shot-card:first-child button"
+    sitter.wait(first)
+    sitter.page.hover(first)
+    sitter.page.mouse.down()
+    sitter.run("(s) => { document.querySelector(s).old = true; }", first)
+    choose(sitter, [other])
+    sitter.until("(s) => document.querySelectorAll('.shot-card').length === 2 "
+                 "&& !document.querySelector(s).old", first)
+    sitter.page.mouse.up()
+    sitter.wait(".shot-card button[aria-pressed=true]")
+
+
+def test_an_answer_that_is_late_does_not_draw_what_was_before(sitter, tmp_path):
+    choose(sitter, write(tmp_path, 1))
+    sitter.wait(".shot-card")
+    held = []
+
+    def hold(route):  # the next question's answer, until the one after it has come
+        held.append((route, route.fetch()))
+
+    sitter.page.route("**/photos", hold, times=1)
+    tell = """async () => {
+      const { tell } = await import("/static/state.js");
+      tell("photos", { project: location.hash.split("/")[1] });
+    }"""
+    sitter.run(tell)
+    sitter.eventually(lambda: bool(held))
+    choose(sitter, write(tmp_path, 2))
+    sitter.until("() => document.querySelectorAll('.shot-card').length === 2")
+    sitter.eventually(lambda: len(sitter.open) == 2)  # the one that is held, and the events
+    route, answer = held[0]
+    route.fulfill(response=answer)
+    sitter.page.wait_for_timeout(200)
+    assert cards(sitter) == 2

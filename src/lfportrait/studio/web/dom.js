@@ -4,6 +4,7 @@ import { ICONS } from "./icons.js";
 import { slowPicture } from "./lane.js";
 
 const SVG = "http://www.w3.org/2000/svg";
+const HELD = 4; // pixels by which a hand that holds still may move
 
 /**
  * An element.
@@ -71,11 +72,36 @@ export function fill(element, ...children) {
 const REACHED = "a[href], button:not(:disabled), input:not([type=hidden]), select, summary, [tabindex='0']";
 const reached = (element) => [...element.querySelectorAll(REACHED)].filter((each) => !each.hidden);
 
+const named = (one) => `${one.tagName} ${one.getAttribute("href") ?? ""} ${one.ariaLabel ?? one.textContent}`;
+
+/**
+ * Let presses of buttons and links count that were drawn again, or moved away under a hand that held
+ * still, between the pointer's coming down and its going up: a browser forgets them.
+ */
+export function keepPresses() {
+  let pressed = null;
+  const down = ({ isPrimary, button: number, target, clientX, clientY }) => {
+    const control = isPrimary && number === 0 ? target.closest?.("a[href], button, summary") : null;
+    pressed = control && { control, name: named(control), at: [clientX, clientY] };
+  };
+  const up = ({ type, target, clientX, clientY }) => {
+    const { control, name, at } = pressed ?? {};
+    pressed = null;
+    if (!control || type === "pointercancel" || control.contains(target) || Math.hypot(clientX - at[0], clientY - at[1]) > HELD) return;
+    const now = control.isConnected
+      ? [control]
+      : [...document.querySelectorAll(control.tagName)].filter((one) => named(one) === name);
+    if (now.length === 1) now[0].click();
+  };
+  addEventListener("pointerdown", down, true);
+  addEventListener("pointerup", up, true);
+  addEventListener("pointercancel", up, true);
+}
+
 /** Keep what has the focus within an element: the function returned gives it to what stands there then. */
 function held(element) {
   const old = document.activeElement;
   if (!old || old === element || !element.contains(old)) return () => {};
-  const named = (one) => `${one.tagName} ${one.getAttribute("href") ?? ""} ${one.ariaLabel ?? one.textContent}`;
   const name = named(old);
   const place = reached(element).indexOf(old);
   return () => {

@@ -1,7 +1,7 @@
 // The page's beginning, and which screen is seen: the address names screen, sitter and what is open.
 
 import { leaveScreen } from "./api.js";
-import { button, fill, h, later } from "./dom.js";
+import { button, fill, h, keepPresses, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
 import { sweep } from "./lane.js";
 import { drawShell, fail, forget, markSteps, SCREENS, watchServer } from "./shell.js";
@@ -119,6 +119,7 @@ async function begin() {
   }
   watchServer();
   listen();
+  keepPresses();
   document.getElementById("skip").addEventListener("click", (event) => {
     event.preventDefault();
     document.getElementById("main").focus();

@@ -141,8 +141,11 @@ export function listen() {
   for (const kind of KINDS) {
     stream.addEventListener(kind, async (event) => {
       const data = JSON.parse(event.data || "null");
-      if (event.lastEventId) state.event = Number(event.lastEventId);
-      HEARD[kind]?.(data);
+      // What was on its way while all was asked for (`refresh`) is known already, or out of date. Progress
+      // has no number of its own.
+      const number = Number(event.lastEventId);
+      if (kind === "progress" || number > state.event) HEARD[kind]?.(data);
+      if (kind === "reset" || number > state.event) state.event = number;
       if (kind === "reset") await refresh().catch(() => {});
       tell(kind, data);
     });

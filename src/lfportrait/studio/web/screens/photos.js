@@ -21,6 +21,7 @@ export async function showPhotos(root, sitter) {
 class Photos {
   constructor(root, id) {
     this.id = id;
+    this.asked = this.drawn = 0;
     this.uploads = uploadsOf(id);
     this.filter = "all";
     this.way = h("div", { "aria-live": "off" });
@@ -62,7 +63,12 @@ class Photos {
   }
 
   async load() {
-    this.data = await get(`/api/projects/${this.id}/photos`);
+    const mine = ++this.asked;
+    const data = await get(`/api/projects/${this.id}/photos`);
+    // Answers may come in another order than they were asked for; an older one is out of date.
+    if (mine < this.drawn) return;
+    this.drawn = mine;
+    this.data = data;
     this.draw();
   }
 
@@ -235,13 +241,10 @@ class Photos {
         button(
           t(photo.left_out ? "photo.take" : "photo.leave"),
           doing(async () => {
-            Object.assign(
-              photo,
-              await send("PATCH", `/api/projects/${this.id}/photos/${photo.id}`, {
-                left_out: !photo.left_out,
-              }),
-            );
-            this.draw();
+            await send("PATCH", `/api/projects/${this.id}/photos/${photo.id}`, {
+              left_out: !photo.left_out,
+            });
+            await this.load();
             this.sheet.querySelector(`[data-photo="${photo.id}"] button`)?.focus({ preventScroll: true });
           }),
           {
