@@ -21,7 +21,7 @@ from .parts import Parts
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
 
-__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Piece", "Solid", "scalp", "solid_of"]
+__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Piece", "Solid", "scalp", "solid_of", "standing_out"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -63,8 +63,11 @@ EDGE = 4
 """Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
 BESIDE = 1.5
 """Cells beyond its part of the picture up to which a piece goes on."""
-EAR = 0.073
-"""Metres from the middle, beyond which ears stand out from a head."""
+SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767), (0.13, 0.079)])
+"""Heights, and how far from the middle a head's sides lie there below its ears (metres,
+`HeadPrior.rest`)."""
+STANDS = 0.0025
+"""What stands out by more is ear, metres."""
 
 
 @dataclass(frozen=True)
@@ -229,10 +232,17 @@ def scalp(rest: Float64) -> Bools:
     return np.asarray((rest[:, 1] > np.interp(rest[:, 2], *HAIRLINE.T)) & ~_ears(rest))
 
 
+def standing_out(rest: Float64) -> Float64:
+    """How far ears stand out at places [N, 3] on the mean head, metres [N]; 0 elsewhere."""
+    out = np.maximum(np.abs(rest[:, 0]) - np.interp(rest[:, 1], *SKULL.T), 0)
+    within = (rest[:, 1] > 0.05) & (rest[:, 1] < 0.14) & (rest[:, 2] > -0.055)
+    front = np.clip((0.002 - rest[:, 2]) / 0.008, 0, 1)
+    return np.asarray(np.where(within, out * front, 0.0))
+
+
 def _ears(rest: Float64) -> Bools:
     """What is ear, bool [N], of places [N, 3] on the mean head."""
-    return np.asarray((np.abs(rest[:, 0]) > EAR) & (rest[:, 1] < 0.125)
-                      & (rest[:, 2] < 0.01) & (rest[:, 2] > -0.055))
+    return standing_out(rest) > STANDS
 
 
 def _plane(points: Float64) -> Float64:
