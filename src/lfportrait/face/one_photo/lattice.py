@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from ...field import VoxelField
 from ...measure import usable_cores
-from .solid import HEAD, WORN, Solid, scalp
+from .solid import HEAD, WORN, Solid, ear_light, scalp
 from .wires import Wires
 
 __all__ = ["Shell", "shell_of"]
@@ -40,6 +40,7 @@ class Shell:
     owner : uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`, `WORN`).
     normals : float64 [N, 3], outward.
     scalp : bool [N], what belongs to the head and lies where hair grows.
+    light : float64 [N], how much of it reaches them within ears.
     center, radius : Of the lattice's box.
     voxel : Distance of points.
     """
@@ -53,7 +54,10 @@ class Shell:
         first, coarse = _cropped(first, coarse, step)
         self._fill(distance, *_finer(distance, first, coarse, step))
         self.scalp = self.owner == HEAD
-        self.scalp[self.scalp] = scalp(solid.head.at_rest(self.on[self.scalp]))
+        rest = solid.head.at_rest(self.on[self.scalp])
+        self.light = np.ones(len(self.owner))
+        self.light[self.scalp] = ear_light(solid.head.rest, rest)
+        self.scalp[self.scalp] = scalp(rest)
 
     def _fill(self, distance: _Distance, first: Float64, middle: Float32) -> None:
         """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``."""

@@ -157,6 +157,8 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
         if part.any():
             fill[part] = _filled(points[part], photo[part], weight[part], mirrored[part],
                                  known[part])
+    # An ear that no photo shows is not flat.
+    fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]
     out = np.clip(share * photo + (1 - share) * fill, 0, 1)
     return np.asarray((out - 0.5) / C0, np.float32)[:, :, None]

@@ -21,6 +21,10 @@ Bools = NDArray[np.bool_]
 STEP = 0.010
 """Distance of samples, portrait units (2 mm)."""
 
+OBLIQUE, AROUND = 0.7, 24
+"""Cosine up to which the nearest sample does not say on which side a place lies; how many do then.
+"""
+
 
 @dataclass(frozen=True)
 class MeshSamples:
@@ -63,10 +67,25 @@ class MeshSamples:
         near = np.flatnonzero(np.isfinite(length))
         to = points[near] - self.points[nearest[near]]
         along = (to * self.normals[nearest[near]]).sum(axis=1)
-        away = np.sign(along) * length[near]
+        away = np.where(self._within(points[near], along, length[near]), -1, 1) * length[near]
         share = np.clip((length[near] / STEP - 1.0) / 2.0, 0, 1)
         out[near] = share * away + (1 - share) * along
         return out
+
+    def _within(self, points: Float64, along: Float64, length: Float64) -> Bools:
+        """Which points lie inside, [N]; ``along`` is by the nearest sample alone.
+
+        Beside the edge of a thin ear that one looks elsewhere: there all those around decide, each
+        by the angle that it fills (as a winding number).
+        """
+        inside = along < 0
+        unsure = np.flatnonzero((np.abs(along) < OBLIQUE * length) & (length > 0.5 * STEP))
+        if len(unsure):
+            far, which = self.tree.query(points[unsure], AROUND, workers=usable_cores())
+            to = points[unsure, None] - self.points[which]
+            angle = (to * self.normals[which]).sum(axis=2) / np.maximum(far, 1e-9) ** 3
+            inside[unsure] = angle.sum(axis=1) < 0
+        return inside
 
     def at_rest(self, points: Float64) -> Float64:
         """Where the samples nearest to points [N, 3] lie on the model's mean, [N, 3]."""

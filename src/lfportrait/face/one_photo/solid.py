@@ -21,7 +21,8 @@ from .parts import Parts
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
 
-__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Piece", "Solid", "scalp", "solid_of"]
+__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Piece", "Solid", "ear_light", "scalp",
+           "solid_of", "standing_out"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -55,16 +56,22 @@ units: a neck leans forward, and runs out to the shoulders behind."""
 LOWEST = -1.35
 """Nothing lies lower."""
 HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.105),
-                     (-0.04, 0.12), (-0.02, 0.125), (0.0, 0.118), (0.012, 0.110), (0.025, 0.150),
-                     (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
+                     (-0.04, 0.113), (-0.02, 0.113), (-0.005, 0.098), (0.004, 0.094),
+                     (0.012, 0.110), (0.025, 0.150), (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
 """Depths and heights (metres, `HeadPrior.rest`) of the line above which a head has hair: from the
-nape behind and over the ears to the temples and the forehead."""
+nape behind and close over the ears to the temples and the forehead."""
 EDGE = 4
 """Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
 BESIDE = 1.5
 """Cells beyond its part of the picture up to which a piece goes on."""
-EAR = 0.073
-"""Metres from the middle, beyond which ears stand out from a head."""
+SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767), (0.13, 0.079)])
+"""Heights, and how far from the middle a head's sides lie there below its ears (metres,
+`HeadPrior.rest`)."""
+DARK, HOLLOW = 0.04, 17
+"""Metres deep in an ear at which a third of the light is left; what is no wider than so many
+millimeters is hollow."""
+STANDS = 0.0025
+"""What stands out by more is ear, metres."""
 
 
 @dataclass(frozen=True)
@@ -229,10 +236,48 @@ def scalp(rest: Float64) -> Bools:
     return np.asarray((rest[:, 1] > np.interp(rest[:, 2], *HAIRLINE.T)) & ~_ears(rest))
 
 
+def standing_out(rest: Float64) -> Float64:
+    """How far ears stand out at places [N, 3] on the mean head, metres [N]; 0 elsewhere."""
+    out = np.maximum(np.abs(rest[:, 0]) - np.interp(rest[:, 1], *SKULL.T), 0)
+    within = (rest[:, 1] > 0.05) & (rest[:, 1] < 0.14) & (rest[:, 2] > -0.055)
+    front = np.clip((0.002 - rest[:, 2]) / 0.008, 0, 1)
+    return np.asarray(np.where(within, out * front, 0.0))
+
+
 def _ears(rest: Float64) -> Bools:
     """What is ear, bool [N], of places [N, 3] on the mean head."""
-    return np.asarray((np.abs(rest[:, 0]) > EAR) & (rest[:, 1] < 0.125)
-                      & (rest[:, 2] < 0.01) & (rest[:, 2] > -0.055))
+    return standing_out(rest) > STANDS
+
+
+def ear_light(rest: Float64, places: Float64) -> Float64:
+    """How bright places [N, 3] of the mean head are beside a mean over its ears, [N].
+
+    The deeper a place lies between what stands out around it, the less light reaches it. Beside
+    ears it is 1. ``rest`` are samples [M, 3] of the head.
+    """
+    low, step, size = np.array([0.04, -0.07]), 0.001, (111, 91)
+    hull = np.zeros((2, *size))
+
+    def cells(points: Float64) -> tuple[NDArray[np.int64], ...]:
+        row, column = np.rint((points[:, 1:] - low) / step).astype(np.int64).T
+        return ((points[:, 0] > 0).astype(np.int64), np.clip(row, 0, size[0] - 1),
+                np.clip(column, 0, size[1] - 1))
+
+    def reaching(points: Float64) -> Float64:
+        height, depth = points[:, 1], points[:, 2]
+        border = np.minimum(np.minimum(height - 0.048, 0.145 - height),
+                            np.minimum(depth + 0.052, 0.004 - depth))
+        deep = np.maximum(hull[cells(points)] - np.abs(points[:, 0]), 0)
+        return np.asarray(np.exp(-deep * np.clip(border / 0.008, 0, 1) / DARK))
+
+    np.maximum.at(hull, cells(rest), np.abs(rest[:, 0]))
+    for side in hull:
+        side[:] = cv2.morphologyEx(side, cv2.MORPH_CLOSE, np.ones((HOLLOW, HOLLOW), np.uint8))
+    ears = reaching(rest[_ears(rest)])
+    if not len(ears):
+        return np.ones(len(places))
+    share = np.clip(standing_out(places) / (2 * STANDS), 0, 1)
+    return np.asarray(reaching(places) * float(ears.mean()) ** -share)
 
 
 def _plane(points: Float64) -> Float64:

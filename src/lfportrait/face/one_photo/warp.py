@@ -22,6 +22,7 @@ from ..head_fit import (
     outline_vertices,
 )
 from ..head_prior import EYES, HeadPrior, with_normals
+from .solid import STANDS, standing_out
 
 __all__ = ["warped", "warped_together"]
 
@@ -33,6 +34,16 @@ FARTHEST = 0.2
 """They move at most this part of the distance of the eyes."""
 STIFF = 0.3
 """Smoothing of the spline: landmarks that contradict their neighbours are not followed wholly."""
+EAR_MOVES = np.array([0.1, 0.1, 0.4, 0.4, 0.4, 0.4])
+"""Deviations of how an ear moves, and of how it stands out at its middle and changes that up to its
+ends, over its length; along and across. The outline knows its own place to `EAR_OFF`."""
+EAR_OFF = 0.04
+FLAT = 0.4
+"""An ear is made no flatter than this."""
+AROUND = 0.02
+"""So far around an ear the head moves with it, metres."""
+SURE = 6
+"""Places of an outline that say as much about an ear as that the other one is like it."""
 CHIN = slice(5, 12)
 """Landmarks of the chin."""
 NEAR = 0.1
@@ -129,7 +140,8 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
     seen = view.project(vertices)
     landmarks = prior.vertices_seen(picture.landmarks)
     normals = with_normals(vertices, prior.triangles)
-    inner = prior.landmarks[17:]
+    stands = standing_out(prior.rest)
+    inner, ears = prior.landmarks[17:], stands > STANDS
     from_, by = [seen[inner]], [landmarks[17:] - seen[inner]]
     if found:
         from_ = [seen[one.vertices] for one in found]
@@ -139,7 +151,8 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
         away, slope, hair = outline_errors(picture, seen[rim], view)
         good = (np.abs(away) < FARTHEST * picture.eyes) & ~((hair > 0.5) & (away > 0))
         rim, away, slope = rim[good], away[good], slope[good]
-        chosen = _spread(seen[rim], OUTLINES)
+        head = np.flatnonzero(~ears[rim])
+        chosen = head[_spread(seen[rim[head]], OUTLINES)]
         from_.append(seen[rim[chosen]])
         by.append(-away[chosen, None] * slope[chosen])
     if not found:
@@ -155,11 +168,64 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
     at, first = np.unique(np.round(at, 3), axis=0, return_index=True)
     spline = RBFInterpolator(at / size, moves[first], kernel="thin_plate_spline",
                              smoothing=STIFF / size)
-    out = np.asarray(spline(seen / size), np.float64)
+    # Ears move as the places that they stand on.
+    roots = vertices - np.stack([np.sign(vertices[:, 0]) * stands, 0 * stands, 0 * stands], axis=1)
+    out = np.asarray(spline(view.project(roots) / size), np.float64)
     # An eyeball stays a ball: it moves as a whole.
     for ball in _eyeballs(prior, vertices):
         out[ball] = out[ball].mean(axis=0)
+    if picture.inside is not None:
+        own = ears[rim]
+        rim, slope = rim[own], slope[own]
+        missing = -away[own] - (slope * out[rim]).sum(axis=1)
+        out += _ear_moves(prior, view, vertices, rim, slope, missing)
     return out
+
+
+def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, rim: NDArray[np.int64],
+               slope: Float64, missing: Float64) -> Float64:
+    """How far vertices [N, 3] of ears are to move besides, pixels [N, 2].
+
+    An ear that is turned away, or smaller than the model's, would be folded by its own outline: it
+    moves as a whole, and stands out more or less or elsewhere. The less it is seen the more it does
+    as the other one.
+
+    Parameters
+    ----------
+    rim, slope, missing : Vertices on the outline, directions [R, 2] across it, and how far [R] they
+        are to move there.
+    """
+    rest, out = prior.rest, standing_out(prior.rest)
+    local = view.to_camera(vertices)
+    found, trust, bases, sizes = [], [], [], []
+    for side in (-1, 1):
+        ear = (out > STANDS) & (side * rest[:, 0] > 0)
+        low, high = rest[ear].min(axis=0), rest[ear].max(axis=0)
+        size, middle = high[1] - low[1], 0.5 * (low + high)
+        away = np.linalg.norm(np.maximum(np.maximum(low - rest, rest - high), 0), axis=1)
+        near = np.clip(1 - away / AROUND, 0, 1)
+        near = near * near * (3 - 2 * near)
+        stands = np.where(side * rest[:, 0] > 0, out, 0) / size
+        bases.append(np.stack([near, stands, stands * (rest[:, 1] - middle[1]) / (0.5 * size)]))
+        # Pixels to its length.
+        sizes.append(size * view.focal / float(local[ear, 2].mean()))
+        own = side * rest[rim, 0] > 0
+        trust.append(own.sum() / (own.sum() + SURE))
+        rows = (bases[-1][:, rim[own]].T[:, :, None] * slope[own][:, None]).reshape(-1, 6)
+        weight = np.diag(EAR_OFF ** 2 / EAR_MOVES ** 2)
+        best = np.linalg.solve(rows.T @ rows + weight, rows.T @ missing[own] / sizes[-1])
+        found.append(best.reshape(3, 2))
+    # In space, mirrored.
+    mirror, moves = np.array([-1.0, 1.0, 1.0]), np.zeros((len(rest), 2))
+    turn = view.rotation
+    for k, side in enumerate((-1, 1)):
+        like = ((found[1 - k] @ turn[:2]) * mirror @ turn.T)[:, :2]
+        share = trust[k] + (1 - trust[k]) * (1 - trust[1 - k])
+        best = share * found[k] + (1 - share) * like
+        flatter = -(best[1] @ turn[:2, 0]) * side + np.abs(best[2] @ turn[:2, 0])
+        best[1:] *= min(1.0, (1 - FLAT) / max(float(flatter), 1e-9))
+        moves += sizes[k] * bases[k].T @ best
+    return moves
 
 
 def _chin(prior: HeadPrior, view: View, vertices: Float64, normals: Float64, picture: Picture,
