@@ -16,13 +16,19 @@ __all__ = ["Shell", "shell_of"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 OUTSIDE, INSIDE = 2.0, 4.0
 """Voxels before and behind the surface that are kept."""
+DEEP = 2
+"""Points of the coarser lattices from free space, beyond which nothing is kept."""
 COARSE = 4
 """Voxels to a step of the lattice that the surface is looked for on."""
 CLOSE = 3.5
 """Voxels from the surface up to which distances are exact."""
+DETAIL = 0.0045
+"""Voxels from which on points between exact ones are looked at exactly, too, portrait units: what
+the solid is made of (`samples.STEP`, `parts.CELL`) has no detail between finer ones."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -51,45 +57,52 @@ class Shell:
         step = COARSE * voxel
         half = np.ceil(REACH / step).astype(int)
         first, coarse = _coarse(distance, half, step)
-        first, coarse = _cropped(first, coarse, step)
-        self._fill(distance, *_finer(distance, first, coarse, step))
+        first, coarse = _cropped(first, _closed(coarse)[0], step)
+        middle, owner = _finer(distance, first, coarse, step)
+        self._fill(distance, first, *_closed(middle), owner)
         self.scalp = self.owner == HEAD
         rest = solid.head.at_rest(self.on[self.scalp])
         self.light = np.ones(len(self.owner))
         self.light[self.scalp] = ear_light(solid.head.rest, rest)
         self.scalp[self.scalp] = scalp(rest)
 
-    def _fill(self, distance: _Distance, first: Float64, middle: Float32) -> None:
-        """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``."""
+    def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bools,
+              owner: NDArray[np.int8]) -> None:
+        """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``.
+
+        ``near`` is where free space is not far, ``owner`` what its points belong to, or -1.
+        """
         voxel = self.voxel
         rough = _doubled(middle)
         size = np.array(rough.shape)
-        z, y, x = np.nonzero((rough > -(INSIDE + 2) * voxel) & (rough < (OUTSIDE + 2) * voxel))
-        points = first + voxel * np.stack([x, y, z], axis=1)
-        away = rough[z, y, x].astype(np.float64)
-        # The surface itself exactly, what lies around it between the coarser lattice's points.
-        close = np.abs(away) < CLOSE * voxel
-        away[close], owner = distance(points[close], 2 * CLOSE * voxel)
-        away[close] = np.clip(away[close], -2 * CLOSE * voxel, 2 * CLOSE * voxel)
-        rough[z, y, x] = away
+        if voxel > DETAIL:
+            # The surface itself exactly, what lies around it between the coarser lattice's points.
+            at = np.nonzero((rough > -CLOSE * voxel) & (rough < CLOSE * voxel))
+            away, of = distance(_places(first, voxel, at), 2 * CLOSE * voxel)
+            hidden = ~near[tuple(one // 2 for one in at)]
+            away[hidden] = np.minimum(away[hidden], -INSIDE * voxel)
+            rough[at] = np.clip(away, -2 * CLOSE * voxel, 2 * CLOSE * voxel)
+            exact = np.full(size, -1, np.int8)
+            exact[at] = of
         # Where distances jump the shell is closed all the same.
         inside = rough < 0
-        box = np.ones((3, 3, 3), bool)
-        mask = ndimage.binary_dilation(inside, box) & ~ndimage.binary_erosion(inside, box, 2)
+        mask = _grown(inside, 1)
+        mask &= _grown(~inside, 2, True)
         mask |= (rough > -INSIDE * voxel) & (rough < OUTSIDE * voxel)
-        exact = np.full(size, -1, np.int16)
-        exact[z[close], y[close], x[close]] = owner
-        z, y, x = np.nonzero(mask)
+        at = np.nonzero(mask)
         self.links = np.full(size, -1, np.int32)
-        self.links[z, y, x] = np.arange(len(z), dtype=np.int32)
-        self.normals = _gradients(rough, z, y, x)
-        self.points = first + voxel * np.stack([x, y, z], axis=1)
-        self.away = np.clip(rough[z, y, x], -INSIDE * voxel, OUTSIDE * voxel).astype(np.float64)
-        owners = exact[z, y, x]
+        self.links[at] = np.arange(len(at[0]), dtype=np.int32)
+        self.normals = _gradients(rough, *at)
+        self.points = _places(first, voxel, at)
+        self.away = np.clip(rough[at], -INSIDE * voxel, OUTSIDE * voxel).astype(np.float64)
+        owners = owner[tuple(one // 2 for one in at)]
+        if voxel > DETAIL:
+            owners = np.where(exact[at] < 0, owners, exact[at])
         far = owners < 0
         if far.any():
-            found = cKDTree(points[close]).query(self.points[far], workers=usable_cores())[1]
-            owners[far] = owner[found]
+            known = np.nonzero(owner >= 0)
+            tree = cKDTree(_places(first, 2 * voxel, known))
+            owners[far] = owner[known][tree.query(self.points[far], workers=usable_cores())[1]]
         self.owner = owners.astype(np.uint8)
         extent = size[::-1] * voxel
         self.center = first - 0.5 * voxel + 0.5 * extent
@@ -113,7 +126,7 @@ class _Distance:
     def __init__(self, solid: Solid, wires: Wires | None, voxel: float) -> None:
         self.solid, self.wires, self.voxel = solid, wires, voxel
 
-    def __call__(self, points: Float64, reach: float, near: NDArray[np.bool_] | None = None,
+    def __call__(self, points: Float64, reach: float, near: Bools | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
         """As `Solid.distance`."""
         out, owner = self.solid.distance(points, reach, near)
@@ -136,9 +149,6 @@ def _coarse(distance: _Distance, half: NDArray[np.int64], step: float) -> tuple[
     near = ndimage.binary_dilation(near, np.ones((3, 3, 3)), iterations=2)
     found, _ = distance(grid.reshape(-1, 3), 3 * step, near.ravel())
     out = np.clip(found, -3 * step, 3 * step).reshape(shape)
-    # Deep within the head no sample is near: all that free space does not reach is inside.
-    free, _ = ndimage.label(out > 0)
-    out[(out > 0) & (free != free[0, -1, 0])] = -3 * step
     return np.array([axis[0] for axis in axes]), out.astype(np.float32)
 
 
@@ -152,31 +162,58 @@ def _cropped(first: Float64, distance: Float32, step: float) -> tuple[Float64, F
 
 
 def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
-           ) -> tuple[Float64, Float32]:
-    """The same with half the step, exact near the surface."""
+           ) -> tuple[Float32, NDArray[np.int8]]:
+    """The same with half the step, exact near the surface, and what its points belong to, or -1."""
     out = _doubled(coarse)
-    z, y, x = np.nonzero(np.abs(out) < 1.75 * step)
-    points = first + 0.5 * step * np.stack([x, y, z], axis=1)
-    found, _ = distance(points, 2 * step)
-    old = out[z, y, x]
-    out[z, y, x] = np.where(np.isfinite(found), np.clip(found, -3 * step, 3 * step), old)
-    return first, out
+    at = np.nonzero(np.abs(out) < 1.75 * step)
+    found, of = distance(_places(first, 0.5 * step, at), 2 * step)
+    out[at] = np.where(np.isfinite(found), np.clip(found, -3 * step, 3 * step), out[at])
+    owner = np.full(out.shape, -1, np.int8)
+    owner[at] = of
+    return out, owner
+
+
+def _closed(distance: Float32) -> tuple[Float32, Bools]:
+    """Distances without cavities and what lies deep inside, and where free space is near.
+
+    Deep within the head no sample is near; pieces end within others, and far inside their distances
+    are small. Nobody sees that, but it would be half of all points.
+    """
+    spaces, _ = ndimage.label(distance > 0)
+    ends = [spaces[tuple(slice(None) if k != axis else end for k in range(3))]
+            for axis in range(3) for end in (0, -1)]
+    free = np.isin(spaces, np.setdiff1d(np.concatenate([np.unique(one) for one in ends]), 0))
+    near = _grown(free, DEEP) & (free | (spaces == 0))
+    return np.where(near, distance, min(float(distance.min()), 0.0)), near
+
+
+def _grown(values: Bools, reach: int, beyond: bool = False) -> Bools:
+    """Where a value [z, y, x] within ``reach`` points along each axis is true."""
+    out = values.copy()
+    for axis in range(3):
+        along = np.moveaxis(out, axis, 0)
+        for _ in range(reach):
+            before = along.copy(order="K")
+            along[1:] |= before[:-1]
+            along[:-1] |= before[1:]
+            along[[0, -1]] |= beyond
+    return out
+
+
+def _places(first: Float64, step: float, at: tuple[NDArray[np.int64], ...]) -> Float64:
+    """Positions [N, 3] of a lattice's points (z, y, x)."""
+    z, y, x = at
+    return np.asarray(first + step * np.stack([x, y, z], axis=1))
 
 
 def _doubled(coarse: Float32) -> Float32:
     """A lattice [z, y, x] with the points between its points."""
-    out = coarse
-    for axis in range(3):
-        low, high = (np.take(out, np.arange(out.shape[axis] - 1) + k, axis) for k in (0, 1))
-        shape = list(out.shape)
-        shape[axis] = 2 * shape[axis] - 1
-        wide = np.empty(shape, np.float32)
-        even = [slice(None)] * 3
-        even[axis] = slice(0, None, 2)
-        wide[tuple(even)] = out
-        even[axis] = slice(1, None, 2)
-        wide[tuple(even)] = 0.5 * (low + high)
-        out = wide
+    out = np.empty([2 * count - 1 for count in coarse.shape], np.float32)
+    out[::2, ::2, ::2] = coarse
+    for axis, lines in enumerate((out[:, ::2, ::2], out[:, :, ::2], out)):
+        along = np.moveaxis(lines, axis, 0)
+        np.add(along[:-1:2], along[2::2], out=along[1::2])
+        along[1::2] *= 0.5
     return out
 
 

@@ -7,6 +7,7 @@ means over ever wider surroundings (pull and push, Gortler et al. 1996).
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -140,12 +141,14 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
         small = shot.camera.scaled(factor)
         alpha, depth = bare.depth(small, 0)
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
-        look = shot.look(points, normals, near, shell.voxel)
+        with ThreadPoolExecutor(2) as pool:
+            coming = pool.submit(shot.look, points * mirror, normals * mirror, near, shell.voxel)
+            look = shot.look(points, normals, near, shell.voxel)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
         own.add(np.clip(look.colors * light, 0, 1), look, square)
-        look = shot.look(points * mirror, normals * mirror, near, shell.voxel)
+        look = coming.result()
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = shell.owner == HAIR
     if hair.any():  # what no photo shows has hair, too, where hair grows; so has what shows through

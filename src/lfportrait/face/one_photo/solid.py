@@ -149,17 +149,19 @@ class Solid:
         asked = np.ones(len(points), bool) if near is None else near
         places, depth = self.parts.places(points)
         above = points @ self.neck[:3] - self.neck[3]
-        head[asked] = self.head.distance(points[asked], reach)
+        nearest = np.zeros(len(points), np.int64)
+        head[asked], nearest[asked] = self.head.nearest(points[asked], reach)
         owner = np.full(len(points), HEAD, np.uint8)
         if self.body is None:
             head = np.maximum(head, -above)
         else:
             joint = asked & (np.abs(above) < AROUND)
-            head[joint] = self.head.distance(points[joint], 2 * ALIKE)
+            wider = joint & ~np.isfinite(head)
+            head[wider], nearest[wider] = self.head.nearest(points[wider], 2 * ALIKE)
             joint &= np.isfinite(head)
             # How far down the model's own neck a place lies, from 0 to 1.
             way = (above < 0).astype(np.float64)
-            rest = self.head.at_rest(points[joint])[:, 1]
+            rest = self.head.rest[nearest[joint], 1]
             way[joint] = np.clip((NECK_END - rest) / JOINT, 0, 1)
             body = self.body.distance(self.parts, places, depth)
             head, of_body = _one_neck(head, body, way, above)

@@ -1,0 +1,84 @@
+"""A solid on a lattice: a closed shell around what can be seen, and nothing deep inside."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from lfportrait.capture import Camera
+from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo import lattice
+from lfportrait.face.one_photo.lattice import shell_of
+from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.solid import METRES, Solid
+
+SIZE = 100
+
+
+@pytest.fixture(scope="module")
+def solid():
+    """The generic head alone."""
+    prior = generic_prior()
+    points = (prior.mean - prior.mean.mean(axis=0)).astype(float) / METRES
+    camera = Camera.look_at(np.array([[0, 0, 5.0]]), np.zeros(3), width=SIZE, height=SIZE,
+                            focal=200.0)
+    matte = np.ones((SIZE, SIZE), np.float32)
+    return Solid(parts_of(camera, matte, np.zeros_like(matte), 5.0),
+                 MeshSamples.of(points, prior.outer, prior.rest), None, None,
+                 np.array([0, 1.0, 0, -9]), -9.0)
+
+
+def test_free_space_does_not_reach_what_is_within_the_shell(solid):
+    shell = shell_of(solid, 96)
+    there = shell.links >= 0
+    solid_ = np.zeros(there.shape, bool)
+    solid_[there] = shell.away[shell.links[there]] < 0
+    outer, _ = ndimage.label(np.pad(~solid_, 1, constant_values=True))
+    middle = tuple(one // 2 + 1 for one in there.shape)
+    assert not there[tuple(one // 2 for one in there.shape)]
+    assert outer[middle] != outer[0, 0, 0]
+
+
+def test_fine_points_lie_between_exact_ones(solid, monkeypatch):
+    """Where voxels are finer than what the solid is made of."""
+    exact = shell_of(solid, 160)
+    assert exact.voxel > lattice.DETAIL
+    monkeypatch.setattr(lattice, "DETAIL", 1.0)
+    fine = shell_of(solid, 160)
+    assert fine.links.shape == exact.links.shape
+    both = (fine.links >= 0) & (exact.links >= 0)
+    one, two = (each.away[each.links[both]] / each.voxel for each in (exact, fine))
+    near = np.abs(one) < 1.5
+    assert np.sqrt(np.mean((one - two)[near] ** 2)) < 0.155
+    directions = [each.normals[each.links[both]][near] for each in (exact, fine)]
+    assert np.median((directions[0] * directions[1]).sum(axis=1)) > 0.999
+    owners = [each.owner[each.links[both]] for each in (exact, fine)]
+    assert np.array_equal(*owners)
+
+
+def test_cavities_and_what_lies_deep_are_closed():
+    z, y, x = np.mgrid[:41, :41, :41] - 20.0
+    away = np.sqrt(z * z + y * y + x * x)
+    distance = np.maximum(away - 15, 6 - away).astype(np.float32)  # hollow
+    distance[(away > 6) & (away < 9)] = -0.01  # and shallow far inside
+    closed, near = lattice._closed(distance)
+    assert (closed[away < 15 - 1e-3] < 0).all() and closed[away < 9].max() < -4
+    outer = away > 13.5
+    assert np.array_equal(closed[outer], distance[outer]) and near[outer].all()
+    assert not near[away < 10].any()
+
+
+def test_points_between_points_are_means():
+    coarse = np.random.default_rng(0).normal(size=(4, 5, 3)).astype(np.float32)
+    size = [2 * count - 1 for count in coarse.shape]
+    places = np.meshgrid(*(np.arange(count) / 2 for count in size), indexing="ij")
+    expected = ndimage.map_coordinates(coarse.astype(float), places, order=1)
+    np.testing.assert_allclose(lattice._doubled(coarse), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("reach", [1, 2])
+@pytest.mark.parametrize("beyond", [False, True])
+def test_what_grows(reach, beyond):
+    values = np.random.default_rng(reach).random((9, 7, 8)) > 0.97
+    expected = ndimage.binary_dilation(values, np.ones((3, 3, 3)), reach, border_value=beyond)
+    assert np.array_equal(lattice._grown(values, reach, beyond), expected)
