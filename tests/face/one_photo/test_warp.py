@@ -86,7 +86,7 @@ def test_hollows_of_ears_are_darker_than_their_rims():
     assert np.median(light[hollow]) < 0.97
     assert np.median(light[rims]) > 1
     # Faces, cheeks and skulls keep theirs.
-    assert (light[np.abs(rest[:, 0]) < 0.06] == 1).all()
+    assert (light[np.abs(rest[:, 0]) < 0.05] == 1).all()
 
 
 def test_photos_from_two_sides_say_how_deep_a_face_is():
