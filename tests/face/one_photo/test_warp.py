@@ -1,11 +1,13 @@
 """A fitted head is laid over its photos."""
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lfportrait.face.head_fit import HeadFit, Picture, View
 from lfportrait.face.head_prior import HeadPrior, generic_prior
-from lfportrait.face.one_photo.solid import scalp
+from lfportrait.face.one_photo.parts import signed_distance
+from lfportrait.face.one_photo.solid import STANDS, ear_light, scalp, standing_out
 from lfportrait.face.one_photo.warp import warped, warped_together
 
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -31,6 +33,60 @@ def test_the_chin_follows_its_landmarks():
     assert np.abs(moved[prior.landmarks[36:48]]).max() < 2.0
     # Depths stay the model's.
     assert np.allclose(points[:, 2], view.to_camera(vertices)[:, 2])
+
+
+def _with_ears(prior: HeadPrior, view: View, stretch: float) -> tuple[Picture, np.ndarray]:
+    """A photo of a head whose ears stand out so many times as far, and its vertices."""
+    true = prior.shape(np.zeros(0), np.zeros(0))
+    true[:, 0] += np.sign(true[:, 0]) * (stretch - 1) * standing_out(prior.rest)
+    seen = view.project(true)
+    matte = np.zeros((SIZE, SIZE), np.uint8)
+    for corners in np.rint(seen[prior.triangles]).astype(np.int32):
+        cv2.fillConvexPoly(matte, corners, 1)
+    return Picture((SIZE, SIZE), seen[prior.landmarks], FOCAL, signed_distance(matte)), true
+
+
+def _ears(prior: HeadPrior, side: int) -> np.ndarray:
+    return (standing_out(prior.rest) > STANDS) & (side * prior.rest[:, 0] > 0)
+
+
+def test_flat_ears_are_laid_back_without_folds():
+    prior, view = generic_prior(), _view(generic_prior(), 0.0)
+    picture, true = _with_ears(prior, view, 0.5)
+    vertices = prior.shape(np.zeros(0), np.zeros(0))
+    points = warped(prior, view, vertices, picture)
+    for side in (-1, 1):
+        ear = _ears(prior, side)
+        tips = ear & (standing_out(prior.rest) > 0.8 * standing_out(prior.rest)[ear].max())
+        start, end, goal = (side * one[tips, 0].mean() for one in
+                            (vertices, points, true))
+        assert abs(end - goal) < 0.4 * abs(start - goal)
+        # What stands out farther still does: every millimeter moves by less than itself.
+        line = np.polyfit(standing_out(prior.rest)[ear], side * (points - vertices)[ear, 0], 1)
+        left = side * (points - vertices)[ear, 0] - np.polyval(line, standing_out(prior.rest)[ear])
+        assert -0.7 < line[0] < -0.2 and np.abs(left).max() < 0.003
+
+
+def test_an_ear_that_is_not_seen_is_like_the_other():
+    prior, view = generic_prior(), _view(generic_prior(), 35.0)
+    picture, _ = _with_ears(prior, view, 1.6)
+    vertices = prior.shape(np.zeros(0), np.zeros(0))
+    moved = (warped(prior, view, vertices, picture) - view.to_camera(vertices)) @ view.rotation
+    one, two = (side * moved[_ears(prior, side), 0].mean() for side in (-1, 1))
+    assert max(one, two) > 0.002
+    assert min(one, two) > 0.25 * max(one, two)
+
+
+def test_hollows_of_ears_are_darker_than_their_rims():
+    rest = generic_prior().rest
+    hollow = np.linalg.norm(rest[:, 1:] - [0.10, -0.02], axis=1) < 0.006
+    hollow &= np.abs(rest[:, 0]) > 0.07
+    rest[hollow, 0] -= np.sign(rest[hollow, 0]) * 0.003
+    light, rims = ear_light(rest, rest), standing_out(rest) > 0.01
+    assert np.median(light[hollow]) < 0.97
+    assert np.median(light[rims]) > 1
+    # Faces, cheeks and skulls keep theirs.
+    assert (light[np.abs(rest[:, 0]) < 0.05] == 1).all()
 
 
 def test_photos_from_two_sides_say_how_deep_a_face_is():

@@ -269,6 +269,8 @@ def ear_light(rest: Float64, places: Float64) -> Float64:
         height, depth = points[:, 1], points[:, 2]
         border = np.minimum(np.minimum(height - 0.048, 0.145 - height),
                             np.minimum(depth + 0.052, 0.004 - depth))
+        # On the head itself light fades in.
+        border = np.minimum(border, np.abs(points[:, 0]) - np.interp(height, *SKULL.T) + 0.012)
         deep = np.maximum(hull[cells(points)] - np.abs(points[:, 0]), 0)
         return np.asarray(np.exp(-deep * np.clip(border / 0.008, 0, 1) / DARK))
 

@@ -68,7 +68,7 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
     points : float64 [N, 3] in the camera's frame, metres.
     """
     out = view.to_camera(vertices)
-    moved = view.project(vertices) + _moves(prior, view, vertices, picture)
+    moved = view.project(vertices) + _moves(prior, view, vertices, picture, alone=True)
     out[:, :2] = (moved - view.center) / view.focal * out[:, 2:]
     return out
 
@@ -133,14 +133,15 @@ def _neighbors(prior: HeadPrior) -> sparse.csr_array:
 
 
 def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
-           found: Sequence[Found] = ()) -> Float64:
-    """How far vertices [N, 3] are to move in a photo, pixels [N, 2]."""
+           found: Sequence[Found] = (), alone: bool = False) -> Float64:
+    """How far vertices [N, 3] are to move in a photo, which may be the only one, pixels [N, 2]."""
     from scipy.interpolate import RBFInterpolator
 
     seen = view.project(vertices)
     landmarks = prior.vertices_seen(picture.landmarks)
     normals = with_normals(vertices, prior.triangles)
-    stands = standing_out(prior.rest)
+    # Several photos show ears from more sides, and vertices move as their neighbors do.
+    stands = standing_out(prior.rest) if alone else np.zeros(len(vertices))
     inner, ears = prior.landmarks[17:], stands > STANDS
     from_, by = [seen[inner]], [landmarks[17:] - seen[inner]]
     if found:
@@ -174,7 +175,7 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
     # An eyeball stays a ball: it moves as a whole.
     for ball in _eyeballs(prior, vertices):
         out[ball] = out[ball].mean(axis=0)
-    if picture.inside is not None:
+    if picture.inside is not None and alone:
         own = ears[rim]
         rim, slope = rim[own], slope[own]
         missing = -away[own] - (slope * out[rim]).sum(axis=1)
@@ -215,11 +216,11 @@ def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, rim: NDArray[np.
         weight = np.diag(EAR_OFF ** 2 / EAR_MOVES ** 2)
         best = np.linalg.solve(rows.T @ rows + weight, rows.T @ missing[own] / sizes[-1])
         found.append(best.reshape(3, 2))
-    # In space, mirrored.
-    mirror, moves = np.array([-1.0, 1.0, 1.0]), np.zeros((len(rest), 2))
-    turn = view.rotation
+    # Mirrored in the model's plane: how deep it moves no photo shows.
+    moves, turn = np.zeros((len(rest), 2)), view.rotation
     for k, side in enumerate((-1, 1)):
-        like = ((found[1 - k] @ turn[:2]) * mirror @ turn.T)[:, :2]
+        like = np.linalg.solve(turn[:2, :2], found[1 - k].T) * [[-1.0], [1.0]]
+        like = (turn[:2, :2] @ like).T
         share = trust[k] + (1 - trust[k]) * (1 - trust[1 - k])
         best = share * found[k] + (1 - share) * like
         flatter = -(best[1] @ turn[:2, 0]) * side + np.abs(best[2] @ turn[:2, 0])
