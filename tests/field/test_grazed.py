@@ -1,11 +1,14 @@
 """Where photos only look along a surface its colors are even; elsewhere they stay."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera, Capture
+from lfportrait.field.closing.fitted_head import Ears
 from lfportrait.field.closing.grazed import (
     Grazed,
     faced_by,
@@ -136,6 +139,48 @@ def test_photos_know_the_colors_that_they_look_along(head, photographed):
     near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (points[:, 2] > 0.2)
     near &= (np.abs(points[:, 1]) < 0.1) & (points[:, 0] < -0.2)
     assert np.abs(0.5 + C0 * even.sh[near][..., 0] - 0.7).max() < 0.06
+
+
+def test_beside_what_is_nearer_photos_tell_no_colors(head, photographed):
+    (_, photos), (_, chart, distance) = photographed, head
+    level = (np.abs(chart.axis[:, 1]) < 0.1) & (np.arange(len(chart.axis)) < chart.level)
+    front = np.ix_(level, np.abs(chart.angle) < 0.7)
+    points = chart.points(distance)[front]
+    normals = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    nothing = np.full(points.shape, np.nan)
+    assert photos.colors(points, normals, nothing)[1].min() > 0.5
+    beside = copy.copy(photos)
+    # A pixel next to each shows something two tenths before it.
+    beside._first = [first - np.float32(0.2) for first in photos._first]
+    assert not beside.colors(points, normals, nothing)[1].any()
+
+
+@pytest.mark.parametrize("strip, kept", [((0.3, 0.5, 0.8), False), ((0.2, 0.15, 0.11), True)],
+                         ids=["wall", "shade"])
+def test_an_ear_loses_what_no_photo_faces_and_a_strip_of_wall(head, photographed, strip, kept):
+    (field, photos), (_, chart, distance) = photographed, head
+    points = field.lattice_points()
+    colors = np.broadcast_to((0.8, 0.6, 0.5), points.shape).copy()
+    stripe = (np.abs(points[:, 1]) < 0.04) & (points[:, 2] > 0)
+    hidden = points[:, 2] < -0.1
+    colors[stripe], colors[hidden] = strip, (0.1, 0.9, 0.1)
+    sh = np.zeros_like(field.sh)
+    sh[..., 0] = (colors - 0.5) / C0
+    angle, height = np.mgrid[np.radians(-130):np.radians(-30):60j, -0.3:0.3:40j]
+    across = np.sqrt(0.36 - height ** 2)
+    places = np.stack([across * np.sin(angle), height, across * np.cos(angle)], -1).reshape(-1, 3)
+    ears = Ears(places, places / 0.6, np.ones(len(places), bool), np.zeros((0, 2, 3)),
+                cKDTree(places), 0.05, 0.02)
+    even = with_even_colors(replace(field, sh=sh), Grazed(
+        chart, distance, np.ones(distance.shape), ears, np.zeros(distance.shape, bool), None, None,
+        photos))
+    found = 0.5 + C0 * even.sh[..., 0]
+    ear = ears.distance(points)[0] < 0.02
+    assert (hidden & ear).sum() > 20 and (stripe & ear).sum() > 20
+    assert np.abs(found - (0.8, 0.6, 0.5))[hidden & ear].max() < 0.05
+    front = stripe & ear & (points[:, 2] > 0.2) & (np.linalg.norm(points, axis=1) > 0.57)
+    assert np.abs(found - (strip if kept else (0.8, 0.6, 0.5)))[front].max() < 0.05
+    assert np.allclose(even.sh[points[:, 0] > 0], sh[points[:, 0] > 0], atol=1e-5)
 
 
 def test_hair_keeps_its_strands(head):

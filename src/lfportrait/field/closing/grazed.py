@@ -7,6 +7,9 @@ Its colors lose their specks in a median, which keeps the edge of a jaw, and its
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
 counts. Hair keeps its strands.
 
+Ears have no place in a chart. What hardly any photo faces there takes the colors of what is faced
+around it, and so does what has another tint than the ear: a strip of the wall in some mattes.
+
 Photos themselves have no such noise: where enough of them look at the skin's surface, they are
 looked up there (`Photos.colors`), and only what they do not show is left to the median.
 """
@@ -17,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
@@ -24,6 +28,7 @@ from ..geometry.chart import Chart, at_places, continued, normals_of, read_surfa
 from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
+from ..trimming import OPAQUE
 from .fitted_head import Ears
 from .photos import Photos
 
@@ -45,7 +50,14 @@ OUTER, INNER = 8.0, 9.0
 ON = 4.0
 """Voxels beside the surface up to which what a ray meets shows its color."""
 BESIDE = 3.0
-"""Voxels around ears in which colors stay: depth maps, not the chart, know where they face."""
+"""Voxels around ears that belong to them: depth maps, not the chart, know where they face."""
+FACED, SURELY = 0.2, 4
+"""An ear's colors stay where so many photos see a surface that faces them at such a cosine."""
+ALIKE = 24
+"""Places of an ear around one whose median tells its color."""
+WIDELY, TINT = 400, 0.045
+"""Those whose median tells its tint (sRGB in [0, 1] without lightness), and how much of another
+tint it has if it is the wall's."""
 _EVEN = 1.5
 """Sigma, in cells, over which a surface is evened before its cosines are taken, and these."""
 
@@ -154,11 +166,45 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     stays = grazed.faced if grazed.hair is None else np.maximum(grazed.faced, grazed.hair)
     share = 1.0 - at_places(stays, places)
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
+    sh = field.sh
     if grazed.ears is not None:
-        share[grazed.ears.distance(points)[0] < BESIDE * voxel] = 0.0
+        near = grazed.ears.distance(points)[0] < BESIDE * voxel
+        share[near] = 0.0
+        if grazed.photos is not None:
+            sh = _with_even_ears(sh, np.flatnonzero(near), points, field.density, grazed.photos)
     chosen = np.flatnonzero(share > 0)
     places = twice * places[:, chosen] + [[0.0], [0.5 * (twice - 1)]]
-    return replace(field, sh=_blended(field.sh, chosen, share[chosen], even, places))
+    colors = np.stack([at_places(even[..., k], places) for k in range(3)], axis=-1)
+    return replace(field, sh=_blended(sh, chosen, share[chosen], colors))
+
+
+def _with_even_ears(sh: Float32, rows: Int64, points: Float64, density: Float32,
+                    photos: Photos) -> Float32:
+    """Coefficients, those of ears' rows in the colors around where hardly any photo faces them.
+
+    So are those of a strip of the wall beside an ear, which some mattes have: its tint is not that
+    of the ear.
+    """
+    at, colors = points[rows], 0.5 + C0 * sh[rows, :, 0]
+    votes = photos.faced(at, FACED)
+    told = (votes >= SURELY) & (density[rows] > OPAQUE)
+    if told.sum() < ALIKE:
+        return sh
+    # Shade, hair and gray things have less of the same tint.
+    tint = colors - colors.mean(axis=1, keepdims=True)
+    many = min(WIDELY, int(told.sum()))
+    around = cKDTree(at[told]).query(at, many, workers=-1)[1][:, ::8]  # every eighth will do
+    usual = np.median(tint[told][around], axis=1)
+    usual /= np.maximum(np.linalg.norm(usual, axis=1, keepdims=True), 1e-9)
+    tint -= np.maximum((tint * usual).sum(axis=1, keepdims=True), 0.0) * usual
+    strange = np.linalg.norm(tint, axis=1) > TINT
+    told &= ~strange
+    if told.sum() < ALIKE:
+        return sh
+    share = np.where(strange, 1.0, 1.0 - np.clip(votes / SURELY, 0, 1))
+    chosen = np.flatnonzero(share > 0)
+    around = cKDTree(at[told]).query(at[chosen], ALIKE, workers=-1)[1]
+    return _blended(sh, rows[chosen], share[chosen], np.median(colors[told][around], axis=1))
 
 
 def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool,
@@ -178,11 +224,10 @@ def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool
     return np.asarray(even + share[..., None] * (shown - even), np.float64)
 
 
-def _blended(sh: Float32, rows: Int64, share: Float64, even: Float64, places: Float64) -> Float32:
-    """Coefficients, of which those of some rows go over by a share [N] into colors at places."""
+def _blended(sh: Float32, rows: Int64, share: Float64, colors: Float64) -> Float32:
+    """Coefficients, of which those of some rows go over by a share [N] into colors [N, 3]."""
     out = sh.copy()
     some = sh[rows] * (1.0 - share)[:, None, None].astype(np.float32)
-    for k in range(3):
-        some[:, k, 0] += share * (at_places(even[..., k], places) - 0.5) / C0
+    some[:, :, 0] += share[:, None] * (colors - 0.5) / C0
     out[rows] = some
     return out

@@ -33,6 +33,9 @@ EDGE, WITHIN = 3, 0.99
 """Pixels by which mattes are made smaller, wall and person being mixed beside their edges, and
 their least value within."""
 
+APART, NEXT = 2.5, 2.0
+"""What lies so much nearer beside a place hides it: voxels, and pixels along its surface."""
+
 _NO_MAP, _NO_WAYS = np.zeros((0, 0), np.float32), np.zeros((0, 3))
 
 
@@ -202,13 +205,20 @@ class Photos:
                    sees: Bool) -> tuple[Float32, Float32]:
         """A photo's colors at points, as bright as ``given``, and cosines [V, U], or 0."""
         picture, matte = self._picture(view)
-        places = self.cameras[view].project(points.reshape(-1, 3))[0][0].astype(np.float32) - 0.5
-        x, y = places.reshape(*points.shape[:2], 2).transpose(2, 0, 1)
+        pixels, depth = (part[0] for part in self.cameras[view].project(points.reshape(-1, 3)))
+        x, y = (pixels.astype(np.float32) - 0.5).reshape(*points.shape[:2], 2).transpose(2, 0, 1)
         colors, inside = (cv2.remap(of, np.ascontiguousarray(x), np.ascontiguousarray(y),
                                     cv2.INTER_LINEAR, borderValue=0) for of in (picture, matte))
         way = self.cameras.position[view] - points
         cosine = (way * outwards).sum(axis=-1) / np.linalg.norm(way, axis=-1)
         cosine[~sees | (inside < WITHIN)] = 0.0
+        # Beside the edge of a jaw or of an ear its color has run into what is behind.
+        column, row = (np.clip(np.floor(part), 0, size - 1).astype(np.int64) for part, size in
+                       zip(pixels.T, self._first[view].shape[::-1]))
+        steep = np.sqrt(np.maximum(1.0 - cosine ** 2, 0.0)) / np.maximum(cosine, GRAZED)
+        before = (depth - self._first[view][row, column]).reshape(cosine.shape)
+        pixel = np.linalg.norm(way, axis=-1) / self.cameras.focal[view, 0]
+        cosine[before > APART * self.voxel + NEXT * pixel * steep] = 0.0
         told = (cosine > SQUARE) & np.isfinite(given).all(axis=-1)
         if told.any():
             colors = colors * np.median(given[told] / np.maximum(colors[told], 0.02), axis=0)
