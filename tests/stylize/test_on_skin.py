@@ -89,22 +89,24 @@ def large():
 
 def test_a_preview_is_painted_by_a_picture_that_is_no_finer_than_itself(
         skin, large, monkeypatch):
+    # What painters are made of: to prepare them takes a second each.
+    monkeypatch.setattr(stylization, "SkinPainter", lambda exemplar, *_: exemplar)
     monkeypatch.setattr(stylization, "LEAST", 10.0)
-    quick, whole = (Painters().of(large, skin, one).exemplar for one in (PREVIEW, SMALL))
+    quick, whole = (Painters().of(large, skin, one) for one in (PREVIEW, SMALL))
     assert 0.94 * skin.face / 2 < quick.size < 1.02 * skin.face / 2
     assert 0.95 * 2 * skin.face < whole.size < 1.05 * 2 * skin.face < large.size
     monkeypatch.setattr(stylization, "LEAST", 48.0)
-    assert 45 < Painters().of(large, skin, PREVIEW).exemplar.size < 49
+    assert 45 < Painters().of(large, skin, PREVIEW).size < 49
 
 
 def test_the_picture_of_a_preview_stays_the_same_while_a_landmark_moves(skin, large):
     pictures = []
-    for aside in (0.0, 2.0, 4.0):
+    for aside in (0.0, 4.0):
         points = large.landmarks.copy()
         points[30, 0] += aside
         pictures.append(Painters().of(replace(large, landmarks=points), skin, PREVIEW).exemplar)
     assert all(np.array_equal(one.image, pictures[0].image) for one in pictures)
-    assert pictures[2].landmarks[30, 0] > pictures[0].landmarks[30, 0]
+    assert pictures[1].landmarks[30, 0] > pictures[0].landmarks[30, 0]
 
 
 def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, large, monkeypatch):
