@@ -42,7 +42,7 @@ class Nursery:
                 pass_fds=[other.fileno()],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
 
-    def Popen(self, words: list[str], *, env: Mapping[str, str],  # noqa: N802
+    def Popen(self, words: list[str], *, env: Mapping[str, str],
               stderr: IO[bytes] | None = None, process_group: int | None = None,
               **_: Any) -> _Adopted:
         """What `subprocess.Popen` gives for ``python -c "from module import function; ..."``."""
