@@ -84,7 +84,10 @@ def photograph(model: HeadModel, cameras: Camera, view: int = 0) -> Picture:
     aux = np.zeros((height, width, 5), np.float32)
     aux[..., 3] = -1.0
     grid = distances(model)
-    pose, focal, center = cameras.pose[view], cameras.focal[view], cameras.center[view]
+    # Copies: for what can't be written to, as a camera's numbers may be, kernels would be compiled
+    # once more.
+    pose, focal, center = (np.array(part[view]) for part in (cameras.pose, cameras.focal,
+                                                             cameras.center))
 
     def band(index: int) -> None:
         first = index * _BAND

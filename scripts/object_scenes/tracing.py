@@ -70,7 +70,8 @@ def trace(baked, origin, ray, start, out):
     through, color = np.ones(3), np.zeros(3)
     covered, mirrors = False, 0
     for _ in range(EVENTS):
-        t, nearest, _, _ = march(baked, origin, ray, start, 1e9, 0.0, False)
+        # No glass is passed by here; a constant would have a walk of its own compiled.
+        t, nearest, _, _ = march(baked, origin, ray, start, 1e9, 0.0, mirrors < 0)
         if t < 0.0:
             if covered:
                 seen = np.zeros(3)

@@ -23,15 +23,15 @@ def chart(frame=None, rows=24, level=16, columns=30):
 
 
 def plain_march(field, one, cut):
-    """`read_surface`, a ray after the other."""
+    """`read_surface`, a ray after the other, for every third column."""
     voxel = float(field.spacing.mean())
-    distance, color = np.full((24, 30), np.nan), np.zeros((24, 30, 3))
+    distance, color = np.full((24, 10), np.nan), np.zeros((24, 10, 3))
     reach = float(np.linalg.norm(np.abs(field.bounds - one.origins[-1]).max(axis=0)))
     low = field.bounds[0] + 0.5 * field.spacing
-    for v, u in np.ndindex(24, 30):
+    for v, u in np.ndindex(24, 10):
         left, behind, seen = 1.0, 0, np.zeros(3)
         for away in np.arange(reach, 0.0, -voxel):
-            point = one.origins[v] + away * one.rays[v, u]
+            point = one.origins[v] + away * one.rays[v, 3 * u]
             place = np.rint((point - low) / field.spacing).astype(int)
             row = -1
             if ((place >= 0) & (place < field.links.shape[::-1])).all():
@@ -56,7 +56,7 @@ def plain_march(field, one, cut):
 @pytest.mark.parametrize("frame", [None, FRAME])
 def test_a_surface_is_read_as_by_a_plain_march(cut, frame):
     field, one = head_field(24), chart(frame)
-    distance, color = read_surface(field, one, cut)
+    distance, color = (plane[:, ::3] for plane in read_surface(field, one, cut))
     expected, shade = plain_march(field, one, cut)
     assert np.isfinite(expected).any() and (cut is None or np.isnan(expected).any())
     assert np.array_equal(np.isnan(distance), np.isnan(expected))

@@ -44,21 +44,21 @@ def test_a_finer_lattice_is_the_mean_of_the_corners(shape):
     numbers = fine.links[fine.links >= 0]
     assert np.array_equal(numbers, np.arange(fine.count)) and not fine.density[-1]
     assert not fine.rows[-1].any()
-    for place in np.ndindex(shape):
-        at = (np.array(place) + 0.5) / shape * SHAPE - 0.5
-        low = np.clip(np.floor(at).astype(int), 0, np.array(SHAPE) - 2)
-        part = np.clip(at - low, 0, 1)
-        density, color, mass, lives = 0.0, np.zeros(16), 0.0, False
-        for corner in np.ndindex(2, 2, 2):
-            near = tuple(low + corner)
-            lives |= keep[near]
-            if there[near]:
-                weight = np.prod(np.where(corner, part, 1 - part))
-                density += weight * lattice.density[lattice.links[near]]
-                color += weight * lattice.rows[lattice.links[near]]
-                mass += weight
-        row = fine.links[place]
-        assert (row >= 0) == lives
-        if lives:
-            assert fine.density[row] == pytest.approx(density, abs=1e-5)
-            assert np.allclose(fine.rows[row], color / max(mass, 1e-6), atol=1e-4)
+    at = (np.indices(shape).reshape(3, -1).T + 0.5) / shape * SHAPE - 0.5
+    low = np.clip(np.floor(at).astype(int), 0, np.array(SHAPE) - 2)
+    part = np.clip(at - low, 0, 1)
+    density, mass, color = np.zeros(len(at)), np.zeros(len(at)), np.zeros((len(at), 16))
+    lives = np.zeros(len(at), bool)
+    for corner in np.ndindex(2, 2, 2):
+        near = tuple((low + corner).T)
+        lives |= keep[near]
+        weight = np.where(corner, part, 1 - part).prod(axis=1) * there[near]
+        density += weight * lattice.density[lattice.links[near]]
+        color += weight[:, None] * lattice.rows[lattice.links[near]]
+        mass += weight
+    found = fine.links.ravel()
+    assert np.array_equal(found >= 0, lives)
+    found = found[lives]
+    assert np.allclose(fine.density[found], density[lives], atol=1e-5)
+    color /= np.maximum(mass, 1e-6)[:, None]
+    assert np.allclose(fine.rows[found], color[lives], atol=1e-4)

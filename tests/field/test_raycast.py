@@ -180,6 +180,10 @@ class Training:
                                                  camera.center[v]]) for v in (0, 1)])
         self.table, self.links = brick_table(self.field.links, len(self.field.density))
         self.lattice = self.field.lattice
+        self.rays = [self.rays_of(tile) for tile in range(len(self.tiles))]
+        # The middle direction of each tile, for which its colors are.
+        means = [directions.mean(axis=0) for _, directions in self.rays]
+        self.toward = [mean / np.linalg.norm(mean) for mean in means]
 
     def run(self, density, sh, sparsity=0.0, distortion=0.0, room=4000):
         """Losses, and gradients of densities and coefficients: the sum of the records."""
@@ -204,7 +208,7 @@ class Training:
         grad_density, grad_sh = np.zeros(count), np.zeros((count, 3, self.basis))
         self.weights = np.zeros(count)
         for row, tile, red, green, blue, weight, slope in self.listed():
-            basis = sh_basis(self.toward(tile), self.basis)
+            basis = sh_basis(self.toward[tile], self.basis)
             grad_sh[row] += np.outer((red, green, blue), basis)
             grad_density[row] += slope
             self.weights[row] += weight
@@ -218,7 +222,7 @@ class Training:
                     yield (*self.records.keys[writer, owner, number].tolist(),
                            *self.records.values[writer, owner, number].tolist())
 
-    def rays(self, tile):
+    def rays_of(self, tile):
         """Views' place and the 16 directions of a tile, of length one: [3], [16, 3]."""
         camera = self.cameras[self.tiles[tile][0]]
         pose = camera[:12].reshape(3, 4)
@@ -231,21 +235,16 @@ class Training:
             found.append(ray / np.linalg.norm(ray))
         return pose[:, 3], np.array(found)
 
-    def toward(self, tile):
-        """The middle direction of a tile, for which its colors are."""
-        mean = self.rays(tile)[1].mean(axis=0)
-        return mean / np.linalg.norm(mean)
-
     def loss(self, density, sh, narrow=0.0):
         """The loss in float64 by the reference: color, opacity and distortion."""
         field = VoxelField(self.field.links, density, sh)
         total = 0.0
         for number, (tile, ground) in enumerate(zip(self.tiles, self.background)):
-            origin, directions = self.rays(number)
+            origin, directions = self.rays[number]
             for i, direction in enumerate(directions):
                 x, y = min(tile[2] + (i & 3), 9), min(tile[1] + (i >> 2), 8)
                 color, through, _, samples = cast(field, origin, direction, threshold=1e-9,
-                                                  stop=1e-7, toward=self.toward(number))
+                                                  stop=1e-7, toward=self.toward[number])
                 if narrow and samples:
                     total += narrow * distortion([s[2] for s in samples], [s[4] for s in samples],
                                                  samples[0][3])
@@ -405,7 +404,7 @@ def test_a_row_knows_the_weight_of_the_rays_that_it_colors(basis):
     training.run(training.field.density, training.field.sh)
     light = np.zeros(len(training.field.density))
     for tile in range(len(training.tiles)):
-        origin, directions = training.rays(tile)
+        origin, directions = training.rays[tile]
         for direction in directions:
             for rows, shares, weight, *_ in cast(training.field, origin, direction, threshold=1e-9,
                                                  stop=1e-7)[3]:

@@ -19,13 +19,13 @@ from modelled_head import PEOPLE, SITTER, head_field, landmarks, studio_cameras
 from tests.fields import head_field as ball
 
 SHAPES = {"16:9": (3840, 2160), "9:16": (2160, 3840), "3:4": (1536, 2048)}
-COARSE = studio_cameras(64, 12)
+COARSE = studio_cameras(64, 4)
 """Cameras that give heads coarse colors: their forms alone are looked at."""
 
 
 @pytest.fixture(scope="module")
 def field():
-    return head_field(SITTER, cameras=COARSE)
+    return head_field(SITTER, 4, COARSE)
 
 
 def panel_of(shape):

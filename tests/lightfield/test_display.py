@@ -99,16 +99,21 @@ def apart(first, second, views):
 # -- the published formulas -----------------------------------------------------------------------
 
 
+def low(name):
+    """A panel as wide as it is, but with fewer rows: whatever repeats does so within a few."""
+    return {**PANELS[name], "screenH": 400.0}
+
+
 @pytest.mark.parametrize("name", PANELS)
 def test_every_sub_pixel_follows_the_makers_shader(name):
-    display = display_of(PANELS[name], views=48)
-    assert apart(ours(display), shader(PANELS[name], 48), 48) < 1e-6
+    display = display_of(low(name), views=48)
+    assert apart(ours(display), shader(low(name), 48), 48) < 1e-6
 
 
 @pytest.mark.parametrize("name", ["classic", "portrait"])
 def test_every_sub_pixel_follows_equation_8(name):
     """The paper's i, j, k: row, mirrored column, sub-pixel; its value is centred."""
-    display = dataclasses.replace(display_of(PANELS[name], views=48), inverted=False)
+    display = dataclasses.replace(display_of(low(name), views=48), inverted=False)
     i = np.arange(display.height)[:, None, None]
     j = (display.width - np.arange(display.width))[None, :, None]
     k = np.arange(3)[None, None]
@@ -161,7 +166,7 @@ def test_a_panels_own_quilt_comes_before_our_table(form):
         assert display_of(entries).quilt == (7, 7)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(st.sampled_from(sorted(PANELS)), st.data())
 def test_whatever_a_calibration_says_it_is_a_panel_or_one_line(panel, data):
     calibration = dict(PANELS[panel])

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import time
+from functools import cache
 
 import numpy as np
 import pytest
@@ -45,13 +46,18 @@ def wave(x, y):
 
 def checkered(field, pixels=160.0):
     """The field with that ground behind it."""
+    return dataclasses.replace(field, backdrop=Backdrop(
+        checkered_picture(pixels), pixels, np.array([-0.4, 0.5, 1.0]), head_points(field)))
+
+
+@cache
+def checkered_picture(pixels):
+    """That ground, 5 by 9 units, with so many pixels to one."""
     height, width = round(5 * pixels), round(9 * pixels)
     y, x = np.mgrid[:height, :width]
     x = (x + 0.5 - width / 2) / pixels
     y = (height / 2 - y - 0.5) / pixels
-    picture = (255 * wave(x, y) + 0.5).astype(np.uint8)
-    return dataclasses.replace(field, backdrop=Backdrop(
-        picture, pixels, np.array([-0.4, 0.5, 1.0]), head_points(field)))
+    return (255 * wave(x, y) + 0.5).astype(np.uint8)
 
 
 def nothing():

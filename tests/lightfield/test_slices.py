@@ -114,8 +114,9 @@ def test_wide_packets_go_in_parts():
     assert psnr(image / 255.0, direct / 255.0) > 44
 
 
+@functools.cache
 def smooth_field(basis, size=64):
-    """A ball whose density and colors change over many voxels."""
+    """A ball whose density and colors change over many voxels. Not to be changed."""
     field = shell_field(basis=basis, size=size, density=1.0)
     points = field.lattice_points()
     radius = np.linalg.norm(points, axis=1)

@@ -1,6 +1,7 @@
 """Level views by slices: against their plain twin, and against the views rendered one by one."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -39,13 +40,17 @@ def rendered(field, cameras, **options):
             for each in render_views(field, cameras, **options)]
 
 
+@cache
 def soft_field(basis, size=96):
-    """An uneven shell whose density is gone before its last voxels, as a reconstructed one's is."""
+    """An uneven shell whose density is gone before its last voxels, as a reconstructed one's is.
+
+    Not to be changed.
+    """
     field = smooth_field(basis, size)
     x, y, z = field.lattice_points().T * size / (size - 1)
     away = np.sqrt(x * x + 0.8 * y * y + z * z) - 0.55 - 0.1 * np.sin(5 * x)
-    field.density[:] = 40 * np.clip(np.cos(10 * away), 0, 1)
-    return field
+    density = 40 * np.clip(np.cos(10 * away), 0, 1)
+    return dataclasses.replace(field, density=density.astype(np.float32))
 
 
 @pytest.fixture

@@ -14,16 +14,15 @@ def sh_basis(direction, count):
     return np.array(values[:count])
 
 
+CORNERS = np.array([[corner & 1, (corner >> 1) & 1, corner >> 2] for corner in range(8)])
+"""Of a cell, (x, y, z)."""
+
+
 def trilinear(position, shape):
     """The eight corners [8, 3] (z, y, x) of a position (x, y, z) and their weights [8]."""
     cell = np.minimum(np.maximum(np.floor(position), 0), np.array(shape[::-1]) - 2).astype(int)
     part = position - cell
-    corners, weights = [], []
-    for corner in range(8):
-        step = np.array([corner & 1, (corner >> 1) & 1, corner >> 2])
-        corners.append((cell + step)[::-1])
-        weights.append(np.prod(np.where(step, part, 1 - part)))
-    return np.array(corners), np.array(weights)
+    return (cell + CORNERS)[:, ::-1], np.where(CORNERS, part, 1 - part).prod(axis=1)
 
 
 def cast(field, origin, direction, step=0.5, threshold=1e-2, stop=1e-3, toward=None):

@@ -256,9 +256,15 @@ SMALL = StylizeConfig(method="paper", guide="surface", size=112, arc=40.0, views
                       style_network="embedded")
 
 
-def test_a_head_takes_on_the_exemplar(job):
+@pytest.fixture(scope="module")
+def styled_here(job):
+    """That head in the painting's style, all of it computed on the CPU; and the figures."""
+    return stylize_with_figures(*job, SMALL, device="cpu")
+
+
+def test_a_head_takes_on_the_exemplar(job, styled_here):
     field, capture, exemplar = job
-    styled, figures = stylize_with_figures(field, capture, exemplar, SMALL)
+    styled, figures = styled_here
     assert styled.basis == 1
     assert np.array_equal(styled.density, field.density)
     assert figures["fit"]["rmse"][-1] < 0.6 * figures["fit"]["rmse"][0]
@@ -275,10 +281,9 @@ def test_a_head_takes_on_the_exemplar(job):
     assert np.array_equal(again.sh, styled.sh)
 
 
-def test_networks_on_another_device_give_the_same(job, other_device):
-    field, capture, exemplar = job
-    here, there = (stylize_with_figures(field, capture, exemplar, SMALL, device=device)
-                   for device in ("cpu", other_device))
+def test_networks_on_another_device_give_the_same(job, styled_here, other_device):
+    field, here = job[0], styled_here
+    there = stylize_with_figures(*job, SMALL, device=other_device)
     assert here[1]["device"] == "cpu"
     assert there[1]["device"] == "gpu: Other 9 (Test)"
     assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
@@ -289,10 +294,8 @@ def test_networks_on_another_device_give_the_same(job, other_device):
     (torch.OutOfMemoryError("no room"), "has too little memory"),
     (RuntimeError("MPS backend out of memory"), "has too little memory"),
     (torch.AcceleratorError("CUDA error: unspecified launch failure"), "was lost")])
-def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, other_device, monkeypatch, error,
-                                                         why):
-    field, capture, exemplar = job
-    wanted, _ = stylize_with_figures(field, capture, exemplar, SMALL, device="cpu")
+def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, styled_here, other_device,
+                                                         monkeypatch, error, why):
     left, gradients = [3], refinement.nearest_neighbour_loss
 
     def full(features, *arguments, **options):
@@ -303,10 +306,9 @@ def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, other_device, monk
 
     monkeypatch.setattr(refinement, "nearest_neighbour_loss", full)
     with pytest.warns(UserWarning, match=f"Other 9 {why}: the networks compute on the CPU"):
-        styled, figures = stylize_with_figures(field, capture, exemplar, SMALL,
-                                               device=other_device)
+        styled, figures = stylize_with_figures(*job, SMALL, device=other_device)
     assert figures["device"] == "cpu"
-    assert np.array_equal(styled.sh, wanted.sh)
+    assert np.array_equal(styled.sh, styled_here[0].sh)
 
 
 def test_a_fault_on_a_gpu_is_not_hidden(job, other_device, monkeypatch):

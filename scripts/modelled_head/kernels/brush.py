@@ -29,7 +29,11 @@ def _apart(a, y, x, color):
 
 @lean
 def _walk(path, field, label, reference, canvas, x, y, radius, shortest, longest, bend, fit):
-    """Trace one stroke from (x, y) into ``path`` [P, 2]; returns its number of points."""
+    """Trace one stroke from (x, y) into ``path`` [P, 2]; returns its number of points.
+
+    Only one that is to ``fit`` ends where the canvas is nearer, once it is longer than
+    ``shortest``. Callers give no constants: each would have code of its own.
+    """
     height, width = label.shape
     row, column = int(y), int(x)
     color = (reference[row, column, 0], reference[row, column, 1], reference[row, column, 2])
@@ -106,7 +110,7 @@ def plan(reference, canvas, field, label, radius, threshold, shortest, longest, 
                         worst, wy, wx = apart, y, x
             if total > threshold * step * step:
                 counts[strokes] = _walk(paths[strokes], field, label, reference, canvas, wx + 0.5,
-                                        wy + 0.5, radius, shortest, longest, bend, True)
+                                        wy + 0.5, radius, shortest, longest, bend, radius > 0.0)
                 strokes += 1
     return paths[:strokes], counts[:strokes]
 
@@ -118,8 +122,8 @@ def trace(starts, field, label, step, longest, bend):
     counts = np.zeros(starts.shape[0], np.int64)
     none = np.zeros((label.shape[0], label.shape[1], 3), np.float32)
     for s in range(starts.shape[0]):
-        counts[s] = _walk(paths[s], field, label, none, none, starts[s, 0], starts[s, 1], step, 1,
-                          longest, bend, False)
+        counts[s] = _walk(paths[s], field, label, none, none, float(starts[s, 0]),
+                          float(starts[s, 1]), step, longest, longest, bend, step < 0.0)
     return paths, counts
 
 
