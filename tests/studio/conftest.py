@@ -6,7 +6,6 @@ import asyncio
 import hashlib
 import io
 import json
-import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,33 +17,11 @@ import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
-from lfportrait.runner import processes
 from lfportrait.studio.app import Keys, application
 from lfportrait.studio.desk import Desk
-from tests.nursery import Nursery
 
 PORT = 4711
 HOME = f"http://127.0.0.1:{PORT}"
-
-
-@pytest.fixture(scope="session")
-def nursery() -> Iterator[Nursery]:
-    """What processes of jobs are forked from."""
-    opened = Nursery()
-    yield opened
-    opened.close()
-
-
-@pytest.fixture(autouse=True, scope="module")
-def warm_children(request: pytest.FixtureRequest) -> Iterator[None]:
-    """A studio in this process forks those of its jobs, where the system can.
-
-    Studios of their own start theirs as users' do.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        if sys.platform == "linux":
-            patch.setattr(processes, "subprocess", request.getfixturevalue("nursery"))
-        yield
 
 
 def run_apart(coroutine: Any) -> Any:

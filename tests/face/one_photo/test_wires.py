@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera
@@ -10,7 +11,7 @@ from lfportrait.face import dark_glasses
 from lfportrait.face.glasses import Spectacles
 from lfportrait.face.head_fit import View
 from lfportrait.face.head_prior import generic_prior
-from lfportrait.face.one_photo import wires
+from lfportrait.face.one_photo import lattice, wires
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.samples import MeshSamples
@@ -88,7 +89,10 @@ def made_colors(worn):
     return np.stack([np.median(colors[:200], axis=0), np.median(colors[-200:], axis=0)])
 
 
-def test_a_lattice_has_them_without_gaps(worn):
+@pytest.mark.parametrize("fine", [False, True])
+def test_a_lattice_has_them_without_gaps(worn, fine, monkeypatch):
+    if fine:  # where the head lies between points that are two voxels apart
+        monkeypatch.setattr(lattice, "DETAIL", 1.0)
     _, _, _, _, samples, _, _, _, made, camera = worn
     matte = np.ones((SIZE, SIZE), np.float32)
     parts = parts_of(camera, matte, np.zeros_like(matte), 0.9 / METRES)
@@ -96,6 +100,9 @@ def test_a_lattice_has_them_without_gaps(worn):
     shell = shell_of(solid, 70, made)
     on = shell.points[(shell.owner == WORN) & (shell.away < 0)]
     assert cKDTree(on).query(made.points)[0].max() < 1.1 * shell.voxel
+    points, _ = ndimage.label((shell.links >= 0) & (shell.owner == WORN)[shell.links]
+                              & (shell.away < 0)[shell.links], np.ones((3, 3, 3)))
+    assert points.max() == 1, "rims and temples hang together"
 
 
 def test_dark_lenses_are_told_from_bare_eyes():

@@ -175,7 +175,7 @@ class Opened:
         self.wait(f"[data-screen={screen}][data-ready]:not([data-before])")
 
     def wait(self, selector: str, seconds: float = 120.0) -> None:
-        """Until something is seen; where it does not come, what is there is told."""
+        """Until something is seen; where it does not come, what is there is said."""
         from playwright.sync_api import TimeoutError
 
         try:

@@ -17,6 +17,7 @@ __all__ = ["Shell", "shell_of"]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Places = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 OUTSIDE, INSIDE = 2.0, 4.0
 """Voxels before and behind the surface that are kept."""
@@ -28,7 +29,8 @@ CLOSE = 3.5
 """Voxels from the surface up to which distances are exact."""
 DETAIL = 0.0045
 """Voxels from which on points between exact ones are looked at exactly, too, portrait units: what
-the solid is made of (`samples.STEP`, `parts.CELL`) has no detail between finer ones."""
+the solid is made of (`samples.STEP`, `parts.CELL`) has no detail between finer ones; what it wears
+has."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -74,7 +76,7 @@ class Shell:
         """
         voxel = self.voxel
         rough = _doubled(middle)
-        size = np.array(rough.shape)
+        size, exact = np.array(rough.shape), None
         if voxel > DETAIL:
             # The surface itself exactly, what lies around it between the coarser lattice's points.
             at = np.nonzero((rough > -CLOSE * voxel) & (rough < CLOSE * voxel))
@@ -84,6 +86,12 @@ class Shell:
             rough[at] = np.clip(away, -2 * CLOSE * voxel, 2 * CLOSE * voxel)
             exact = np.full(size, -1, np.int8)
             exact[at] = of
+        elif distance.wires is not None:
+            exact = np.full(size, -1, np.int8)
+            at, away = _beside(distance.wires, rough, first, voxel)
+            nearer = away < rough[at]
+            at = tuple(one[nearer] for one in at)
+            rough[at], exact[at] = away[nearer], WORN
         # Where distances jump the shell is closed all the same.
         inside = rough < 0
         mask = _grown(inside, 1)
@@ -96,7 +104,7 @@ class Shell:
         self.points = _places(first, voxel, at)
         self.away = np.clip(rough[at], -INSIDE * voxel, OUTSIDE * voxel).astype(np.float64)
         owners = owner[tuple(one // 2 for one in at)]
-        if voxel > DETAIL:
+        if exact is not None:
             owners = np.where(exact[at] < 0, owners, exact[at])
         far = owners < 0
         if far.any():
@@ -171,6 +179,18 @@ def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
     owner = np.full(out.shape, -1, np.int8)
     owner[at] = of
     return out, owner
+
+
+def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:
+    """A lattice's points (z, y, x) near wires, which are thinner than its steps, and how far."""
+    reach = 2 * CLOSE * voxel
+    low = np.floor((wires.points.min(axis=0) - reach - first) / voxel)[::-1].astype(int)
+    high = np.ceil((wires.points.max(axis=0) + reach - first) / voxel)[::-1].astype(int) + 1
+    low, high = (np.clip(end, 0, rough.shape) for end in (low, high))
+    part = rough[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
+    z, y, x = (one + start for one, start in zip(np.nonzero(np.abs(part) < CLOSE * voxel), low,
+                                                 strict=True))
+    return (z, y, x), wires.distance(_places(first, voxel, (z, y, x)), reach, voxel)
 
 
 def _closed(distance: Float32) -> tuple[Float32, Bools]:

@@ -87,7 +87,8 @@ class MeshSamples:
         inside = along < 0
         unsure = np.flatnonzero((np.abs(along) < OBLIQUE * length) & (length > 0.5 * STEP))
         if len(unsure):
-            far, which = self.tree.query(points[unsure], AROUND, workers=usable_cores())
+            far, which = self.tree.query(points[unsure], min(AROUND, len(self.points)),
+                                         workers=usable_cores())
             to = points[unsure, None] - self.points[which]
             angle = (to * self.normals[which]).sum(axis=2) / np.maximum(far, 1e-9) ** 3
             inside[unsure] = angle.sum(axis=1) < 0

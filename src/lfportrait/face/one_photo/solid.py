@@ -158,7 +158,7 @@ class Solid:
             joint = asked & (np.abs(above) < AROUND)
             wider = joint & ~np.isfinite(head)
             head[wider], nearest[wider] = self.head.nearest(points[wider], 2 * ALIKE)
-            joint &= np.isfinite(head)
+            joint &= np.abs(head) < 2 * ALIKE
             # How far down the model's own neck a place lies, from 0 to 1.
             way = (above < 0).astype(np.float64)
             rest = self.head.rest[nearest[joint], 1]

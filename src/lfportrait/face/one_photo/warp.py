@@ -221,6 +221,9 @@ def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, rim: NDArray[np.
     for k, side in enumerate((-1, 1)):
         like = np.linalg.solve(turn[:2, :2], found[1 - k].T) * [[-1.0], [1.0]]
         like = (turn[:2, :2] @ like).T
+        # Of a head that is turned far the photo shows little of this.
+        most, length = (np.linalg.norm(one, axis=1, keepdims=True) for one in (found[1 - k], like))
+        like *= np.minimum(1.0, most / np.maximum(length, 1e-9))
         share = trust[k] + (1 - trust[k]) * (1 - trust[1 - k])
         best = share * found[k] + (1 - share) * like
         flatter = -(best[1] @ turn[:2, 0]) * side + np.abs(best[2] @ turn[:2, 0])

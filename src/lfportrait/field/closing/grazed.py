@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
+from ...measure import usable_cores
 from ..geometry.chart import Chart, at_places, continued, normals_of, read_surface, smoothed
 from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
@@ -187,24 +188,25 @@ def _with_even_ears(sh: Float32, rows: Int64, points: Float64, density: Float32,
     """
     at, colors = points[rows], 0.5 + C0 * sh[rows, :, 0]
     votes = photos.faced(at, FACED)
-    told = (votes >= SURELY) & (density[rows] > OPAQUE)
-    if told.sum() < ALIKE:
+    faced = (votes >= SURELY) & (density[rows] > OPAQUE)
+    if faced.sum() < ALIKE:
         return sh
     # Shade, hair and gray things have less of the same tint.
     tint = colors - colors.mean(axis=1, keepdims=True)
-    many = min(WIDELY, int(told.sum()))
-    around = cKDTree(at[told]).query(at, many, workers=-1)[1][:, ::8]  # every eighth will do
-    usual = np.median(tint[told][around], axis=1)
+    many = min(WIDELY, int(faced.sum()))
+    # Every eighth will do.
+    around = cKDTree(at[faced]).query(at, np.arange(1, many + 1, 8), workers=usable_cores())[1]
+    usual = np.median(tint[faced][around], axis=1)
     usual /= np.maximum(np.linalg.norm(usual, axis=1, keepdims=True), 1e-9)
     tint -= np.maximum((tint * usual).sum(axis=1, keepdims=True), 0.0) * usual
     strange = np.linalg.norm(tint, axis=1) > TINT
-    told &= ~strange
-    if told.sum() < ALIKE:
+    faced &= ~strange
+    if faced.sum() < ALIKE:
         return sh
     share = np.where(strange, 1.0, 1.0 - np.clip(votes / SURELY, 0, 1))
     chosen = np.flatnonzero(share > 0)
-    around = cKDTree(at[told]).query(at[chosen], ALIKE, workers=-1)[1]
-    return _blended(sh, rows[chosen], share[chosen], np.median(colors[told][around], axis=1))
+    around = cKDTree(at[faced]).query(at[chosen], ALIKE, workers=usable_cores())[1]
+    return _blended(sh, rows[chosen], share[chosen], np.median(colors[faced][around], axis=1))
 
 
 def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool,

@@ -74,24 +74,32 @@ const reached = (element) => [...element.querySelectorAll(REACHED)].filter((each
 
 const named = (one) => `${one.tagName} ${one.getAttribute("href") ?? ""} ${one.ariaLabel ?? one.textContent}`;
 
+/** Controls that are called as one is, and which of them it is. */
+function alike(control) {
+  const all = [...document.querySelectorAll(control.tagName)].filter((one) => named(one) === named(control));
+  return [all, all.indexOf(control)];
+}
+
 /**
- * Let presses of buttons and links count that were drawn again, or moved away under a hand that held
- * still, between the pointer's coming down and its going up: a browser forgets them.
+ * Let presses of buttons and links count that were drawn again, or moved away under a mouse that held
+ * still, between the pointer's coming down and its going up: a browser forgets them. Where others of
+ * that name have come or gone it is not known which one was meant.
  */
 export function keepPresses() {
   let pressed = null;
   const down = ({ isPrimary, button: number, target, clientX, clientY }) => {
     const control = isPrimary && number === 0 ? target.closest?.("a[href], button, summary") : null;
-    pressed = control && { control, name: named(control), at: [clientX, clientY] };
+    pressed = control && { control, before: alike(control), at: [clientX, clientY] };
   };
   const up = ({ type, target, clientX, clientY }) => {
-    const { control, name, at } = pressed ?? {};
+    const { control, before, at } = pressed ?? {};
     pressed = null;
-    if (!control || type === "pointercancel" || control.contains(target) || Math.hypot(clientX - at[0], clientY - at[1]) > HELD) return;
-    const now = control.isConnected
-      ? [control]
-      : [...document.querySelectorAll(control.tagName)].filter((one) => named(one) === name);
-    if (now.length === 1) now[0].click();
+    if (!control || type === "pointercancel" || control.contains(target)) return;
+    if (Math.hypot(clientX - at[0], clientY - at[1]) > HELD) return;
+    const now = control.isConnected ? control : alike(control)[0][before[1]];
+    const many = alike(control)[0].length === before[0].length;
+    const modal = document.querySelector("dialog:modal");
+    if (now && many && now.checkVisibility() && (!modal || modal.contains(now))) now.click();
   };
   addEventListener("pointerdown", down, true);
   addEventListener("pointerup", up, true);

@@ -84,8 +84,10 @@ export async function enter() {
 }
 
 export async function refresh() {
-  // Not for a screen: it is needed whichever is seen.
-  const { jobs, ...others } = await get("/api/state", null);
+  // Not for a screen: it is needed whichever is seen. What has happened since is asked for again.
+  let found = await get("/api/state", null);
+  for (let more = 3; more && found.event < state.event; more--) found = await get("/api/state", null);
+  const { jobs, ...others } = found;
   Object.assign(state, others);
   keepJobs(jobs);
   tell("state", state);
