@@ -8,7 +8,6 @@ import time
 import warnings
 import zipfile
 from dataclasses import replace
-from functools import cache
 
 import cv2
 import numba
@@ -262,15 +261,8 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
         VoxelField.load(tmp_path / "none.npz")
 
 
-def ball_capture(count=21, size=40, alpha=True):
+def ball_capture(count=21, size=40, alpha=True, room=False):
     """A ball of radius 0.6 whose color is its normal, photographed from all around."""
-    shot = photographed_ball(count, size, alpha)
-    # Lists of its own, in which a test may put other pictures.
-    return replace(shot, images=list(shot.images), alphas=list(shot.alphas) if alpha else None)
-
-
-@cache
-def photographed_ball(count, size, alpha):
     random = np.random.default_rng(0)
     places = random.standard_normal((count, 3))
     places *= 3.0 / np.linalg.norm(places, axis=1, keepdims=True)
