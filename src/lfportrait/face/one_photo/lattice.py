@@ -76,7 +76,7 @@ class Shell:
         """
         voxel = self.voxel
         rough = _doubled(middle)
-        size, exact = np.array(rough.shape), None
+        size, exact = np.array(rough.shape), np.full(rough.shape, -1, np.int8)
         if voxel > DETAIL:
             # The surface itself exactly, what lies around it between the coarser lattice's points.
             at = np.nonzero((rough > -CLOSE * voxel) & (rough < CLOSE * voxel))
@@ -84,10 +84,8 @@ class Shell:
             hidden = ~near[tuple(one // 2 for one in at)]
             away[hidden] = np.minimum(away[hidden], -INSIDE * voxel)
             rough[at] = np.clip(away, -2 * CLOSE * voxel, 2 * CLOSE * voxel)
-            exact = np.full(size, -1, np.int8)
             exact[at] = of
         elif distance.wires is not None:
-            exact = np.full(size, -1, np.int8)
             at, away = _beside(distance.wires, rough, first, voxel)
             nearer = away < rough[at]
             at = tuple(one[nearer] for one in at)
@@ -104,8 +102,7 @@ class Shell:
         self.points = _places(first, voxel, at)
         self.away = np.clip(rough[at], -INSIDE * voxel, OUTSIDE * voxel).astype(np.float64)
         owners = owner[tuple(one // 2 for one in at)]
-        if exact is not None:
-            owners = np.where(exact[at] < 0, owners, exact[at])
+        owners = np.where(exact[at] < 0, owners, exact[at])
         far = owners < 0
         if far.any():
             known = np.nonzero(owner >= 0)
@@ -194,7 +191,7 @@ def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple
 
 
 def _closed(distance: Float32) -> tuple[Float32, Bools]:
-    """Distances without cavities and what lies deep inside, and where free space is near.
+    """Distances [z, y, x] without cavities and what lies deep inside; where free space is near.
 
     Deep within the head no sample is near; pieces end within others, and far inside their distances
     are small. Nobody sees that, but it would be half of all points.

@@ -66,7 +66,7 @@ class MeshSamples:
         return self.nearest(points, reach)[0]
 
     def nearest(self, points: Float64, reach: float) -> tuple[Float64, NDArray[np.int64]]:
-        """The same, and the samples nearest to the points, [N]."""
+        """The same, and rows of the samples nearest to the points, [N]; one too many if far."""
         out = np.full(len(points), np.inf)
         length, nearest = self.tree.query(points, distance_upper_bound=reach,
                                           workers=usable_cores())
