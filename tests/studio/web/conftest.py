@@ -188,8 +188,13 @@ class Opened:
                                  f"complaints: {self.complaints}\n{around[:5000]}") from error
 
     def reload(self) -> None:
+        self.open.clear()
         self.page.reload()
         self.page.wait_for_selector("[data-screen][data-ready]", timeout=60000)
+
+    def answered(self) -> bool:
+        """Whether all that the page asked for has come, but for the events, which never end."""
+        return not any("/api/events" not in url for url in self.open.values())
 
     def again(self) -> None:
         """As if it had just been opened, in a fifth of the time.
@@ -205,7 +210,7 @@ class Opened:
           localStorage.clear();
           if (chosen || ![open, fetch, XMLHttpRequest.prototype.send].every(
             (each) => String(each).includes("[native code]"))) return false;
-          for (const each of document.querySelectorAll("dialog, .toast")) each.remove();
+          for (const each of document.querySelectorAll("dialog")) each.remove();
           const { refresh } = await import("/static/state.js");
           await refresh();
           // An address that leads nowhere shows this screen, too.
@@ -215,6 +220,11 @@ class Opened:
         }""")
         if clean:
             self.go("sitters")
+            self.eventually(self.answered)
+            # An answer to a test before may have been one more complaint.
+            self.run("""() => {
+              for (const each of document.querySelectorAll(".toast")) each.remove();
+            }""")
         else:
             self.run("""() => history.replaceState(null, "", "/")""")
             self.reload()
@@ -251,7 +261,7 @@ class Opened:
         """Wait for what only the test can tell."""
         begun = time.monotonic()
         while not condition():
-            assert time.monotonic() - begun < seconds, self.complaints
+            assert time.monotonic() - begun < seconds, (self.complaints, self.open.values())
             self.page.wait_for_timeout(50)
 
 

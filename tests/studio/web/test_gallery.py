@@ -137,4 +137,4 @@ def test_a_text_that_is_dragged_or_pasted_is_no_file(opened):
     }""")
     assert not opened.run("() => document.getElementById('main').classList.contains('over')")
     assert opened.page.locator(".shot-card").count() == before
-    assert opened.page.locator(".toast").count() == 0
+    assert opened.page.locator(".toast").all_inner_texts() == []

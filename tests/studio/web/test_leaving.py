@@ -25,7 +25,7 @@ def test_a_request_that_waits_is_given_up(opened):
         opened.go("making/ben")
         opened.eventually(lambda: (begun[0], GIVEN_UP) in failed)
         # Nobody is troubled with it.
-        assert opened.page.locator("#alerts .toast").count() == 0, screen
+        assert opened.page.locator("#alerts .toast").all_inner_texts() == [], screen
         opened.page.unroute(slow)
 
 

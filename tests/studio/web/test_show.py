@@ -60,10 +60,10 @@ def order(opened, name):
     """Order a file by a button of its dialog; what the server is asked for."""
     opened.page.click(".kind-card >> nth=0 >> text=Make")
     opened.page.wait_for_selector("dialog[open]")
-    with opened.page.expect_request(lambda request: request.method == "POST"
-                                    and request.url.endswith("/exports")) as asked:
+    with opened.page.expect_response(lambda answer: answer.request.method == "POST"
+                                     and answer.url.endswith("/exports")) as asked:
         opened.page.click(f"dialog >> text={name}")
-    return asked.value.post_data_json
+    return asked.value.request.post_data_json
 
 
 def test_a_preview_is_called_one_and_its_files_can_wait(opened):
@@ -128,7 +128,7 @@ def test_a_file_that_is_refused_is_asked_for_again_with_what_was_typed(opened):
     assert [one["options"]["lpi"] for one in asked] == [61.5, 62.5]
     opened.page.keyboard.press("Escape")
     opened.until("() => !document.querySelector('dialog')")
-    assert opened.page.locator("#alerts .toast").count() == 0
+    assert opened.page.locator("#alerts .toast").all_inner_texts() == []
 
 
 def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
