@@ -90,6 +90,8 @@ def test_no_name_leaves_the_window(browser, long_names, sitter):
                 each.go("/".join([name, sitter, rest]).rstrip("/"))
             if screen == "show/files":
                 each.page.wait_for_selector(".files .card")
+            if screen == "show":  # of a head without photos the eye sees nothing, and says whose
+                each.page.wait_for_selector(f".eye p:has-text('{LONG}')")
             fits(each, screen, whole=True)
         # What is refused is named, too.
         each.go(f"photos/{sitter}")
