@@ -150,11 +150,11 @@ def test_a_plot_shows_its_curves_inside_its_axes():
 
 
 def test_transfer_reports_preparation_and_synthesis_apart(monkeypatch):
-    monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 2)
+    monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 1)
     shot, points = demo_photo(96)
     photo = np.ascontiguousarray(shot[..., :3])
     tiny = NetworkConfig(teacher="styleblit", pairs=2, steps=1, size=64, width=4)
-    figures = bench_transfer(photo, points, demo_exemplar(width=108, height=144), repeats=1,
+    figures = bench_transfer(photo, points, demo_exemplar(width=75, height=100), repeats=1,
                              network=tiny)
     assert figures["size"] == [72, 96]
     for method in METHODS:
