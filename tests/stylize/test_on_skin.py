@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
-from lfportrait.example import Exemplar, Skin, SkinPainter, eye_opening
+from lfportrait.example import Exemplar, Skin, SkinPainter, eye_openings
 from lfportrait.example.skin.storage import save_skin
 from lfportrait.job.warmup import ball_capture
 from lfportrait.stylize import (
@@ -233,7 +233,7 @@ def test_closed_eyes_and_open_mouths_are_told(capture, violet):
         gap = np.array([0, 8])
         wide[upper], wide[lower] = middle - gap, middle + gap
         shut[upper], shut[lower] = middle, middle
-    assert eye_opening(shut) == 0 and eye_opening(wide) > 0.3
+    assert max(eye_openings(shut)) == 0 and min(eye_openings(wide)) > 0.3
     assert mouth_opening(shut) == 0 and mouth_opening(wide) > 0.2
     asleep = replace(capture, landmarks=np.column_stack([shut, np.zeros(68)]))
     awake = Exemplar(np.zeros((900, 900, 3), np.uint8), wide * 6, "awake")
