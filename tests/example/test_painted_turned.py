@@ -12,7 +12,7 @@ from lfportrait.stylize import StylizeConfig, stylize
 from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
 from modelled_head import SITTER, head_field, landmarks, painted_exemplar, studio_cameras
 
-STYLE, SIZE, PIXELS = "impression", 180, 144.0
+STYLE, SIZE, PIXELS = "impression", 144, 120.0
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +27,8 @@ def head():
 
 def painted(head, turn):
     field, capture, skin = head
-    exemplar = (painted_exemplar(STYLE, 216, 288, turn=turn) if turn
-                else demo_exemplar(STYLE, 216, 288))
+    exemplar = (painted_exemplar(STYLE, 180, 240, turn=turn) if turn
+                else demo_exemplar(STYLE, 180, 240))
     config = StylizeConfig(preview=True, pixels=PIXELS)
     return exemplar, stylize(field, capture, exemplar, config, skin=skin)
 
