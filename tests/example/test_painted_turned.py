@@ -12,13 +12,14 @@ from lfportrait.stylize import StylizeConfig, stylize
 from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
 from modelled_head import SITTER, head_field, landmarks, painted_exemplar, studio_cameras
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 STYLE, SIZE, PIXELS = "impression", 144, 120.0
 
 
 @pytest.fixture(scope="module")
 def head():
     cameras, points = studio_cameras(96, 12), landmarks(SITTER)
-    field = head_field(cameras=cameras)
+    field = head_field(step=1, cameras=cameras)
     images = [np.zeros((96, 96, 3), np.uint8)] * 12
     capture = Capture(cameras, images, None, [str(n) for n in range(12)], np.zeros(12, bool),
                       np.eye(4), points)

@@ -11,6 +11,8 @@ from lfportrait.job import add_style, check_style, style_picture
 from lfportrait.stylize import StylizeConfig
 from modelled_head import painted_exemplar
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
+
 
 @pytest.fixture(scope="module")
 def exemplar():

@@ -15,8 +15,9 @@ from lfportrait.face.landmarks import MIRRORED
 from modelled_head import painted_exemplar
 from tests.example.worn.drawn_spectacles import KINDS, put_on
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 SIZE = 480, 640
-ASIDE = 360, 480
+ASIDE = 300, 400
 """Of what is painted turned: that is not made yet, and takes as long as all tests of it."""
 TURN = 35.0
 """One is enough, as a mirrored picture has the mirrored mask: each is painted for this file."""
