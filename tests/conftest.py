@@ -237,13 +237,17 @@ def coarse_heads():
 
     That is as fine as pictures of a hundred pixels, and takes a fifth of the time.
     """
-    from modelled_head import studio
+    from modelled_head import painting, studio
+
+    def forget():
+        studio.distances.cache_clear()
+        painting._sitting.cache_clear()
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(studio, "_GRID", 129)
-        studio.distances.cache_clear()
+        forget()
         yield
-    studio.distances.cache_clear()
+    forget()
 
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
