@@ -141,7 +141,13 @@ class Clock:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Watch the clock in the process that hands out the tests."""
+    """Watch the clock in the process that hands out the tests.
+
+    The filter is not in pyproject.toml: for its class pytest would load Numba and OpenBLAS before
+    this file has set their threads.
+    """
+    config.addinivalue_line("filterwarnings",
+                            "ignore::numba.core.errors.NumbaPerformanceWarning")
     option = config.option
     if (config.args_source is pytest.Config.ArgsSource.TESTPATHS
             and getattr(option, "numprocesses", None) and getattr(config, "cache", None)
