@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from lfportrait.capture import CalibrateConfig, Camera, calibrate, load_photos
+from lfportrait.capture import CalibrateConfig, Camera, calibrate, read_source
 from lfportrait.capture.photos import read_photos
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
@@ -203,7 +203,7 @@ def test_photos_are_turned_upright_reduced_and_keep_their_focal_length(tmp_path:
     assert photo.image[5, 10, 0] > 200
     assert photo.image[35, 10, 0] < 50
     assert photo.focal == pytest.approx(54 / 36 * 40)
-    assert load_photos(tmp_path)[0][1].shape == (80, 40, 3)
+    assert read_source(tmp_path)[0].image.shape == (80, 40, 3)
 
 
 def test_of_equal_stems_one_is_taken(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lfportrait.capture import CalibrateConfig, calibrate, load_photos
+from lfportrait.capture import CalibrateConfig, calibrate, read_source
 from lfportrait.capture.photos import blurred, fineness, read_photos, relative_sharpness
 from lfportrait.capture.video import read_video
 from lfportrait.errors import UserError
@@ -169,7 +169,7 @@ def test_a_video_that_stands_still_gives_frames_at_even_time(tmp_path: Path) -> 
 def test_short_reduced_broken_and_bad_videos(tmp_path: Path) -> None:
     path = tmp_path / "v.mp4"
     write_video(path, film(np.arange(24) * 4, WIDE))
-    assert len(load_photos(path)) == 24
+    assert len(read_source(path)) == 24
     assert read_video(path, 3, max_side=96)[0].image.shape == (72, 96, 3)
     container = tmp_path / "v.mkv"
     write_video(container, film(np.arange(60) * 8, WIDE))

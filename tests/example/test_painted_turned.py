@@ -12,13 +12,14 @@ from lfportrait.stylize import StylizeConfig, stylize
 from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
 from modelled_head import SITTER, head_field, landmarks, painted_exemplar, studio_cameras
 
-STYLE, SIZE, PIXELS = "impression", 180, 144.0
+pytestmark = pytest.mark.usefixtures("coarse_heads")
+STYLE, SIZE, PIXELS = "impression", 144, 120.0
 
 
 @pytest.fixture(scope="module")
 def head():
     cameras, points = studio_cameras(96, 12), landmarks(SITTER)
-    field = head_field(cameras=cameras)
+    field = head_field(step=1, cameras=cameras)
     images = [np.zeros((96, 96, 3), np.uint8)] * 12
     capture = Capture(cameras, images, None, [str(n) for n in range(12)], np.zeros(12, bool),
                       np.eye(4), points)
@@ -27,8 +28,8 @@ def head():
 
 def painted(head, turn):
     field, capture, skin = head
-    exemplar = (painted_exemplar(STYLE, 216, 288, turn=turn) if turn
-                else demo_exemplar(STYLE, 216, 288))
+    exemplar = (painted_exemplar(STYLE, 180, 240, turn=turn) if turn
+                else demo_exemplar(STYLE, 180, 240))
     config = StylizeConfig(preview=True, pixels=PIXELS)
     return exemplar, stylize(field, capture, exemplar, config, skin=skin)
 

@@ -120,6 +120,7 @@ def test_a_head_seen_from_the_side_is_a_person(monkeypatch, yaw):
     assert found.person.mean() < 0.9
 
 
+@pytest.mark.usefixtures("coarse_heads")
 @pytest.mark.parametrize("yaw", [-70.0, 70.0])
 def test_the_ear_of_a_head_in_profile_is_no_hair(yaw):
     marks = landmarks(SITTER)

@@ -1,5 +1,6 @@
 """What is behind a person is composed from other photos, and the person stands out against it."""
 
+import functools
 from dataclasses import replace
 
 import cv2
@@ -40,11 +41,17 @@ def photo(cameras, view, plain=False):
     return levels.reshape(*shape, 3), ball.reshape(shape)
 
 
-def filmed(plain=False, degrees=14.0, gains=None):
-    """An arc about the ball and the true masks."""
+@functools.cache
+def photographed(plain, degrees):
+    """Cameras on an arc about the ball, and what each sees. Not to be changed."""
     cameras = Camera.arc(np.linspace(-degrees, degrees, VIEWS), distance=2.5, width=144,
                          height=192, focal=170)
-    shots = [photo(cameras, view, plain) for view in range(VIEWS)]
+    return cameras, [photo(cameras, view, plain) for view in range(VIEWS)]
+
+
+def filmed(plain=False, degrees=14.0, gains=None):
+    """An arc about the ball and the true masks."""
+    cameras, shots = photographed(plain, degrees)
     images = [np.uint8(np.clip(image * (1.0 if gains is None else gains[view]), 0, 255))
               for view, (image, _) in enumerate(shots)]
     capture = Capture(cameras, images, None, [f"{view}.png" for view in range(VIEWS)],

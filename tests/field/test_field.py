@@ -1,7 +1,9 @@
 """The field's file, the visual hull, and reconstruction of a colored ball from its pictures."""
 
+import copy
 import csv
 import errno
+import functools
 import gc
 import itertools
 import time
@@ -263,6 +265,11 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
 
 def ball_capture(count=21, size=40, alpha=True, room=False):
     """A ball of radius 0.6 whose color is its normal, photographed from all around."""
+    return copy.deepcopy(_photographed_ball(count, size, alpha, room))
+
+
+@functools.cache
+def _photographed_ball(count, size, alpha, room):
     random = np.random.default_rng(0)
     places = random.standard_normal((count, 3))
     places *= 3.0 / np.linalg.norm(places, axis=1, keepdims=True)

@@ -25,6 +25,7 @@ from lfportrait.field.geometry.head_surface import (
 )
 from modelled_head import SITTER, landmarks, photograph
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 SIDE = 112
 
 

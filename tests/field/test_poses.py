@@ -1,5 +1,6 @@
 """Corrections of the cameras while a field is trained."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -39,8 +40,9 @@ def knobbly_field(size=80):
     return VoxelField(links, np.full(len(places), 60.0, np.float32), sh.astype(np.float32))
 
 
+@functools.cache
 def rendered_capture(count=32, size=144):
-    """Views of a solid from all around."""
+    """Views of a solid from all around. Not to be changed."""
     field = knobbly_field()
     away = np.random.default_rng(1).standard_normal((count, 3))
     away *= 2.2 / np.linalg.norm(away, axis=1, keepdims=True)

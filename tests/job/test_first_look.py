@@ -24,6 +24,7 @@ from modelled_head import SITTER, photograph
 from tests.job import test_pipeline
 from tests.job.test_pipeline import FILES, PANEL
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 CONFIG = replace(test_pipeline.CONFIG, stylize=replace(test_pipeline.CONFIG.stylize, steps=0))
 """Without refinement nothing imports torch."""
 LOOK = b"a first look"

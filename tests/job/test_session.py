@@ -14,12 +14,15 @@ from lfportrait.files import write_image
 from lfportrait.job import Session
 from lfportrait.stylize import stylization as module
 from lfportrait.stylize import stylize_with_figures
-from tests.stylize.test_on_skin import PREVIEW, SMALL, capture, head, violet  # noqa: F401
+from tests.stylize.test_on_skin import PREVIEW, SMALL, capture, head, skin, violet  # noqa: F401
 
 
 @pytest.fixture
-def session(head, capture):  # noqa: F811
-    return Session(head, capture, SMALL)
+def session(head, capture, skin):  # noqa: F811
+    """One whose head's skin is known: to find it takes as long as to paint it."""
+    found = Session(head, capture, SMALL)
+    found._skins[SMALL.pixels] = skin
+    return found
 
 
 @pytest.fixture
@@ -36,21 +39,24 @@ def made(monkeypatch):
     return every
 
 
-def test_what_it_gives_is_what_a_stylisation_gives(session, head, capture, violet):  # noqa: F811
+def test_what_it_gives_is_what_a_stylisation_gives(head, capture, violet):  # noqa: F811
+    session = Session(head, capture, SMALL)
     styled = session.stylize(violet)
     alone, _ = stylize_with_figures(head, capture, violet, SMALL)
     assert np.array_equal(styled.sh, alone.sh) and session.shown is styled
     quick = session.preview(violet)
-    alone, _ = stylize_with_figures(head, capture, violet, replace(SMALL, preview=True))
+    alone, _ = stylize_with_figures(head, capture, violet, PREVIEW, skin=session.skin(
+        PREVIEW.pixels))
     assert np.array_equal(quick.sh, alone.sh)
     assert session.figures["method"] == "skin"
 
 
-def test_painters_and_surface_are_made_once(session, violet, made):  # noqa: F811
-    skin = session.skin(PREVIEW.pixels)
+def test_painters_and_surface_are_made_once(head, capture, violet, made):  # noqa: F811
+    session = Session(head, capture, SMALL)
+    found = session.skin(PREVIEW.pixels)
     session.preview(violet)
     session.preview(violet)
-    assert len(made) == 1 and session.skin(PREVIEW.pixels) is skin
+    assert len(made) == 1 and session.skin(PREVIEW.pixels) is found
     session.preview(violet, replace(SMALL, seed=1))
     assert len(made) == 2
 

@@ -8,7 +8,10 @@ from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.face import detect_faces, read_landmarks, write_landmarks
 from lfportrait.job import add_style, check_style, style_picture
+from lfportrait.stylize import StylizeConfig
 from modelled_head import painted_exemplar
+
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +103,11 @@ def test_a_profile_is_told(drawing):
     assert style_picture(check).shape[1] == 1680
 
 
-def test_the_preview_shows_the_embedded_head_in_the_paintings_colors(picture, exemplar):
+def test_the_preview_shows_the_embedded_head_in_the_paintings_colors(picture, exemplar,
+                                                                     monkeypatch):
+    # A fourth of its skin's pixels are enough to tell the colors.
+    monkeypatch.setattr("lfportrait.job.style_check.StylizeConfig", lambda **given: StylizeConfig(
+        **{**given, "pixels": 0.5 * given["pixels"]}))
     check = check_style(picture)
     assert check.preview.shape[1] == 3 * check.preview.shape[0]
     assert {"skin", "hair"} <= set(check.figures["materials"])

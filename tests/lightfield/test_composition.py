@@ -18,6 +18,7 @@ from lfportrait.lightfield import (
 from modelled_head import PEOPLE, SITTER, head_field, landmarks, studio_cameras
 from tests.fields import head_field as ball
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 SHAPES = {"16:9": (3840, 2160), "9:16": (2160, 3840), "3:4": (1536, 2048)}
 COARSE = studio_cameras(64, 4)
 """Cameras that give heads coarse colors: their forms alone are looked at."""
@@ -25,7 +26,7 @@ COARSE = studio_cameras(64, 4)
 
 @pytest.fixture(scope="module")
 def field():
-    return head_field(SITTER, 4, COARSE)
+    return head_field(SITTER, 2, COARSE)
 
 
 def panel_of(shape):
@@ -113,7 +114,7 @@ def test_options_change_what_is_composed():
 def test_people_of_all_kinds_fit():
     panel = panel_of("3:4")
     for person in [PEOPLE[name] for name in list(PEOPLE)[2:4]]:
-        field = head_field(person, 4, COARSE)
+        field = head_field(person, 2, COARSE)
         placement = Placement.of(panel, composed(field, panel, EncodeConfig(compose=True)))
         points = field.lattice_points()[field.density > 10]
         assert on_panel(points, panel, placement, 0.0)[:, 1].max() < 0.99

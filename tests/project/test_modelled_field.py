@@ -6,10 +6,12 @@ from scipy import ndimage
 
 from modelled_head import SITTER, head_field, landmarks, photograph, studio_cameras
 
+pytestmark = pytest.mark.usefixtures("coarse_heads")
+
 
 @pytest.fixture(scope="module")
 def field():
-    return head_field(step=4, cameras=studio_cameras(96, 12))
+    return head_field(step=2, cameras=studio_cameras(96, 12))
 
 
 def test_views_of_the_field_are_the_photographs(field):
@@ -36,6 +38,6 @@ def test_landmarks_lie_on_the_field(field):
 
 
 def test_what_no_photograph_sees_has_a_neighbours_color():
-    few = head_field(step=8, cameras=studio_cameras(48, 12)[3:4])
+    few = head_field(step=4, cameras=studio_cameras(48, 12)[3:4])
     color = 0.5 + 0.28209479177387814 * few.sh[:, :, 0]
     assert np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1

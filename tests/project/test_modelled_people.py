@@ -9,7 +9,6 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from modelled_head import PAINTED, PEOPLE, SITTER, landmarks, painted_exemplar, painting, photograph
 from modelled_head.kernels.head_worn import worn_distance
-from modelled_head.studio import distances
 from tests.reference import head_hair as reference
 
 ROUND = Camera.arc(np.array([0.0, 40.0, -40.0, 150.0]), distance=4.4, width=112, height=112,
@@ -38,14 +37,7 @@ KEPT = {
 }
 
 
-@pytest.fixture(scope="module", autouse=True)
-def coarse():
-    """Distances at half as many places each way, which is as fine as these pictures."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("modelled_head.studio._GRID", 129)
-        distances.cache_clear()
-        yield
-    distances.cache_clear()
+pytestmark = pytest.mark.usefixtures("coarse_heads")
 
 
 @pytest.fixture(scope="module", params=PEOPLE)

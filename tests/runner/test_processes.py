@@ -40,6 +40,14 @@ def test_a_child_answers_and_its_prints_go_to_the_log(tmp_path):
     assert not child.alive and log.read_text() == "printed\n"
 
 
+def test_a_child_looks_for_garbage_but_not_among_what_it_imported():
+    child = Child(ENTRY)
+    child.send(("garbage",))
+    word, enabled, kept = child.receive()
+    child.close()
+    assert word == "garbage" and enabled and kept > 10_000
+
+
 def test_the_end_of_a_child_is_heard(tmp_path):
     heard: queue.SimpleQueue = queue.SimpleQueue()
     child = Child(ENTRY, tmp_path / "log", group=True)

@@ -80,7 +80,7 @@ def head(page, project):
 
 @pytest.fixture(scope="module")
 def style(page, project):
-    exemplar = demo_exemplar(width=180, height=240)
+    exemplar = demo_exemplar(width=120, height=160)
     buffer = io.BytesIO()
     Image.fromarray(exemplar.image).save(buffer, "PNG")
     found = page.do("PUT", f"/api/styles?name=Ken.png&project={project}", buffer.getvalue())
@@ -230,7 +230,8 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     panel = page.desk.displays.of(page.desk.projects.get(project)).source
     with ProcessPoolExecutor(1, get_context("spawn")) as apart:  # as a command is
         run = apart.submit(make, folder / "photos", folder / "paintings/Ken.png",
-                           folder / "portrait", panel, SMALL, offline=True).result()
+                           folder / "portrait", panel, SMALL, offline=True,
+                           first_look=False).result()
     assert run["resumed"] == ["capture", "reconstruct"]
     target = folder / "versions/First- try"
     for name in ("styled.npz", "lightfield.png", "portrait.html", "sweep.mp4"):
@@ -380,9 +381,9 @@ def test_regions_are_found_painted_over_and_forgotten(page, project, head, style
     found = page.get(path)
     assert not found["painted"] and found["labels"][0] == "auto"
     seen = Image.open(io.BytesIO(page.ask("GET", found["found"]).content))
-    assert seen.size == (found["width"], found["height"]) == (180, 240)
-    values = np.zeros((240, 180), np.uint8)
-    values[:60] = found["labels"].index("hair")
+    assert seen.size == (found["width"], found["height"]) == (120, 160)
+    values = np.zeros((160, 120), np.uint8)
+    values[:40] = found["labels"].index("hair")
     buffer = io.BytesIO()
     Image.fromarray(values).save(buffer, "PNG")
     assert page.do("PUT", path, buffer.getvalue())["painted"]

@@ -51,7 +51,7 @@ from .photos import (
     read_photos,
     relative_sharpness,
 )
-from .video import load_photos, read_source, read_video, video_frames
+from .video import read_source, read_video, video_frames
 
 __all__ = [
     "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",
@@ -60,7 +60,7 @@ __all__ = [
     "PhotosError", "PictureFacts", "Shot", "VideoFacts", "Views", "calibrate",
     "capture_formats", "color_likelihood", "consistent_mattes",
     "contact_sheet", "data_set_facts", "fineness", "focus_point", "follow_head", "font",
-    "held_out_views", "holes_of", "is_calibrated", "is_video", "lattice_votes", "load_photos",
+    "held_out_views", "holes_of", "is_calibrated", "is_video", "lattice_votes",
     "looks_normalised",
     "matte_agreement", "mattes_share", "photo_listing", "picture_facts", "picture_files",
     "place_by_head", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",

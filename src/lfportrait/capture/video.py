@@ -278,16 +278,6 @@ def upright_frame(frame: Any, max_side: int, aspect: float) -> UInt8:
     return np.asarray(picture)
 
 
-def load_photos(path: str | Path) -> list[tuple[str, UInt8]]:
-    """Names and pictures (uint8 [H, W, 3 or 4], upright) of a folder of photos or a video.
-
-    Raises
-    ------
-    UserError : If there is nothing that can be read.
-    """
-    return [(photo.name, photo.image) for photo in read_source(Path(path))]
-
-
 def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:
     """Photos of a folder, or frames of a video (`read_photos`, `read_video`).
 

@@ -3,7 +3,7 @@ from .frontal import FRONTAL, PROFILE, frontal_view, head_mesh, suited
 from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
 from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
-from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
+from .lids import Lids, asked_lids, closed_words, eye_openings, shut_eyes
 from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
@@ -21,7 +21,7 @@ from .styleblit import (
     build_table,
     synthesise,
 )
-from .surface_guide import SurfaceGuide, surface_position_guide
+from .surface_guide import SurfaceGuide
 from .transfers import (
     Transfer,
     TransferConfig,
@@ -75,7 +75,6 @@ __all__ = [
     "canvas_of",
     "closed_words",
     "draw_atlas",
-    "eye_opening",
     "eye_openings",
     "face_landmarks",
     "face_size",
@@ -99,7 +98,6 @@ __all__ = [
     "shut_eyes",
     "skin_key",
     "suited",
-    "surface_position_guide",
     "synthesise",
     "transfer",
     "without_spectacles",

@@ -73,11 +73,6 @@ def eye_openings(points: Points) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def eye_opening(points: Points) -> float:
-    """Mean height of the eyes over their width, from landmarks [68, 2] or [68, 3]."""
-    return 0.5 * sum(eye_openings(points))
-
-
 def shut_eyes(points: Points, photo: NDArray[np.generic] | None = None) -> Lids:
     """Which eyes are shut.
 

@@ -412,13 +412,3 @@ def _head_origin(landmarks: Float64) -> Float64:
     # The ends of the jaw lie at the ears, which are in the middle of the head's depth.
     z = float(np.nanmean(jaw_ends[:, 2])) if np.isfinite(jaw_ends[:, 2]).any() else 0.0
     return np.array([x, y, z])
-
-
-def surface_position_guide(points: NDArray[np.floating], landmarks3d: NDArray[np.floating],
-                           exemplar: Exemplar,
-                           regions: Regions | None = None) -> tuple[Float32, Float32]:
-    """Position guide and anchor of one view of a capture; see `SurfaceGuide`.
-
-    For many views make one `SurfaceGuide` and call it for each.
-    """
-    return SurfaceGuide(landmarks3d, exemplar, regions)(points)

@@ -309,7 +309,7 @@ class Transfer:
         image : uint8 or float in [0, 1], [H, W, 3].
         landmarks : [68, 2] in pixels of ``image``; rows with NaN are unknown.
         position : float32 [H, W, 2], exemplar coordinates instead of those from the landmarks
-            (`surface_position_guide`); NaN = not to be painted.
+            (`SurfaceGuide`); NaN = not to be painted.
         seeds_anchor : float32 [H, W, 2], place of each pixel in the plane of the seeds, in
             exemplar pixels.
         mask : float32 [H, W], the person against the background (a capture's alpha); None =

@@ -146,7 +146,7 @@ def _read(path: str) -> HeadPrior:
     return read_ict(Path(path))
 
 
-def read_ict(path: Path, identities: int = IDENTITIES) -> HeadPrior:
+def read_ict(path: Path) -> HeadPrior:
     """Read ICT-FaceKit Light (MIT licence, USC Institute for Creative Technologies), repacked.
 
     Parameters
@@ -154,7 +154,6 @@ def read_ict(path: Path, identities: int = IDENTITIES) -> HeadPrior:
     path : ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``,
         ``landmarks68``; ``identity`` and ``expression`` int16 with a float32 scale a mode,
         ``expression_names``.
-    identities : Modes to keep.
 
     Raises
     ------
@@ -173,7 +172,7 @@ def read_ict(path: Path, identities: int = IDENTITIES) -> HeadPrior:
             head = HeadPrior(
                 "ICT-FaceKit Light", mean, data["triangles"].astype(np.int32), data["part"],
                 data["landmarks68"].astype(np.int64),
-                modes("identity", list(range(min(identities, len(data["identity"]))))),
+                modes("identity", list(range(min(IDENTITIES, len(data["identity"]))))),
                 modes("expression", used), _USED, _lean())
     except (*UNREADABLE_ARRAYS, KeyError, ValueError, OSError) as error:
         raise UserError(f"{path} is not the repacked ICT-FaceKit Light, or it is damaged: "

@@ -351,14 +351,13 @@ class VoxelField:
         color, alpha, depth = views_on_gpu(process, self, job, footprint)
         return Rendering(color[0], alpha[0], depth[0])
 
-    def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
-                       step: float = 0.5, inside: Bool | None = None) -> SampleWeights:
+    def sample_weights(self, cameras: Camera, view: int = 0, *, step: float = 0.5,
+                       inside: Bool | None = None) -> SampleWeights:
         """The view as a sparse linear map of the lattice rows' colors.
 
         Parameters
         ----------
         cameras, view : Batch of cameras and which of them.
-        scale : Size of the picture relative to the camera's.
         step : Distance between samples in voxels.
         inside : Bool [H, W], pixels that are wanted; the others get no rows. None: all that show
             anything.
@@ -367,7 +366,7 @@ class VoxelField:
         -------
         weights : Weights below 1e-3 are dropped and the rest of the pixel scaled to its opacity.
         """
-        cameras = cameras[view] if scale == 1.0 else cameras[view].scaled(scale)
+        cameras = cameras[view]
         if inside is None:
             inside = self.render(cameras, 0, step=step).alpha > 4e-3
         wanted = np.flatnonzero(inside).astype(np.int64)

@@ -495,7 +495,7 @@ def _up_in_image(capture: Capture, view: int) -> Float64:
 _CAMERA = ("pose", "focal", "center", "width", "height")
 
 
-def capture_of_face(photos: Path, progress: Progress | None = None) -> Capture:
+def capture_of_face(photos: Path) -> Capture:
     """Photos, a video or a calibrated data set as a capture with the landmarks of its face.
 
     Parameters
@@ -512,23 +512,22 @@ def capture_of_face(photos: Path, progress: Progress | None = None) -> Capture:
     UserError : If there is no such capture, it is damaged, or no face was found.
     """
     if not photos.exists() or not is_calibrated(photos):
-        return _read(photos, progress)
+        return _read(photos)
     read: list[Capture] = []
 
     def find() -> dict[str, NDArray[Any]]:
-        read.append(_read(photos, progress))
+        read.append(_read(photos))
         return _told(read[0])
 
     kept = kept_arrays("captures", _key(photos), find)
     return read[0] if read else _late(photos, kept)
 
 
-def _read(photos: Path, progress: Progress | None) -> Capture:
+def _read(photos: Path) -> Capture:
     # Here: what calibrates photos is not needed for those that have cameras.
     from ..capture import CalibrateConfig
 
-    return prepare_capture(photos, CalibrateConfig(), keep_background=True, need_face=True,
-                           progress=progress)[0]
+    return prepare_capture(photos, CalibrateConfig(), keep_background=True, need_face=True)[0]
 
 
 def _key(photos: Path) -> str:

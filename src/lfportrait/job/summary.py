@@ -44,6 +44,8 @@ from ..stylize import kept_skin, load_styled
 from ..version import __version__
 from .graph import MakeConfig, Task
 
+_FRAMES = 90
+"""Of the sweep."""
 _ANGLES = (-45, 0, 45)
 _COLUMN = 448
 """The same in one of three columns."""
@@ -62,7 +64,7 @@ _PALETTE = {"brows": (0.35, 0.2, 0.1), "eyes": (0.1, 0.6, 0.3), "nose": (0.95, 0
 
 
 def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, Any],
-              progress: Progress | None = None, frames: int = 90, *,
+              progress: Progress | None = None, *,
               kept: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
     """Write ``portrait.html``, ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
 
@@ -72,7 +74,6 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         holds ``lightfield.png``; its parameters are listed at the end of the report.
     results : Folder that the task's is relative to.
     figures : Figures of the stages so far.
-    frames : Frames of the sweep.
     kept : What the stages before have read: `Tools.kept`.
 
     Returns
@@ -100,7 +101,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
                               config.encode)
         film = threads.submit(
             write_video, folder / "sweep.mp4",
-            sweep_frames(styled, good_cone(styled, display.cone), frames, config.sweep_size,
+            sweep_frames(styled, good_cone(styled, display.cone), _FRAMES, config.sweep_size,
                          background=config.encode.background, ground=config.encode),
             preset="veryfast")
         report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,
@@ -108,7 +109,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         film.result()
         say("report")
         write_report(folder / "report.html", report)
-        return {"frames": frames, "size": config.sweep_size, "page": page.result(),
+        return {"frames": _FRAMES, "size": config.sweep_size, "page": page.result(),
                 "head_covered": round(share, 3)}
 
 

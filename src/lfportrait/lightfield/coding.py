@@ -345,7 +345,7 @@ def _grey(config: EncodeConfig) -> float:
 
 
 def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height: int = 0,
-              fixed: int = -1, first: int = 0, apart: int = 1) -> PanelJob:
+              first: int = 0, apart: int = 1) -> PanelJob:
     """A panel, or ``height`` of its rows, as a GPU takes it.
 
     Parameters
@@ -353,7 +353,6 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
     field, display, config : As for `encode`.
     height, first, apart : How many rows, the first one and how far apart they are; all by
         default.
-    fixed : One view for all sub-pixels, or -1.
     """
     placement = Placement.of(display, config)
     distance = placement.deep_distance(display)
@@ -367,7 +366,7 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
     colors = viewpoints(field, display.eyes(), distance, display.eye_height, to_world)
     return PanelJob(
         display.width, height or display.height, placement.to_lattice(field.lattice), panel,
-        display.eyes(), fixed, _RAYS if config.blend == "filtered" else 1,
+        display.eyes(), _RAYS if config.blend == "filtered" else 1,
         2.0 * display.eye_reach * display.breadth / display.pitch, display.gamma,
         3 if slices else 0, stride if slices else step,
         _FAINTEST * field.lattice[5] / stride if slices else 1e-2, _STOP if slices else 1e-3,

@@ -119,7 +119,6 @@ def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Gr
 
 def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
                  background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
-                 device: str = "cpu",
                  ) -> Iterator[UInt8]:
     """Frames of a sweep, rendered one at a time.
 
@@ -129,7 +128,6 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
     cone, frames, size : See `sweep_cameras`.
     background : Grey level or RGB behind the head, in [0, 1].
     ground : What panels show behind the head is shown instead, where there is such a ground.
-    device : Where to compute (`lfportrait.device.gpu_adapter`).
 
     Yields
     ------
@@ -142,7 +140,7 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
                                    return_inverse=True)
     last = np.array([np.flatnonzero(places == place)[-1] for place in range(len(yaw))])
     fresh = render_views(field, cameras, np.sort(first).tolist(), background=background,
-                         ground=plane, device=device)
+                         ground=plane)
     kept: dict[int, UInt8] = {}
     for frame, place in enumerate(places.ravel().tolist()):
         if frame == first[place]:

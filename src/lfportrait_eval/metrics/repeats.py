@@ -218,17 +218,12 @@ def repeats(picture: NDArray[Any], mask: Bool, unit: float, *,
     return strongest_repeat(picture, mask, unit, overlap=overlap).peak
 
 
-def repeat_ratio(picture: NDArray[Any], mask: Bool, exemplar: NDArray[Any],
-                 exemplar_mask: Bool, unit: float, *, overlap: float = 0.25) -> float:
+def over_exemplar(ours: Repeat, theirs: Repeat) -> float:
     """How much a region repeats itself, over how much the exemplar does in the same material.
 
     Parameters
     ----------
-    picture, mask : [H, W, 3], uint8 or float in [0, 1], and the region, bool [H, W].
-    exemplar, exemplar_mask : The same of the exemplar, [h, w, 3] and [h, w], resized so that its
-        face has the size of the picture's.
-    unit : Size of either face in pixels.
-    overlap : See `strongest_repeat`.
+    ours, theirs : Of the region, and of the exemplar's, at the same size of the face.
 
     Returns
     -------
@@ -237,13 +232,6 @@ def repeat_ratio(picture: NDArray[Any], mask: Bool, exemplar: NDArray[Any],
         and at least what chance gives in the picture's region: a plain exemplar, or one with a
         larger region under finer strokes, does not make a repeat of what is none.
     """
-    ours = strongest_repeat(picture, mask, unit, overlap=overlap)
-    theirs = strongest_repeat(exemplar, exemplar_mask, unit, overlap=overlap)
-    return over_exemplar(ours, theirs)
-
-
-def over_exemplar(ours: Repeat, theirs: Repeat) -> float:
-    """The ratio of two repeats that are known; see `repeat_ratio`."""
     if np.isnan(ours.peak) or np.isnan(theirs.peak):
         return float("nan")
     return ours.peak / max(theirs.peak, ours.chance, LEAST_PEAK)

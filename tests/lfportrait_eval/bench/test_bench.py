@@ -33,12 +33,12 @@ from tests.share.test_video import ball
 
 @pytest.fixture
 def small_panels(monkeypatch):
-    """Presets of the same names, a sixteenth of the size."""
+    """Presets of the same names, a thirtieth of the size."""
     preset = Display.preset
 
     def small(name: str) -> Display:
         panel = preset(name)
-        return replace(panel, width=panel.width // 16, height=panel.height // 16)
+        return replace(panel, width=panel.width // 30, height=panel.height // 30)
 
     monkeypatch.setattr(Display, "preset", staticmethod(small))
 
@@ -48,7 +48,7 @@ def test_encode_reports_every_size_and_the_rivals(small_panels):
     for size in ("1080p", "4k", "8k", "direct", "view_by_view"):
         row = figures[size]
         assert row["seconds"] > 0 and row["views"] == 96 and row["method"]
-    assert figures["8k"]["subpixels"] == 3 * 480 * 270
+    assert figures["8k"]["subpixels"] == 3 * 256 * 144
     for size in ("1080p", "4k", "8k"):
         # Samples a voxel apart come near those half a voxel apart, and are not equal to them.
         assert 25 < figures[size]["psnr"] < 99
@@ -62,7 +62,7 @@ def test_encode_reports_every_size_and_the_rivals(small_panels):
     for row in rows:
         assert min(row[name] for name in ("build_seconds", "load_seconds", "with_seconds",
                                           "without_seconds")) > 0
-    assert rows[3]["bytes"] == 3 * 480 * 270
+    assert rows[3]["bytes"] == 3 * 256 * 144
 
 
 def test_memory_of_a_call():
@@ -150,11 +150,11 @@ def test_a_plot_shows_its_curves_inside_its_axes():
 
 
 def test_transfer_reports_preparation_and_synthesis_apart(monkeypatch):
-    monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 2)
+    monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 1)
     shot, points = demo_photo(96)
     photo = np.ascontiguousarray(shot[..., :3])
     tiny = NetworkConfig(teacher="styleblit", pairs=2, steps=1, size=64, width=4)
-    figures = bench_transfer(photo, points, demo_exemplar(width=108, height=144), repeats=1,
+    figures = bench_transfer(photo, points, demo_exemplar(width=75, height=100), repeats=1,
                              network=tiny)
     assert figures["size"] == [72, 96]
     for method in METHODS:

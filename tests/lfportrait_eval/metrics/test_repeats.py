@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lfportrait_eval.metrics import repeat_ratio, repeats, strongest_repeat
-from lfportrait_eval.metrics.repeats import LEAST_PEAK, luma, masked_autocorrelation
+from lfportrait_eval.metrics import repeats, strongest_repeat
+from lfportrait_eval.metrics.repeats import LEAST_PEAK, luma, masked_autocorrelation, over_exemplar
 
 UNIT = 80.0
 WHOLE = np.ones((240, 280), bool)
@@ -109,7 +109,8 @@ def test_what_can_not_be_seen_does_not_repeat():
 def test_nothing_and_nonsense():
     picture = grey(strokes())
     assert np.isnan(repeats(picture, ~WHOLE, UNIT))
-    assert np.isnan(repeat_ratio(picture, WHOLE, picture, ~WHOLE, UNIT))
+    whole, none = (strongest_repeat(picture, mask, UNIT) for mask in (WHOLE, ~WHOLE))
+    assert np.isnan(over_exemplar(whole, none)) and np.isnan(over_exemplar(none, whole))
     dot = np.zeros_like(WHOLE)
     dot[7, 9] = True
     assert repeats(picture, dot, UNIT) == 0
@@ -121,12 +122,13 @@ def test_nothing_and_nonsense():
 
 
 def test_the_ratio_is_over_the_exemplar_and_what_chance_gives():
-    exemplar, copied = grey(strokes(8)), grey(tiled())
-    assert repeat_ratio(copied, WHOLE, exemplar, WHOLE, UNIT) > 3
-    assert repeat_ratio(copied, WHOLE, copied, WHOLE, UNIT) == pytest.approx(1)
-    plain = np.full_like(exemplar, 0.5)
-    assert repeat_ratio(exemplar, WHOLE, plain, WHOLE, UNIT) < 1.5
-    assert repeat_ratio(copied, WHOLE, plain, WHOLE, UNIT) <= 1 / LEAST_PEAK
+    strokes_8 = grey(strokes(8))
+    exemplar, copied, plain = (strongest_repeat(picture, WHOLE, UNIT) for picture in (
+        strokes_8, grey(tiled()), np.full_like(strokes_8, 0.5)))
+    assert over_exemplar(copied, exemplar) > 3
+    assert over_exemplar(copied, copied) == pytest.approx(1)
+    assert over_exemplar(exemplar, plain) < 1.5
+    assert over_exemplar(copied, plain) <= 1 / LEAST_PEAK
 
 
 def test_every_lag_is_the_plain_coefficient():

@@ -39,6 +39,22 @@ def compare(files: Path, out: Path, config: TablesConfig = SMALL, names=("warm",
     return write_tables(sources, styles(files, *names), out, config)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def known_targets():
+    """What views are measured against is made once: sitter and styles are the same in all runs."""
+    known, make = {}, running.Target
+
+    def target(sitter, exemplar, *numbers):
+        key = sitter.name, exemplar.image.tobytes(), numbers
+        if key not in known:
+            known[key] = make(sitter, exemplar, *numbers)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "Target", target)
+        yield
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, files):
     """A finished run, and its figures."""

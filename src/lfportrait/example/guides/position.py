@@ -47,9 +47,7 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
 
 
 def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating],
-                   exemplar_landmarks: NDArray[np.floating], *,
-                   weights: NDArray[np.floating] | None = None,
-                   softness: NDArray[np.floating] | None = None, grid: int = 4) -> Float32:
+                   exemplar_landmarks: NDArray[np.floating], *, grid: int = 4) -> Float32:
     """The exemplar's coordinate of every pixel of a target picture.
 
     Parameters
@@ -57,8 +55,6 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
     shape : (H, W, ...) of the target.
     target_landmarks, exemplar_landmarks : [M, 2] matching control points in pixels; rows with
         NaN on either side are left out.
-    weights : [M] importance of the control points.
-    softness : [M] in pixels, see `mls_similarity`.
     grid : The map is evaluated every ``grid`` pixels and bilinear between; 1 evaluates every
         pixel.
 
@@ -67,10 +63,9 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
     float32 [H, W, 2], (x, y) in exemplar pixels; may lie outside the exemplar.
     """
     known = np.isfinite(target_landmarks).all(axis=1) & np.isfinite(exemplar_landmarks).all(axis=1)
-    importance = np.ones(len(known)) if weights is None else np.asarray(weights)
-    soft = np.zeros(len(known)) if softness is None else np.asarray(softness)
-    nodes = _nodes(shape, target_landmarks[known], exemplar_landmarks[known], importance[known],
-                   soft[known], grid)
+    count = int(known.sum())
+    nodes = _nodes(shape, target_landmarks[known], exemplar_landmarks[known], np.ones(count),
+                   np.zeros(count), grid)
     out = np.empty((*shape[:2], 2), np.float32)
     resample_grid(nodes, grid, out)
     return out

@@ -32,7 +32,6 @@ class PanelJob:
     matrix: Float64  # float64 [3, 4], from the deep display frame to the lattice.
     panel: Float64  # float64 [61], the panel's numbers as `encode_kernel` takes them.
     eyes: Float64  # float64 [V], x of the views' eyes.
-    fixed: int  # One view for all sub-pixels, or -1.
     # rays, spread, gamma: Rays a sub-pixel; how far their outermost eyes would lie apart; gamma of
     # the panel.
     rays: int
@@ -64,7 +63,7 @@ class PanelJob:
         floats[12:16] = numbers[0:4]
         floats[16:20] = 3 * self.width, numbers[5], numbers[4], numbers[7]
         floats[20:24] = self.eyes[0], self.eyes[-1], len(self.eyes), numbers[6]
-        floats[24:28] = self.rays, self.spread, self.gamma, self.fixed
+        floats[24:27] = self.rays, self.spread, self.gamma
         floats[28:32] = self.axis, self.step, self.background, len(self.viewpoints)
         place = self.ground_place
         floats[32:36] = *place[:3], self.ground is not None

@@ -13,7 +13,7 @@ struct Panel {
     rows: vec4<f32>,
     // First and last eye, number of views, 1: views between eyes.
     eyes: vec4<f32>,
-    // Rays a sub-pixel, how far their eyes lie apart, gamma, one view for all or -1.
+    // Rays a sub-pixel, how far their eyes lie apart, gamma.
     rays: vec4<f32>,
     // 0: samples on planes of axis x, y, z (1, 2, 3) or 0: at fixed steps; distance of samples;
     // grey level behind the field; layers of color.
@@ -57,8 +57,7 @@ fn eye_of(phase: u32) -> f32 {
     let place = f32(phase) * 2.3283064365386963e-10 * many;
     let last = many - 1.0;
     let between = clamp(place - 0.5, 0.0, last);
-    var view = select(min(floor(place), last), between, panel.eyes.w > 0.5);
-    view = select(view, panel.rays.w, panel.rays.w >= 0.0);
+    let view = select(min(floor(place), last), between, panel.eyes.w > 0.5);
     return panel.eyes.x + (panel.eyes.y - panel.eyes.x) * view / max(last, 1.0);
 }
 

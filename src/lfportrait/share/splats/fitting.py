@@ -319,7 +319,7 @@ class _Adam:
         self.values[rows] -= np.float32(self.rate * share) * mean / (size + size.mean() + 1e-12)
 
 
-def fit_splats(field: VoxelField, splats: Splats, steps: int, seed: int = 0,
+def fit_splats(field: VoxelField, splats: Splats, steps: int,
                tell: Callable[[int], None] = lambda step: None) -> Splats:
     """Fit splats to a field.
 
@@ -327,7 +327,6 @@ def fit_splats(field: VoxelField, splats: Splats, steps: int, seed: int = 0,
     ----------
     splats : As `place_splats` lays them.
     steps : How many views are looked at.
-    seed : Of the choice of views.
     tell : Told the number of each step.
     """
     width, start = splats.scales[:, 0].copy(), splats.positions
@@ -338,7 +337,7 @@ def fit_splats(field: VoxelField, splats: Splats, steps: int, seed: int = 0,
         ("positions", np.zeros_like(start)))}
     weights = np.zeros(len(start), np.float32)
     pixels = _pixels(ball, float(np.median(width)))
-    for number, camera in enumerate(_views(ball, pixels, steps, seed)):
+    for number, camera in enumerate(_views(ball, pixels, steps)):
         tell(number)
         sh = _step(field, splats, camera, parts, weights, width, number / max(steps - 1, 1))
         opacity = (1 / (1 + np.exp(-parts["opacity"].values))).astype(np.float32)
@@ -375,9 +374,9 @@ def _pixels(ball: Ball, width: float) -> int:
     return int(np.clip(1.1 * ball.radius / width, 64, 768))
 
 
-def _views(ball: Ball, pixels: int, steps: int, seed: int) -> Iterator[Camera]:
+def _views(ball: Ball, pixels: int, steps: int) -> Iterator[Camera]:
     """Cameras all around, evenly spread; of three two are close-ups."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     low, high = np.sin(np.radians(PITCH))
     for number in range(steps):
         # A sequence that fills angle and height evenly, however long it gets (Roberts 2018).

@@ -81,9 +81,15 @@ def test_outlines_are_dropped(scene):
     assert not (steady & ~reference.inside).any()
 
 
-def test_a_head_in_the_manner_of_one_painted_view(small_head):
+@pytest.fixture(scope="module")
+def stylised(small_head):
+    """The head and its figures."""
+    return stylize_with_figures(*small_head, SMALL, device="cpu")
+
+
+def test_a_head_in_the_manner_of_one_painted_view(small_head, stylised):
     field, capture, exemplar = small_head
-    styled, figures = stylize_with_figures(field, capture, exemplar, SMALL)
+    styled, figures = stylised
     assert np.array_equal(styled.density, field.density)
     assert figures["fit"]["rmse"][-1] < figures["fit"]["rmse"][0]
     assert 0.05 < figures["registered_share"] < 0.9
@@ -100,9 +106,8 @@ def test_a_head_in_the_manner_of_one_painted_view(small_head):
     assert np.array_equal(again.sh, styled.sh)
 
 
-def test_ref_npr_on_another_device_gives_the_same(small_head, other_device):
-    here, there = (stylize_with_figures(*small_head, SMALL, device=device)
-                   for device in ("cpu", other_device))
+def test_ref_npr_on_another_device_gives_the_same(small_head, stylised, other_device):
+    here, there = stylised, stylize_with_figures(*small_head, SMALL, device=other_device)
     assert (here[1]["device"], there[1]["device"]) == ("cpu", "gpu: Other 9 (Test)")
     assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
 

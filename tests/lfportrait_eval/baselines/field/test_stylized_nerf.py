@@ -125,9 +125,15 @@ def test_tuning_lowers_the_decoders_loss(scene, monkeypatch):
     assert loss() < before
 
 
-def test_a_head_and_a_network_teach_each_other(small_head):
+@pytest.fixture(scope="module")
+def taught(small_head):
+    """Colors of the head and figures."""
+    return paint_by_mutual_teaching(FieldTask(*small_head, device="cpu"), SMALL, random_network())
+
+
+def test_a_head_and_a_network_teach_each_other(small_head, taught):
     field = small_head[0]
-    colors, figures = paint_by_mutual_teaching(FieldTask(*small_head), SMALL, random_network())
+    colors, figures = taught
     assert colors.shape == (len(field.density), 3)
     assert colors.min() >= 0 and colors.max() <= 1
     assert len(figures["fit"]["rmse"]) == 2
@@ -137,12 +143,11 @@ def test_a_head_and_a_network_teach_each_other(small_head):
     assert np.array_equal(again, colors)
 
 
-def test_the_teacher_on_another_device_gives_the_same(small_head, other_device):
-    (here, _), (there, figures) = (paint_by_mutual_teaching(
-        FieldTask(*small_head, device=device), SMALL, random_network(place=place))
-        for device, place in (("cpu", "cpu"), (other_device, PLACE)))
+def test_the_teacher_on_another_device_gives_the_same(small_head, taught, other_device):
+    there, figures = paint_by_mutual_teaching(
+        FieldTask(*small_head, device=other_device), SMALL, random_network(place=PLACE))
     assert figures["device"] == "gpu: Other 9 (Test)"
-    assert np.allclose(here, there, atol=1e-4)
+    assert np.allclose(taught[0], there, atol=1e-4)
 
 
 def test_missing_weights_are_told(small_head, monkeypatch, tmp_path):
