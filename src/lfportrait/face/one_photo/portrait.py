@@ -34,8 +34,9 @@ from .lattice import Shell, shell_of
 from .matches import found_again
 from .paint import Shot, painted
 from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
+from .piece import METRES
 from .samples import MeshSamples, depth_maps
-from .solid import METRES, WORN, solid_of
+from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
 
