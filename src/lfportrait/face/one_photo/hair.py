@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .depth import Sensed, hair_squares
-from .parts import Parts
+from .parts import Parts, thin
 from .piece import METRES, Piece, filled, outside
 from .relief import inflated
 from .samples import MeshSamples
@@ -105,11 +105,7 @@ def with_rims(parts: Parts, near: Float64) -> Parts:
     ``near`` [h, w] is the head's depth, NaN where it is not.
     """
     loose = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
-    reach = RIM / parts.cell
-    deep = ndimage.distance_transform_edt(loose) > reach
-    broad = ndimage.distance_transform_edt(~deep) <= reach + 1
-    beside = ndimage.distance_transform_edt(~parts.hair) <= 2 * reach
-    return replace(parts, hair=parts.hair | (loose & beside & ~broad))
+    return replace(parts, hair=parts.hair | thin(loose, parts.hair, RIM / parts.cell))
 
 
 def _under(head: tuple[Float64, Float64], share: Float64, body: Piece | None,
