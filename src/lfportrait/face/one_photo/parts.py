@@ -139,17 +139,18 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
     near = (curls & (deep > 0) & (deep < 1)) | strips
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     size = tuple(max(2, round(side * min(1.0, 4.0 / width))) for side in near.shape[::-1])
-    away = []
+    found: list[Float32] = []
     for part, sigma in ((curls & ~near, 6.0), (np.asarray(matte) < 0.02, 2.5)):
         known = part.astype(np.float32)
         small = cv2.resize(np.dstack([lab * known[..., None], known]), size,
                            interpolation=cv2.INTER_AREA)
-        sums = cv2.GaussianBlur(small, (0, 0), sigma)
-        mean = sums[..., :3] / np.maximum(sums[..., 3:], 1e-6)
-        mean = cv2.resize(mean, near.shape[::-1], interpolation=cv2.INTER_LINEAR)
-        away.append(np.linalg.norm(lab - mean, axis=2))
+        around = cv2.resize(cv2.GaussianBlur(small, (0, 0), sigma), near.shape[::-1],
+                            interpolation=cv2.INTER_LINEAR)
+        near &= around[..., 3] > 1e-3  # what either is like must be known
+        found.append(np.linalg.norm(lab - around[..., :3] / np.maximum(around[..., 3:], 1e-3),
+                                    axis=2))
     limit = INNER + (OUTER - INNER) * (1 - np.clip(deep, 0, 1))
-    return np.asarray(near & (away[0] > UNLIKE) & (away[1] < limit * away[0]))
+    return np.asarray(near & (found[0] > UNLIKE) & (found[1] < limit * found[0]))
 
 
 def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
