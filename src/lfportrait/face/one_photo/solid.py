@@ -45,6 +45,8 @@ ALIKE = 0.10
 from the model's neck is no neck, but a collar or a shoulder beside it, portrait units."""
 SOFT_HAIR = 0.008
 """Width of the joint of head and hair, portrait units."""
+WITHIN = 0.12
+"""How far within the outline of hair a body under it ends, portrait units."""
 BAND = 0.06
 """How far from the outline the model says how thick the neck is, portrait units."""
 SHOULDERS, SLOPE = 0.30, 0.35
@@ -254,7 +256,8 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float
     last = np.where(columns, known.shape[0] - 1 - np.argmax(known[::-1], axis=0), 10 ** 6)
     domain = shoulders | known | (person & ~parts.hair & (rows >= last[None]))
     if shoulders.any():
-        domain |= convex_hull_image(shoulders | known) & person & parts.hair & (rows > top)
+        covered = parts.hair & (parts.inside * cell > WITHIN) & (rows > top)
+        domain |= convex_hull_image(shoulders | known) & covered
     domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
     # From the model's nape on it recedes: downwards and to both sides.
     places, depths = parts.places(end)
