@@ -54,7 +54,8 @@ class ReconstructConfig:
     to 1; 0: no averaging; by default 0.3, and 0 for a room."""
     max_voxels: float = 8.0
     """Maximum of lattice points in millions; above it, the weakest are pruned. A million needs
-    about 0.65 GB in training (two threads, degree 2)."""
+    about 0.65 GB in training (two threads, degree 2). A head of one photo is not trained: it has
+    the points around its surface, as many as its resolution asks for."""
     background: float = 1.0
     """Grey level behind photos without mattes, and behind test views."""
     background_nlayers: int | None = None

@@ -205,6 +205,23 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 
 
+@pytest.mark.parametrize("lowest, long", [(-1.3, True), (-0.75, False)])
+def test_long_hair_hangs_down_behind_where_the_field_has_its_color(skin, lowest, long):
+    up, angle = (part.ravel() for part in np.meshgrid(np.linspace(-1.25, 1, 113),
+                                                      np.linspace(0, np.pi, 126)))
+    seen = (angle < 0.5 * np.pi).astype(np.float32)
+    truth = (angle > 0.9) & (angle < 2.8) | (up > 0.45)  # in the middle of the nape skin shows
+    colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6])
+    colors += np.random.default_rng(1).normal(0, 0.02, colors.shape)
+    flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
+    told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32), seen,
+                            np.zeros(len(up), np.float32), truth & (seen > 0),
+                            (angle < 0.7) & (up < 0.1), lowest)
+    below = (seen == 0) & (up < -0.9) & (angle > 2.2)
+    hair = told[below & truth] > 0.5
+    assert hair.mean() > 0.97 if long else not hair.any()
+
+
 def test_a_seam_where_photos_end_is_hair_between_hair_and_skin_between_skin():
     """Half of a sheet is hair; photos end in the middle of it, where nothing is sure."""
     x, y = (part.ravel().astype(float) for part in np.meshgrid(np.arange(80), np.arange(50)))

@@ -9,8 +9,9 @@ from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo import lattice
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.solid import METRES, Solid
+from lfportrait.face.one_photo.solid import Solid
 
 SIZE = 100
 

@@ -7,8 +7,9 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.piece import EDGE, METRES, Piece
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.solid import EDGE, METRES, Piece, _one_neck, solid_of
+from lfportrait.face.one_photo.solid import _one_neck, solid_of
 
 
 def test_hair_is_only_a_little_beyond_where_it_grows():

@@ -14,8 +14,9 @@ from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo import lattice, wires
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.solid import METRES, WORN, Solid
+from lfportrait.face.one_photo.solid import WORN, Solid
 from tests.portraits import CANONICAL
 
 SKIN, WIRE = (200, 150, 120), (30, 40, 90)

@@ -21,6 +21,7 @@ from ...field import C0
 from .lattice import Shell
 from .parts import Parts
 from .solid import HAIR, WORN
+from .strands import strand_contrast, strands
 
 __all__ = ["Shot", "painted"]
 
@@ -65,6 +66,12 @@ class Shot:
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
         return Shot(camera, colors, np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32))
+
+    def contrast(self) -> Float64:
+        """How strong strands of hair are in it (`strand_contrast`)."""
+        assert self.hair is not None
+        unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
+        return strand_contrast(self.colors, self.hair > 0.99, unit)
 
     def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float) -> Look:
         """What the photo shows of places [N, 3].
@@ -160,6 +167,9 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
         if part.any():
             fill[part] = _filled(points[part], photo[part], weight[part], mirrored[part],
                                  known[part])
+    if hair.any():
+        fill[hair] *= (strands(points[hair], shots[0].contrast())[:, None]
+                       ** (1 - other.best[hair, None]))
     # An ear that no photo shows is not flat.
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]

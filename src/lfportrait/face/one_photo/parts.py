@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ...capture import Camera
 
-__all__ = ["Parts", "clean_colors", "clean_hair", "parts_of", "signed_distance"]
+__all__ = ["FUZZ", "Parts", "clean_colors", "clean_hair", "ground_in_hair", "parts_of",
+           "signed_distance", "thin"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -28,6 +29,13 @@ LEAST_HAIR = 0.06
 """Hair covers at least this part of the area of a face, or there is none."""
 UNLIKE = 14.0
 """Difference in CIELAB from which on what a network calls hair is not skin in the shade."""
+
+INNER, OUTER = 0.7, 1.3
+"""What is less than so many times as unlike the ground as the hair is ground; well within hair, and
+at the outline."""
+FUZZ = 0.18
+"""Hair is so thin up to here from the outline that ground may be seen through it, portrait units.
+"""
 
 
 @dataclass(frozen=True)
@@ -102,15 +110,61 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
     return np.asarray(np.where(mask > 0, np.maximum(hair, 0.51), 0.0), np.float32)
 
 
-def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating]) -> Float32:
+def thin(rest: Bools, hair: Bools, reach: float) -> Bools:
+    """What of the rest [h, w] lies beside hair and is less than twice ``reach`` cells wide."""
+    def far(part: Bools) -> Float32:
+        return np.asarray(cv2.distanceTransform((~part).astype(np.uint8), cv2.DIST_L2, 5),
+                          np.float32)
+
+    broad = far(far(~rest) > reach) <= reach + 1
+    return np.asarray(rest & ~broad & (far(hair) <= 2 * reach))
+
+
+def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
+                   hair: NDArray[np.floating], width: float) -> Bools:
+    """Where ground is seen through hair that a matte takes for the person's, bool [H, W].
+
+    Parameters
+    ----------
+    image : uint8 [H, W, 3], with its ground.
+    matte, hair : [H, W] in [0, 1].
+    width : Pixels up to which hair is as thin as that, from the outline on.
+    """
+    curls = np.asarray(hair) > 0.5
+    if not curls.any():
+        return curls
+    deep = signed_distance(matte) / np.float32(width)
+    # A narrow strip between hair and the outline is hair, or ground.
+    strips = thin((deep > 0) & ~curls, curls, 0.25 * width) & (deep < 0.5)
+    near = (curls & (deep > 0) & (deep < 1)) | strips
+    lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    size = tuple(max(2, round(side * min(1.0, 4.0 / width))) for side in near.shape[::-1])
+    found: list[Float32] = []
+    for part, sigma in ((curls & ~near, 6.0), (np.asarray(matte) < 0.02, 2.5)):
+        known = part.astype(np.float32)
+        small = cv2.resize(np.dstack([lab * known[..., None], known]), size,
+                           interpolation=cv2.INTER_AREA)
+        around = cv2.resize(cv2.GaussianBlur(small, (0, 0), sigma), near.shape[::-1],
+                            interpolation=cv2.INTER_LINEAR)
+        near &= around[..., 3] > 1e-3  # what either is like must be known
+        found.append(np.linalg.norm(lab - around[..., :3] / np.maximum(around[..., 3:], 1e-3),
+                                    axis=2))
+    limit = INNER + (OUTER - INNER) * (1 - np.clip(deep, 0, 1))
+    return np.asarray(near & (found[0] > UNLIKE) & (found[1] < limit * found[0]))
+
+
+def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
+                 fuzz: NDArray[np.bool_] | None = None) -> Float32:
     """The person's own colors, float32 [H, W, 3] in [0, 1], continued beyond the outline.
 
     At the outline a photo mixes person and ground, by a pixel or two more than a matte knows: what
-    lies there gets the colors further inside.
+    lies there gets the colors further inside; so does ``fuzz`` (`ground_in_hair`).
     """
     colors = np.asarray(image, np.float32) / np.float32(255)
     reach = 2 + max(image.shape[:2]) // 700
     sure = signed_distance(matte) > reach
+    if fuzz is not None:
+        sure &= ~fuzz
     if not sure.any():
         return colors
     out, weight = np.where(sure[..., None], colors, np.float32(0)), sure.astype(np.float32)

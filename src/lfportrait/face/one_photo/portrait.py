@@ -33,9 +33,10 @@ from .depth import Sensed, sensed_depth
 from .lattice import Shell, shell_of
 from .matches import found_again
 from .paint import Shot, painted
-from .parts import Parts, clean_colors, clean_hair, parts_of, signed_distance
+from .parts import FUZZ, Parts, clean_colors, clean_hair, ground_in_hair, parts_of, signed_distance
+from .piece import METRES
 from .samples import MeshSamples, depth_maps
-from .solid import METRES, WORN, solid_of
+from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
 
@@ -243,9 +244,8 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
     wires, images = _bare(capture, fit, pictures, local, samples)
-    shots = [Shot.of(capture.cameras[view],
-                     clean_colors(images[view], capture.alphas[view] / np.float32(255)),
-                     pictures[view].hair) for view in range(len(capture))]
+    shots = [_shot(capture, view, images[view], pictures[view].hair)
+             for view in range(len(capture))]
     seconds = 0.0
     if points > ROUGH:
         looked = time.perf_counter()
@@ -268,6 +268,17 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     if sensed is not None:
         figures["depth"] = {"off_mm": round(1000 * METRES * sensed.off, 1)}
     return field, figures
+
+
+def _shot(capture: Capture, view: int, image: NDArray[np.uint8], hair: Float32 | None) -> Shot:
+    """A photo that colors the head; ``image`` is it without spectacles."""
+    assert capture.alphas is not None
+    camera, matte = capture.cameras[view], capture.alphas[view] / np.float32(255)
+    fuzz = None
+    if hair is not None and capture.figures.get("mattes") != "given":
+        width = FUZZ * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
+        fuzz = ground_in_hair(image, matte, hair, width)
+    return Shot.of(camera, clean_colors(image, matte, fuzz), hair)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,

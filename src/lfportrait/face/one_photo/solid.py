@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
-from .depth import Sensed, hair_before, hair_squares, middle_behind
+from .depth import Sensed, hair_before, middle_behind
+from .hair import Neck, hair_piece, with_rims
 from .parts import Parts
+from .piece import METRES, Piece, outside
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
 
-__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Piece", "Solid", "ear_light", "scalp",
+__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Solid", "ear_light", "scalp",
            "solid_of", "standing_out"]
 
 Float64 = NDArray[np.float64]
@@ -29,15 +31,10 @@ Bools = NDArray[np.bool_]
 
 HEAD, HAIR, BODY, WORN = range(4)
 """What a place of the surface belongs to."""
-METRES = 0.207
-"""Of a unit of the portrait frame."""
-CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
-"""Hair stays so far outside of the skull, from so far behind the hairline on."""
 CHEST = 0.10 / METRES
 """Half the thickness of a body at most."""
-NAPE, BACK = -0.36, 0.05
-"""Height below which hair that hangs down on both sides hangs down behind, too; how much farther
-behind than a scalp ears and a neck may lie."""
+BACK = 0.05
+"""How much farther behind than a scalp ears and a neck may lie, portrait units."""
 NECK_TOP, NECK_END = -0.006, -0.015
 """Heights above the model's chin (metres) between which its neck goes over into the body's."""
 JOINT, AROUND = 0.018, 0.25
@@ -48,6 +45,8 @@ ALIKE = 0.10
 from the model's neck is no neck, but a collar or a shoulder beside it, portrait units."""
 SOFT_HAIR = 0.008
 """Width of the joint of head and hair, portrait units."""
+WITHIN = 0.12
+"""How far within the outline of hair a body under it ends, portrait units."""
 BAND = 0.06
 """How far from the outline the model says how thick the neck is, portrait units."""
 SHOULDERS, SLOPE = 0.30, 0.35
@@ -60,10 +59,6 @@ HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.1
                      (0.012, 0.110), (0.025, 0.150), (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
 """Depths and heights (metres, `HeadPrior.rest`) of the line above which a head has hair: from the
 nape behind and close over the ears to the temples and the forehead."""
-EDGE = 4
-"""Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
-BESIDE = 1.5
-"""Cells beyond its part of the picture up to which a piece goes on."""
 SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767), (0.13, 0.079)])
 """Heights, and how far from the middle a head's sides lie there below its ears (metres,
 `HeadPrior.rest`)."""
@@ -72,56 +67,6 @@ DARK, HOLLOW = 0.04, 17
 millimeters is hollow."""
 STANDS = 0.0025
 """What stands out by more is ear, metres."""
-
-
-@dataclass(frozen=True)
-class Piece:
-    """An inflated piece of the picture."""
-
-    # front, back: float64 [h, w], squares of its half thicknesses; negative outside.
-    front: Float64
-    back: Float64
-    middle: Float64  # float64 [h, w], depth.
-    # ahead, behind: bool [h, w], where it lies before the middle and behind it; None: wherever its
-    # squares are positive. Elsewhere the squares only lead its surface out of sight.
-    ahead: Bools | None = None
-    behind: Bools | None = None
-
-    def covers(self, places: Float64, depth: Float64) -> Bools:
-        """Whether points may belong to it, [N]: by their places, with `EDGE` cells around."""
-        if self.ahead is None or self.behind is None:
-            return np.ones(len(depth), bool)
-        size = np.array(self.middle.shape)[:, None] - 1
-        row, column = np.clip(np.rint(places), 0, size).astype(int)
-        ahead, behind = (ndimage.binary_dilation(part, np.ones((2 * EDGE + 1,) * 2))
-                         for part in (self.ahead, self.behind))
-        return np.asarray(np.where(depth < self.middle[row, column], ahead[row, column],
-                                   behind[row, column]))
-
-    def distance(self, parts: Parts, places: Float64, depth: Float64) -> Float64:
-        """About how far points lie outside, [N], portrait units."""
-        out = np.full(len(depth), np.inf)
-        rows, columns = self.front.shape
-        within = ((places > 2) & (places < np.array([[rows - 3], [columns - 3]]))).all(axis=0)
-        at, z = places[:, within], depth[within]
-        away = z - Parts.at(self.middle, at)
-        ahead = away < 0
-        value, slope = np.empty(len(z)), np.zeros((len(z), 2))
-        for side, squares in ((ahead, self.front), (~ahead, self.back)):
-            value[side] = Parts.at(squares, at[:, side])
-            for k, part in enumerate(np.gradient(squares)):
-                slope[side, k] = Parts.at(part, at[:, side]) / parts.cell
-        value = value - away ** 2
-        length = np.sqrt((slope ** 2).sum(axis=1) + 4 * away ** 2)
-        found = -value / np.maximum(length, 0.02)
-        # It would else fill what lies beside it, as the space behind an ear.
-        for side, part in ((ahead, self.ahead), (~ahead, self.behind)):
-            if part is not None:
-                beyond = ndimage.distance_transform_edt(~part) - BESIDE
-                found[side] = np.maximum(found[side],
-                                         Parts.at(beyond, at[:, side]) * parts.cell)
-        out[within] = found
-        return out
 
 
 @dataclass(frozen=True)
@@ -218,17 +163,20 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     sensed : The photo's own depth, where it has one.
     """
     near, far = depth_maps(samples, parts)
+    if parts.hair.any():
+        parts = with_rims(parts, near)
     height = samples.rest[:, 1]
     band = (height < NECK_TOP) & (height > NECK_END - 1.2 * JOINT)
     end = samples.points[np.abs(height - NECK_END) < 0.0015]
     neck = _plane(end)
+    body = _body(parts, near, depth_maps(samples, parts, band), end, sensed)
     hair = None
     if parts.hair.any():
         grown = depth_maps(samples, parts, scalp(samples.rest))[1]
         ears = np.isfinite(depth_maps(samples, parts, _ears(samples.rest))[0])
         # Where the back of the head, or what lies just before it, is scalp.
-        hair = _hair(parts, near, far, (grown > far - BACK) & ~ears, sensed)
-    body = _body(parts, near, depth_maps(samples, parts, band), end, sensed)
+        hair = hair_piece(parts, (near, far), (grown > far - BACK) & ~ears,
+                          Neck.of(parts, samples), body, sensed)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before)
 
@@ -292,89 +240,6 @@ def _plane(points: Float64) -> Float64:
     return np.append(normal, normal @ middle)
 
 
-def _filled(values: Float64, sigma: float) -> Float64:
-    """A map [h, w] with its unknown (NaN) places filled smoothly from those around them."""
-    known = np.isfinite(values)
-    out = np.where(known, values, 0.0)
-    total = known.astype(np.float64)
-    result, done = values.copy(), known
-    while not done.all() and sigma < 4 * max(values.shape):
-        up, weight = (cv2.GaussianBlur(one, (0, 0), sigma) for one in (out, total))
-        fresh = ~done & (weight > 1e-3)
-        result[fresh] = up[fresh] / weight[fresh]
-        done = done | fresh
-        sigma *= 2
-    result[~done] = np.nanmean(values)
-    return np.asarray(result)
-
-
-def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float64:
-    """Squares continued beyond their domain, so that their slopes stay those of a surface.
-
-    Outside of the person they are negative, as steep as within: those of the place's mirror image
-    across the outline. Elsewhere the half thickness goes on, less by ``dip`` times the way.
-    """
-    distance, nearest = ndimage.distance_transform_edt(~domain, return_indices=True)
-    thick = np.sqrt(np.maximum(squares, 0))[tuple(nearest)] - dip * distance * parts.cell
-    out = np.where(domain, squares, np.sign(thick) * thick ** 2)
-    row, column = np.mgrid[:squares.shape[0], :squares.shape[1]].astype(np.float32)
-    outline = parts.inside
-    down, across = np.gradient(outline)
-    length = np.maximum(np.hypot(down, across), 0.3)
-    way = np.minimum(-2 * outline, 40.0)
-    x, y = column + across / length * way, row + down / length * way
-    mirrored = cv2.remap(out.astype(np.float32), x.astype(np.float32), y.astype(np.float32),
-                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    beyond = ~domain & (outline <= 0)
-    out[beyond] = np.minimum(-np.abs(mirrored[beyond]), -1e-7)
-    return np.asarray(out, np.float64)
-
-
-def _hair(parts: Parts, near: Float64, far: Float64, grown: Bools, sensed: Sensed | None) -> Piece:
-    """Hair as a piece: in front what the photo shows, behind the back of the head."""
-    cell = parts.cell
-    middle = np.asarray(cv2.GaussianBlur(_filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
-    person, skull = parts.inside > 0, np.isfinite(near)
-    hair = parts.hair & person
-    # At the hairline it begins on the skin; further in it lies clear of the skull.
-    skin = person & ~hair
-    given = np.where(skin & skull, np.maximum(middle - near, 0) ** 2, np.nan)
-    ramp = np.clip(ndimage.distance_transform_edt(~skin) * cell / RAMP, 0, 1) * CLEAR
-    least = np.where(skull, np.maximum(middle - near, 0) + ramp, 0.0) ** 2
-    rim = np.clip(parts.inside * cell / CLEAR, 0, 1)
-    least *= rim ** 2
-    if sensed is not None:
-        given = hair_squares(sensed, middle, hair, given, cell)
-        least[hair & np.isfinite(sensed.depth)] = 0.0  # the skull under it is a guess
-    front = inflated(hair, parts.inside, cell, source=4.0, given=given, least=least,
-                     free=skin & ~skull)
-    behind = _behind(parts, hair, grown)
-    rim = np.clip(ndimage.distance_transform_edt(behind) * cell / RAMP, 0, 1)
-    deep = np.where(skull, np.maximum(far - middle, 0) + rim * CLEAR, 0.0)
-    deep *= np.clip(parts.inside * cell / CLEAR, 0, 1)
-    back = inflated(behind, parts.inside, cell, source=4.0, least=np.nan_to_num(deep) ** 2)
-    return Piece(_outside(front, parts, hair, 1.0), _outside(back, parts, behind, 1.0), middle,
-                 hair, behind)
-
-
-def _behind(parts: Parts, hair: Bools, grown: Bools) -> Bools:
-    """Where hair covers the back of the head: where it grows, and between long strands."""
-    height = hair.shape[0]
-    rows = np.arange(height)
-    middle = parts.camera.center[0, 0]
-    # The height of each row at the head's depth, by the camera.
-    rays = parts.camera.rays(0, np.stack([np.full(height, middle), rows + 0.5], axis=1))
-    depth = -rays[0][:, 2] / rays[1][:, 2]
-    level = rays[0][:, 1] + depth * rays[1][:, 1]
-    out = hair | (grown & (parts.inside > 0))
-    for row in np.flatnonzero(level <= NAPE):
-        columns = np.flatnonzero(hair[row])
-        if len(columns) and columns[0] < middle < columns[-1]:
-            out[row, columns[0]:columns[-1] + 1] |= parts.inside[row, columns[0]:
-                                                                 columns[-1] + 1] > 0
-    return np.asarray(out)
-
-
 def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float64,
           sensed: Sensed | None) -> Piece | None:
     """Neck and shoulders as a piece that begins at the model's neck."""
@@ -391,7 +256,8 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float
     last = np.where(columns, known.shape[0] - 1 - np.argmax(known[::-1], axis=0), 10 ** 6)
     domain = shoulders | known | (person & ~parts.hair & (rows >= last[None]))
     if shoulders.any():
-        domain |= convex_hull_image(shoulders | known) & person & parts.hair & (rows > top)
+        covered = parts.hair & (parts.inside * cell > WITHIN) & (rows > top)
+        domain |= convex_hull_image(shoulders | known) & covered
     domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
     # From the model's nape on it recedes: downwards and to both sides.
     places, depths = parts.places(end)
@@ -412,13 +278,19 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float
         # The neck stays as thick as it is when all is bounded below.
         share = np.minimum(np.where(sure, thickness, 0.0) / CHEST, 0.95)
         given = np.where(sure, (CHEST * share) ** 2 * (1 - share ** 4) ** -0.5, np.nan)
-        q = inflated(domain, inside, cell, source=2.0, given=given, free=person & ~domain)
+        q = inflated(domain, inside, cell, source=2.0, given=given,
+                     free=person & ~domain & ~parts.hair)
         thick = np.sqrt(np.maximum(q, 0))
         q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2
-        squares.append(_outside(q, parts, domain, 0.0))
+        squares.append(outside(q, parts, domain, 0.0))
     if sensed is not None:
         middles = middle_behind(sensed, np.where(domain, squares[0], 0), middles, known, cell)
-    return Piece(squares[0], squares[1], middles)
+    there = None
+    if parts.hair.any():  # where hair alone hangs down there is none
+        nearest = ndimage.distance_transform_edt(~person, return_distances=False,
+                                                 return_indices=True)
+        there = ~(parts.hair & ~domain)[tuple(nearest)]
+    return Piece(squares[0], squares[1], middles, there, there)
 
 
 def _end(parts: Parts, body: Piece | None) -> float:

@@ -19,8 +19,8 @@ from ...measure import usable_cores
 from ..glasses import IN_PHOTOS, Spectacles, drawn_spectacles, find_spectacles
 from ..head_fit import View
 from ..head_prior import HeadPrior
+from .piece import METRES
 from .samples import MeshSamples
-from .solid import METRES
 
 __all__ = ["Wires", "wires_of", "without_wires"]
 

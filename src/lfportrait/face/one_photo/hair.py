@@ -1,0 +1,254 @@
+"""Hair as an inflated piece: on the head, before the body, and down the back.
+
+Hair begins flush with the skin at the hairline and stays clear of the skull. Below the jaw it lies
+on the neck and on the body, in front as thick as a lock is. Behind it covers what is scalp; where
+it hangs down beside the neck, also what lies between its strands, which no photo shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from .depth import Sensed, hair_squares
+from .parts import Parts, thin
+from .piece import METRES, Piece, filled, outside
+from .relief import inflated
+from .samples import MeshSamples
+
+__all__ = ["Neck", "hair_piece", "with_rims"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
+"""Hair stays so far outside of the skull, from so far behind the hairline on."""
+LOCK = 0.030 / METRES
+"""How far before neck and body hair lies at most."""
+JAW, END = 0.045, -0.015
+"""Heights (metres, `HeadPrior.rest`) between which hair of the head becomes hair of the neck."""
+NAPE = -0.36
+"""Height below which hair that hangs down beside the neck hangs down behind, too."""
+RIM = 0.045
+"""What is not hair beside the head, between strands or along their outline, and less than twice so
+wide is, portrait units."""
+GAP = 4
+"""Rows without hair that do not end a strand."""
+HANGING = 0.05 / METRES
+"""Bends of less than twice this height are bridged by hair that hangs down."""
+EVEN = 0.08
+"""Over how much hair behind the neck and the body is even, portrait units."""
+CURVE = 0.10
+"""How much farther down the middle hair behind ends than at the sides, portrait units."""
+
+
+class Neck(NamedTuple):
+    """Where the neck is in the picture."""
+
+    jaw: float  # Row of the jaw's corners.
+    end: float  # Row of the neck's end.
+    left: float  # Its outermost columns.
+    right: float
+    depth: float  # Of its middle.
+
+    @staticmethod
+    def of(parts: Parts, samples: MeshSamples) -> Neck:
+        """The neck of a head."""
+        rings = []
+        for height in (JAW, END):
+            ring = samples.points[np.abs(samples.rest[:, 1] - height) < 0.0015]
+            rings.append(parts.places(ring))
+        (jaw, _), (end, depth) = rings
+        return Neck(float(jaw[0].mean()), float(end[0].mean()), float(end[1].min()),
+                    float(end[1].max()), 0.5 * float(depth.min() + depth.max()))
+
+    def share(self, rows: int) -> Float64:
+        """How much each row is the neck's, or the body's, [rows, 1]: 0 to 1."""
+        way = np.clip((np.arange(rows) - self.jaw) / max(self.end - self.jaw, 1.0), 0, 1)
+        return np.asarray((way * way * (3 - 2 * way))[:, None])
+
+
+def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bools, neck: Neck,
+               body: Piece | None, sensed: Sensed | None) -> Piece:
+    """Hair as a piece.
+
+    Parameters
+    ----------
+    head : Nearest and farthest depth [h, w] of the head; NaN where it is not.
+    grown : bool [h, w], where the back of the head is scalp.
+    neck : Where it is.
+    body : What hair lies on below the neck.
+    sensed : The photo's own depth, where it has one.
+    """
+    near, far = head
+    share = neck.share(len(near))
+    middle = np.asarray(cv2.GaussianBlur(filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
+    middle += share * (neck.depth - middle)
+    person = parts.inside > 0
+    hair = parts.hair & person
+    before, behind = _under(head, share, body)
+    front = _front(parts, hair, middle, before, share, sensed)
+    domain = _behind(parts, hair, grown, neck)
+    back = _back(parts, domain, middle, behind, float(np.nanmax(far)), share)
+    return Piece(outside(front, parts, hair, 1.0), outside(back, parts, domain, 1.0), middle,
+                 hair, domain)
+
+
+def with_rims(parts: Parts, near: Float64) -> Parts:
+    """The maps of a person whose hair goes on to the outline, and between strands.
+
+    ``near`` [h, w] is the head's depth, NaN where it is not.
+    """
+    loose = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
+    return replace(parts, hair=parts.hair | thin(loose, parts.hair, RIM / parts.cell))
+
+
+def _under(head: tuple[Float64, Float64], share: Float64, body: Piece | None,
+           ) -> tuple[Float64, Float64]:
+    """Depths [h, w] of what hair lies on, in front and behind; NaN where it hangs freely."""
+    near, far = head
+    if body is None:
+        return near, far
+    low = np.broadcast_to(share >= 1, near.shape)
+    found = []
+    for sign, squares, skull in ((-1, body.front, near), (1, body.back, far)):
+        there = low & (squares > 0) & (True if body.ahead is None else body.ahead)
+        surface = np.where(there, body.middle + sign * np.sqrt(np.maximum(squares, 0)),
+                           np.nan)
+        join = np.fmin if sign < 0 else np.fmax
+        found.append(np.asarray(join(skull, surface), np.float64))
+    return found[0], found[1]
+
+
+def _front(parts: Parts, hair: Bools, middle: Float64, before: Float64, share: Float64,
+           sensed: Sensed | None) -> Float64:
+    """Squares of the half thicknesses in front: what the photo shows."""
+    cell, person, solid = parts.cell, parts.inside > 0, np.isfinite(before)
+    # At the hairline it begins on the skin; further in it lies clear of the skull.
+    skin = person & ~hair
+    low = np.maximum(middle - before, 0)
+    given = np.where(skin & solid, low ** 2, np.nan)
+    ramp = np.clip(ndimage.distance_transform_edt(~skin) * cell / RAMP, 0, 1) * CLEAR
+    least = np.where(solid, low + ramp, 0.0) ** 2
+    least *= np.clip(parts.inside * cell / CLEAR, 0, 1) ** 2
+    if sensed is not None:
+        given = hair_squares(sensed, middle, hair, given, cell)
+        least[hair & np.isfinite(sensed.depth)] = 0.0  # the skull under it is a guess
+    found = inflated(hair, parts.inside, cell, source=4.0, given=given, least=least,
+                     free=skin & ~solid)
+    # Before neck and body it is no thicker than locks are.
+    thick = np.sqrt(np.maximum(found, 0))
+    base = cv2.GaussianBlur(filled(np.where(solid, low, np.nan), 3.0), (0, 0), 3.0)
+    more = np.maximum(thick - base, 0)
+    bounded = np.minimum(thick, base) + more / np.sqrt(1 + (more / LOCK) ** 2)
+    bounded = thick + share * (bounded - thick)
+    hung = _hung(parts, hair, middle, bounded)
+    if sensed is None:
+        return np.asarray(hung ** 2)
+    return np.asarray(np.where(np.isfinite(sensed.depth), thick, hung) ** 2)
+
+
+def _hung(parts: Parts, hair: Bools, middle: Float64, thick: Float64) -> Float64:
+    """Half thicknesses [h, w] in front of strands that hang down straight.
+
+    What lies flush with cheeks and chin alone would follow each of their bends.
+    """
+    reach = round(HANGING / parts.cell)
+    ahead = np.where(hair, thick - middle, -1e3)
+    straight = ndimage.grey_closing(ahead, (2 * reach + 1, 1))
+    known = hair.astype(np.float64)
+    even = ndimage.gaussian_filter1d(np.where(hair, straight, 0.0), 0.25 * reach, axis=0)
+    even /= np.maximum(ndimage.gaussian_filter1d(known, 0.25 * reach, axis=0), 1e-6)
+    more = np.maximum(np.maximum(even, ahead) - ahead, 0)
+    way = np.clip(parts.inside * parts.cell / (2 * RAMP), 0, 1)
+    return np.where(hair, thick + way * way * (3 - 2 * way) * more, thick)
+
+
+def _back(parts: Parts, domain: Bools, middle: Float64, behind: Float64, last: float,
+          share: Float64) -> Float64:
+    """Squares of the half thicknesses behind; ``last`` is the depth of the skull's back."""
+    cell, solid = parts.cell, np.isfinite(behind)
+    ramp = np.clip(ndimage.distance_transform_edt(domain) * cell / RAMP, 0, 1) * CLEAR
+    least = np.where(solid, np.maximum(behind - middle, 0) + ramp, 0.0)
+    least *= np.clip(parts.inside * cell / CLEAR, 0, 1)
+    found = inflated(domain, parts.inside, cell, source=4.0, least=least ** 2)
+    # Below the skull it falls straight down.
+    thick = np.sqrt(np.maximum(found, 0))
+    most = np.maximum(last - middle, 0.05)
+    straight = thick * (1 + (thick / most) ** 4) ** -0.25
+    thick = np.maximum(thick + share * (straight - thick), least)
+    # Where the body begins there is no step.
+    known = domain.astype(np.float64)
+    wide = [cv2.GaussianBlur(one, (0, 0), EVEN / cell) for one in (known * thick, known)]
+    even = np.maximum(wide[0] / np.maximum(wide[1], 1e-6), least)
+    even *= np.clip(parts.inside * cell / RAMP, 0, 1) ** 0.5
+    return np.where(domain, (thick + share * (np.maximum(even, least) - thick)) ** 2, 0.0)
+
+
+def _behind(parts: Parts, hair: Bools, grown: Bools, neck: Neck) -> Bools:
+    """Where hair covers the back: where it grows, and where long hair hangs down from there."""
+    person = parts.inside > 0
+    scalp = grown & person
+    rows, columns = np.indices(hair.shape)
+    middle = 0.5 * (neck.left + neck.right)
+    first = _row_of(parts, NAPE)
+    ends, edges = [], []
+    for right in (False, True):
+        side = columns > middle if right else columns < middle
+        beyond = columns > neck.right if right else columns < neck.left
+        strand = hair & side & (rows >= first) & (rows < parts.bottom)
+        end = _end(strand.sum(axis=1) > 2, first) if (strand & beyond).any() else first
+        shown = np.flatnonzero((strand & (rows <= end)).any(axis=0)) if end > first else (
+            np.flatnonzero((scalp & side).any(axis=0)))
+        ends.append(end)
+        edges.append(middle if not len(shown) else float(shown[-1 if right else 0]))
+    if max(ends) <= first:
+        return hair | scalp
+    # Between the strands of both sides, down to a line from one's end to the other's.
+    start = int(np.argmax(scalp.any(axis=1)))
+    grows = hair | scalp
+    left = _edge(grows & (columns < middle), start, ends[0], edges[0], False)
+    right_edge = _edge(grows & (columns > middle), start, ends[1], edges[1], True)
+    way = np.clip((np.arange(hair.shape[1]) - edges[0]) / max(edges[1] - edges[0], 1.0), 0, 1)
+    last = ends[0] + way * (ends[1] - ends[0]) + 4 * way * (1 - way) * CURVE / parts.cell
+    mane = (columns >= left[:, None]) & (columns <= right_edge[:, None]) & (rows <= last[None])
+    mane &= (rows >= start) & person
+    out = np.where(rows > neck.end, mane, grows | mane)
+    return np.asarray(cv2.GaussianBlur(out.astype(np.float32), (0, 0), 2.0) > 0.5) & person
+
+
+def _edge(shown: Bools, start: int, end: int, last: float, right: bool) -> Float64:
+    """The outermost column of a side's hair in each row; straight on where none is shown.
+
+    Below the row ``end`` it is ``last``.
+    """
+    rows = np.arange(len(shown))
+    found = np.flatnonzero(shown.any(axis=1) & (rows >= start) & (rows <= end))
+    outer = np.argmax(shown[found], axis=1)
+    if right:
+        outer = shown.shape[1] - 1 - np.argmax(shown[found, ::-1], axis=1)
+    return np.asarray(np.interp(rows, np.append(found, end + 1), np.append(outer, last)))
+
+
+def _end(shown: Bools, first: int) -> int:
+    """The last row of a strand that begins about a row, of rows that show it."""
+    last = first
+    for row in np.flatnonzero(shown):
+        if row - last > GAP + 1:
+            break
+        last = int(row)
+    return last
+
+
+def _row_of(parts: Parts, height: float) -> int:
+    """The row of a height at the head's depth."""
+    rows = np.arange(len(parts.inside))
+    middle = np.full(len(rows), parts.camera.center[0, 0])
+    rays = parts.camera.rays(0, np.stack([middle, rows + 0.5], axis=1))
+    level = rays[0][:, 1] - rays[0][:, 2] / rays[1][:, 2] * rays[1][:, 1]
+    return int(np.argmax(level <= height)) if (level <= height).any() else len(rows)

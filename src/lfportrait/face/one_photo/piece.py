@@ -1,0 +1,112 @@
+"""Inflated pieces of a picture, of which a person's solid is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from .parts import Parts
+
+__all__ = ["METRES", "Piece", "filled", "outside"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+METRES = 0.207
+"""Of a unit of the portrait frame."""
+EDGE = 4
+"""Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
+BESIDE = 1.5
+"""Cells beyond its part of the picture up to which a piece goes on."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An inflated piece of the picture."""
+
+    # front, back: float64 [h, w], squares of its half thicknesses; negative outside.
+    front: Float64
+    back: Float64
+    middle: Float64  # float64 [h, w], depth.
+    # ahead, behind: bool [h, w], where it lies before the middle and behind it; None: wherever its
+    # squares are positive. Elsewhere the squares only lead its surface out of sight.
+    ahead: Bools | None = None
+    behind: Bools | None = None
+
+    def covers(self, places: Float64, depth: Float64) -> Bools:
+        """Whether points may belong to it, [N]: by their places, with `EDGE` cells around."""
+        if self.ahead is None or self.behind is None:
+            return np.ones(len(depth), bool)
+        size = np.array(self.middle.shape)[:, None] - 1
+        row, column = np.clip(np.rint(places), 0, size).astype(int)
+        ahead, behind = (ndimage.binary_dilation(part, np.ones((2 * EDGE + 1,) * 2))
+                         for part in (self.ahead, self.behind))
+        return np.asarray(np.where(depth < self.middle[row, column], ahead[row, column],
+                                   behind[row, column]))
+
+    def distance(self, parts: Parts, places: Float64, depth: Float64) -> Float64:
+        """About how far points lie outside, [N], portrait units."""
+        out = np.full(len(depth), np.inf)
+        rows, columns = self.front.shape
+        within = ((places > 2) & (places < np.array([[rows - 3], [columns - 3]]))).all(axis=0)
+        at, z = places[:, within], depth[within]
+        away = z - Parts.at(self.middle, at)
+        ahead = away < 0
+        value, slope = np.empty(len(z)), np.zeros((len(z), 2))
+        for side, squares in ((ahead, self.front), (~ahead, self.back)):
+            value[side] = Parts.at(squares, at[:, side])
+            for k, part in enumerate(np.gradient(squares)):
+                slope[side, k] = Parts.at(part, at[:, side]) / parts.cell
+        value = value - away ** 2
+        length = np.sqrt((slope ** 2).sum(axis=1) + 4 * away ** 2)
+        found = -value / np.maximum(length, 0.02)
+        # It would else fill what lies beside it, as the space behind an ear.
+        for side, part in ((ahead, self.ahead), (~ahead, self.behind)):
+            if part is not None:
+                beyond = ndimage.distance_transform_edt(~part) - BESIDE
+                found[side] = np.maximum(found[side],
+                                         Parts.at(beyond, at[:, side]) * parts.cell)
+        out[within] = found
+        return out
+
+
+def filled(values: Float64, sigma: float) -> Float64:
+    """A map [h, w] with its unknown (NaN) places filled smoothly from those around them."""
+    known = np.isfinite(values)
+    out = np.where(known, values, 0.0)
+    total = known.astype(np.float64)
+    result, done = values.copy(), known
+    while not done.all() and sigma < 4 * max(values.shape):
+        up, weight = (cv2.GaussianBlur(one, (0, 0), sigma) for one in (out, total))
+        fresh = ~done & (weight > 1e-3)
+        result[fresh] = up[fresh] / weight[fresh]
+        done = done | fresh
+        sigma *= 2
+    result[~done] = np.nanmean(values)
+    return np.asarray(result)
+
+
+def outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float64:
+    """Squares continued beyond their domain, so that their slopes stay those of a surface.
+
+    Outside of the person they are negative, as steep as within: those of the place's mirror image
+    across the outline. Elsewhere the half thickness goes on, less by ``dip`` times the way.
+    """
+    distance, nearest = ndimage.distance_transform_edt(~domain, return_indices=True)
+    thick = np.sqrt(np.maximum(squares, 0))[tuple(nearest)] - dip * distance * parts.cell
+    out = np.where(domain, squares, np.sign(thick) * thick ** 2)
+    row, column = np.mgrid[:squares.shape[0], :squares.shape[1]].astype(np.float32)
+    outline = parts.inside
+    down, across = np.gradient(outline)
+    length = np.maximum(np.hypot(down, across), 0.3)
+    way = np.minimum(-2 * outline, 40.0)
+    x, y = column + across / length * way, row + down / length * way
+    mirrored = cv2.remap(out.astype(np.float32), x.astype(np.float32), y.astype(np.float32),
+                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    beyond = ~domain & (outline <= 0)
+    out[beyond] = np.minimum(-np.abs(mirrored[beyond]), -1e-7)
+    return np.asarray(out, np.float64)

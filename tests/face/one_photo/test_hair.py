@@ -1,0 +1,118 @@
+"""Hair that hangs down: on the body, behind the neck, and with the strands that a photo shows."""
+
+import cv2
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
+from lfportrait.face.one_photo.piece import METRES
+from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.solid import HAIR, Solid, solid_of
+from lfportrait.face.one_photo.strands import WIDTHS, strand_contrast, strands
+
+SIDE = 320
+
+
+def bust(*lengths: float) -> Solid:
+    """The generic head on drawn shoulders, with hair down to two heights (left, right)."""
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] -= points[:, 2].mean()
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=560.0,
+                        target=(0, -0.25, 0), pitch=0.0)
+
+    def drawn(corners: list[tuple[float, float]]) -> np.ndarray:
+        out = np.zeros((SIDE, SIDE), np.uint8)
+        places = np.column_stack([np.array(corners), np.zeros(len(corners))])
+        return cv2.fillPoly(out, [np.rint(camera.project(places)[0][0]).astype(np.int32)], 1)
+
+    head = np.zeros((SIDE, SIDE), np.uint8)
+    for corners in np.rint(camera.project(points)[0][0][prior.triangles]).astype(np.int32):
+        cv2.fillConvexPoly(head, corners, 1)
+    body = drawn([(-0.24, -0.62), (0.24, -0.62), (0.9, -0.95), (0.95, -2), (-0.95, -2),
+                  (-0.9, -0.95)])
+    top, wide = points[:, 1].max(), np.abs(points[:, 0]).max()
+    face = drawn([(-0.3, 0.3), (0.3, 0.3), (0.3, -2), (-0.3, -2)])
+    hair = np.zeros((SIDE, SIDE), np.uint8)
+    for sign, end in zip((-1, 1), lengths, strict=True):
+        hair |= drawn([(0, top + 0.05), (sign * (wide + 0.15), 0.5 * top),
+                       (sign * (wide + 0.15), end), (0, end)])
+    hair &= 1 - face
+    matte = (head | body | hair).astype(np.float32)
+    parts = parts_of(camera, matte, hair.astype(np.float32), 4.0)
+    return solid_of(parts, MeshSamples.of(points, prior.outer, prior.rest))
+
+
+@pytest.fixture(scope="module")
+def long() -> Solid:
+    return bust(-1.1, -1.1)
+
+
+def ends(solid: Solid, x: float, y: float) -> tuple[float, float, int]:
+    """How far in front and behind the solid reaches on a line, and whose its back is."""
+    z = np.linspace(-1.5, 1.5, 601)
+    away, owner = solid.distance(np.column_stack([np.full(601, x), np.full(601, y), z]), 0.3)
+    inside = np.flatnonzero(away < 0)
+    return float(z[inside[-1]]), float(z[inside[0]]), int(owner[inside[0]])
+
+
+def test_the_back_of_a_neck_has_hair_if_it_hangs_down_on_both_sides(long):
+    for height in (-0.3, -0.5, -0.7, -0.9):
+        assert ends(long, 0.0, height)[2] == HAIR, height
+    assert ends(bust(-0.2, -0.2), 0.0, -0.6)[2] != HAIR
+
+
+def test_hair_on_one_side_ends_behind_in_a_slope():
+    one = bust(-1.1, -0.2)
+    assert ends(one, -0.45, -0.85)[2] == HAIR
+    assert ends(one, 0.3, -0.85)[2] != HAIR
+
+
+def test_hair_lies_on_the_chest(long):
+    bare = bust(-0.2, -0.2)
+    for height in (-0.9, -1.0):
+        before, skin = ends(long, 0.42, height)[0], ends(bare, 0.42, height)[0]
+        assert skin - 0.12 < before < skin + 0.17, height
+
+
+def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
+    x, y = np.meshgrid(np.linspace(-0.7, 0.7, 57), np.linspace(-0.7, -0.62, 9))
+    z = np.linspace(-1.2, 1.2, 97)
+    points = np.stack([*(np.repeat(part.ravel(), 97) for part in (x, y)), np.tile(z, x.size)], 1)
+    away, owner = long.distance(points, 0.3)
+    beside = (np.abs(points[:, 0]) > 0.45) & (away < 0)
+    assert beside.sum() > 20 and (owner[beside] == HAIR).all()
+
+
+def test_ground_in_hair_is_found_and_highlights_are_not():
+    image = np.full((200, 200, 3), (60, 90, 200), np.uint8)
+    hair = np.zeros((200, 200), np.float32)
+    hair[40:160, 60:140] = 1
+    image[hair > 0] = (70, 45, 30)
+    image[80:100, 62:66] = (60, 92, 196)  # a gap between curls
+    image[80:100, 130:134] = (150, 115, 90)  # a highlight
+    found = ground_in_hair(image, hair, hair, 20.0)
+    assert found[80:100, 62:66].all()
+    found[80:100, 62:66] = False
+    assert not found.any()
+    assert not ground_in_hair(image, hair, np.zeros_like(hair), 20.0).any()
+
+
+def test_strands_are_as_strong_as_in_the_photo_and_run_down():
+    unit, hair = 400.0, np.ones((240, 240), bool)
+    across = np.arange(240)[None, :, None] / unit
+    wave = 0.3 + 0.1 * np.sin(np.pi * across / WIDTHS[1]) + np.zeros((240, 1, 3))
+    flat = strand_contrast(np.full((240, 240, 3), 0.3), hair, unit)
+    assert np.abs(flat).max() < 1e-3
+    contrast = strand_contrast(wave, hair, unit)
+    assert contrast.argmax() in (0, 1) and contrast.max() > 0.1
+    angle = np.linspace(-1.5, 1.5, 2000)
+    ring = np.column_stack([0.5 * np.sin(angle), np.zeros(2000), -0.25 - 0.5 * np.cos(angle)])
+    line = np.column_stack([np.full(2000, 0.2), np.linspace(-0.2, 0.2, 2000), np.full(2000, -0.7)])
+    around, along = (np.log(strands(at, contrast)) for at in (ring, line))
+    assert 0.5 * contrast.max() < around.std() < 2 * np.linalg.norm(contrast)
+    rough = [np.abs(np.diff(values)).mean() for values in (around / 1.5, along / 0.4)]
+    assert rough[0] > 2 * rough[1]
+    assert (strands(ring, np.zeros(len(WIDTHS))) == 1).all()
