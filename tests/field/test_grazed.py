@@ -183,6 +183,34 @@ def test_an_ear_loses_what_no_photo_faces_and_a_strip_of_wall(head, photographed
     assert np.allclose(even.sh[points[:, 0] > 0], sh[points[:, 0] > 0], atol=1e-5)
 
 
+def test_what_stands_out_beside_a_fitted_ear_is_no_skin_of_the_head(head, photographed):
+    (field, photos), (_, chart, distance) = photographed, head
+    # The fitted ear lies behind the one that photos show, on the left.
+    angle, height = np.mgrid[np.radians(-130):np.radians(-110):20j, -0.3:0.3:40j]
+    across = np.sqrt(0.36 - height ** 2)
+    places = np.stack([across * np.sin(angle), height, across * np.cos(angle)], -1).reshape(-1, 3)
+    ears = Ears(places, places / 0.6, np.ones(len(places), bool), np.zeros((0, 2, 3)),
+                cKDTree(places), 0.05, 0.02)
+    beside = np.broadcast_to(np.abs(np.degrees(chart.angle) + 80) < 40, distance.shape)
+    # The field stands out of the closed surface there, in another color than the head's.
+    points = field.lattice_points()
+    ear, head_color = (0.8, 0.6, 0.5), (0.5, 0.6, 0.8)
+    angle = np.degrees(np.arctan2(points[:, 0], points[:, 2]))
+    sh = np.zeros_like(field.sh)
+    sh[..., 0] = (np.where((np.abs(angle + 80) < 42)[:, None], ear, head_color) - 0.5) / C0
+    surface = np.where(beside, distance - 5 * 2 / SIZE, distance)
+    grazed = Grazed(chart, surface, np.zeros(distance.shape), ears, beside, None, None, photos)
+    shown = (np.abs(angle + 65) < 10) & (np.abs(points[:, 1]) < 0.1)
+    shown &= (photos.faced(points, 0.2) >= 4) & (field.density > 8)
+    assert shown.sum() > 5
+    even = with_even_colors(replace(field, sh=sh), grazed)
+    assert np.abs(0.5 + C0 * even.sh[shown][..., 0] - ear).max() < 0.02
+    # Away from ears it takes the colors around.
+    elsewhere = with_even_colors(replace(field, sh=sh), replace(
+        grazed, beside=np.zeros(distance.shape, bool)))
+    assert np.abs(0.5 + C0 * elsewhere.sh[shown][..., 0] - ear).max() > 0.06
+
+
 def test_hair_keeps_its_strands(head):
     field, chart, distance = head
     nothing = np.zeros(distance.shape, bool)
