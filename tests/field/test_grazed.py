@@ -240,3 +240,17 @@ def test_a_finer_chart_has_the_same_rays_and_those_between(head):
     inner[1:-1, 1:] = True
     assert np.allclose(places[:, inner.ravel()], chart.halves[:, inner], atol=1e-6)
     assert np.allclose(away[inner.ravel()], 0.5)
+
+
+def test_new_is_what_was_closed_and_the_ears(head):
+    _, chart, distance = head
+    gap = np.broadcast_to(np.abs(chart.angle) > 2.0, distance.shape)
+    places = np.array([[0.7, 0.0, 0.0], [0.6, 0.0, 0.1]])
+    ears = Ears(places, np.array([[1.0, 0, 0]] * 2), np.array([True, False]),
+                np.zeros((0, 2, 3)), cKDTree(places), 0.05, 0.02)
+    grazed = Grazed(chart, distance, np.ones(distance.shape), ears, ~gap, None, None, None, gap)
+    found, outwards = grazed.new()
+    assert len(found) == gap.sum() + 1 and np.array_equal(found[-1], places[0])
+    level = (np.abs(found[:-1, 1]) < 0.1) & (np.linalg.norm(found[:-1], axis=1) > 0.5)
+    assert level.sum() > 20 and (found[:-1][level, 2] < 0.1).all()
+    assert ((found * outwards).sum(axis=1)[:-1][level] > 0).all()
