@@ -15,7 +15,7 @@ def tiles(views=3, side=12):
 
 def turns(batches, steps, error=None, first=0):
     """How often each tile comes, and the steps' tiles; errors are a function of tiles."""
-    data = batches.data.tiles
+    data = batches.tiles
     found, all_steps = np.zeros((data.max() + 1,) * 3, int), []
     for number in range(first, first + steps):
         step = batches.step(number)

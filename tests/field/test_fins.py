@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfportrait.field import VoxelField
-from lfportrait.field.closing.fins import CHIN, CORNERS, MOUTH, NOSE, without_fins
+from lfportrait.field.closing.fins import CHIN, CORNERS, MOUTH, NOSE, mouth_of, without_fins
 from tests.portraits import HEAD_LANDMARKS
 
 SIZE = 160
@@ -60,3 +60,13 @@ def test_a_head_whose_mouth_is_not_known_stays():
         landmarks = HEAD_LANDMARKS.copy()
         landmarks[missing] = np.nan
         assert without_fins(field, landmarks) is field
+
+
+def test_places_of_a_mouth_are_between_its_corners():
+    landmarks = np.full((68, 3), np.nan)
+    assert not len(mouth_of(landmarks))
+    landmarks[[48, 54, 57]] = (-0.2, -0.3, 0.5), (0.2, -0.3, 0.5), (0, -0.4, 0.6)
+    places = mouth_of(landmarks)
+    assert np.allclose(places.min(axis=0)[:2], (-0.2, -0.4))
+    assert np.allclose(places.max(axis=0)[:2], (0.2, -0.3))
+    assert np.allclose(places[:, 2], 1.6 / 3)

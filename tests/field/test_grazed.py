@@ -183,6 +183,34 @@ def test_an_ear_loses_what_no_photo_faces_and_a_strip_of_wall(head, photographed
     assert np.allclose(even.sh[points[:, 0] > 0], sh[points[:, 0] > 0], atol=1e-5)
 
 
+def test_what_stands_out_beside_a_fitted_ear_is_no_skin_of_the_head(head, photographed):
+    (field, photos), (_, chart, distance) = photographed, head
+    # The fitted ear lies behind the one that photos show, on the left.
+    angle, height = np.mgrid[np.radians(-130):np.radians(-110):20j, -0.3:0.3:40j]
+    across = np.sqrt(0.36 - height ** 2)
+    places = np.stack([across * np.sin(angle), height, across * np.cos(angle)], -1).reshape(-1, 3)
+    ears = Ears(places, places / 0.6, np.ones(len(places), bool), np.zeros((0, 2, 3)),
+                cKDTree(places), 0.05, 0.02)
+    beside = np.broadcast_to(np.abs(np.degrees(chart.angle) + 80) < 40, distance.shape)
+    # The field stands out of the closed surface there, in another color than the head's.
+    points = field.lattice_points()
+    ear, head_color = (0.8, 0.6, 0.5), (0.5, 0.6, 0.8)
+    angle = np.degrees(np.arctan2(points[:, 0], points[:, 2]))
+    sh = np.zeros_like(field.sh)
+    sh[..., 0] = (np.where((np.abs(angle + 80) < 42)[:, None], ear, head_color) - 0.5) / C0
+    surface = np.where(beside, distance - 5 * 2 / SIZE, distance)
+    grazed = Grazed(chart, surface, np.zeros(distance.shape), ears, beside, None, None, photos)
+    shown = (np.abs(angle + 65) < 10) & (np.abs(points[:, 1]) < 0.1)
+    shown &= (photos.faced(points, 0.2) >= 4) & (field.density > 8)
+    assert shown.sum() > 5
+    even = with_even_colors(replace(field, sh=sh), grazed)
+    assert np.abs(0.5 + C0 * even.sh[shown][..., 0] - ear).max() < 0.02
+    # Away from ears it takes the colors around.
+    elsewhere = with_even_colors(replace(field, sh=sh), replace(
+        grazed, beside=np.zeros(distance.shape, bool)))
+    assert np.abs(0.5 + C0 * elsewhere.sh[shown][..., 0] - ear).max() > 0.06
+
+
 def test_hair_keeps_its_strands(head):
     field, chart, distance = head
     nothing = np.zeros(distance.shape, bool)
@@ -212,3 +240,17 @@ def test_a_finer_chart_has_the_same_rays_and_those_between(head):
     inner[1:-1, 1:] = True
     assert np.allclose(places[:, inner.ravel()], chart.halves[:, inner], atol=1e-6)
     assert np.allclose(away[inner.ravel()], 0.5)
+
+
+def test_new_is_what_was_closed_and_the_ears(head):
+    _, chart, distance = head
+    gap = np.broadcast_to(np.abs(chart.angle) > 2.0, distance.shape)
+    places = np.array([[0.7, 0.0, 0.0], [0.6, 0.0, 0.1]])
+    ears = Ears(places, np.array([[1.0, 0, 0]] * 2), np.array([True, False]),
+                np.zeros((0, 2, 3)), cKDTree(places), 0.05, 0.02)
+    grazed = Grazed(chart, distance, np.ones(distance.shape), ears, ~gap, None, None, None, gap)
+    found, outwards = grazed.new()
+    assert len(found) == gap.sum() + 1 and np.array_equal(found[-1], places[0])
+    level = (np.abs(found[:-1, 1]) < 0.1) & (np.linalg.norm(found[:-1], axis=1) > 0.5)
+    assert level.sum() > 20 and (found[:-1][level, 2] < 0.1).all()
+    assert ((found * outwards).sum(axis=1)[:-1][level] > 0).all()

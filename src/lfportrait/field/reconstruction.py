@@ -31,9 +31,9 @@ from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing.colors import with_steady_colors
-from .closing.fins import without_fins
+from .closing.fins import mouth_of, without_fins
 from .closing.fitted_head import FitHead
-from .closing.grazed import with_even_colors
+from .closing.grazed import Grazed, with_even_colors
 from .closing.sides import close_back, close_sides
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
@@ -259,7 +259,8 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
             if not roughly:
                 if progress is not None:
                     progress.update(progress.done, "training the closed head")
-                field = settled(trainer, field)
+                field = settled(trainer, field, new=None if closed.grazed is None
+                                else _new(closed.grazed, landmarks))
                 if surface is not None:
                     field = with_steady_colors(field, cameras, middle)
                 if closed.grazed is not None:
@@ -271,6 +272,14 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                               "height": round(cut.height, 4)}
     figures["voxels"] = len(field.density)
     return field
+
+
+def _new(grazed: Grazed, landmarks: NDArray[np.floating]) -> tuple[Float64, Float64]:
+    """Where a head of a narrow arc was changed, as `settled` asks for it."""
+    places, normals = grazed.new()
+    mouth = mouth_of(landmarks)
+    return np.concatenate([places, mouth]), np.concatenate([
+        normals, np.broadcast_to([0.0, 0.0, 1.0], mouth.shape)])
 
 
 def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, float]:

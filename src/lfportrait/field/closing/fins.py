@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool
+from ...arrays import Bool, Float64
 from ..grid import VoxelField
 from ..trimming import OPAQUE
 
@@ -29,6 +29,8 @@ AROUND = (0.25, 0.15)
 """Height and width, over that way, of the surroundings that say where lips and chin lie."""
 OUT, ROOT = 1.5, 1.0
 """Voxels in front of them from which on a sheet goes, and with it what is next to it."""
+_PLACES = 40
+"""Places of a mouth along its width and its height."""
 EMPTY = -1.0
 """Optical depth of a voxel that is emptied."""
 
@@ -75,6 +77,19 @@ def without_fins(field: VoxelField, landmarks: NDArray[np.floating]) -> VoxelFie
     density = field.density.copy()
     density[rows] = np.minimum(density[rows], np.float32(EMPTY / field.spacing.mean()))
     return replace(field, density=density)
+
+
+def mouth_of(landmarks: NDArray[np.floating]) -> Float64:
+    """Places [N, 3] all over the mouth, of which sheets may have gone; none without landmarks."""
+    lips = np.asarray(landmarks, np.float64)[MOUTH]
+    lips = lips[np.isfinite(lips).all(axis=1)]
+    if not len(lips):
+        return lips
+    low, high = lips.min(axis=0), lips.max(axis=0)
+    across, up = np.meshgrid(np.linspace(low[0], high[0], _PLACES),
+                             np.linspace(low[1], high[1], _PLACES))
+    depth = np.full(across.size, lips[:, 2].mean())
+    return np.stack([across.ravel(), up.ravel(), depth], axis=1)
 
 
 def _fins(solid: Bool, thick: Bool, unit: NDArray[np.floating]) -> Bool:

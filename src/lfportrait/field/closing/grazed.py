@@ -7,7 +7,8 @@ Its colors lose their specks in a median, which keeps the edge of a jaw, and its
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
 counts. Hair keeps its strands.
 
-Ears have no place in a chart. What hardly any photo faces there takes the colors of what is faced
+Ears have no place in a chart: neither the fitted ones nor what stands out beside them, where true
+ears are not as the fitted. What hardly any photo faces there takes the colors of what is faced
 around it, and so does what has another tint than the ear: a strip of the wall in some mattes.
 
 Photos themselves have no such noise: where enough of them look at the skin's surface, they are
@@ -25,7 +26,15 @@ from scipy.spatial import cKDTree
 from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Camera
 from ...measure import usable_cores
-from ..geometry.chart import Chart, at_places, continued, normals_of, read_surface, smoothed
+from ..geometry.chart import (
+    Chart,
+    at_places,
+    continued,
+    nearest_cells,
+    normals_of,
+    read_surface,
+    smoothed,
+)
 from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
@@ -52,6 +61,8 @@ ON = 4.0
 """Voxels beside the surface up to which what a ray meets shows its color."""
 BESIDE = 3.0
 """Voxels around ears that belong to them: depth maps, not the chart, know where they face."""
+STANDS_OUT = 2.0, 20.0
+"""Voxels by which what stands out of the surface, where rays may meet ears, is an ear's, too."""
 FACED, SURELY = 0.2, 4
 """An ear's colors stay where so many photos see a surface that faces them at such a cosine."""
 ALIKE = 24
@@ -78,6 +89,18 @@ class Grazed:
     hair: Bool | None
     cut: Cut | None  # What lies below is none of the head.
     photos: Photos | None = None  # What they show; None: only the field tells colors.
+    gap: Bool | None = None  # bool [V, U], where the surface is new; None: everywhere.
+
+    def new(self) -> tuple[Float64, Float64]:
+        """Places where the surface or an ear is new, and outward normals there, [N, 3] each."""
+        every = np.ones(self.faced.shape, bool)
+        normals = normals_of(self.chart, smoothed(self.distance, every, 1.0))
+        gap = every if self.gap is None else self.gap
+        places, normals = self.chart.points(self.distance)[gap], normals[gap]
+        if self.ears is not None:
+            places = np.concatenate([places, self.ears.points[self.ears.own]])
+            normals = np.concatenate([normals, self.ears.normals[self.ears.own]])
+        return places, normals
 
 
 def photo_colors(photos: Photos, chart: Chart, distance: Float64, colors: Float64,
@@ -169,7 +192,9 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
     sh = field.sh
     if grazed.ears is not None:
-        near = grazed.ears.distance(points)[0] < BESIDE * voxel
+        low, high = STANDS_OUT
+        near = nearest_cells(grazed.beside, places) & (-high < deep) & (deep < -low)
+        near |= grazed.ears.distance(points)[0] < BESIDE * voxel
         share[near] = 0.0
         if grazed.photos is not None:
             sh = _with_even_ears(sh, np.flatnonzero(near), points, field.density, grazed.photos)

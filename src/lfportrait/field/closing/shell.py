@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int64
 from ...simd.threads import side_by_side
-from ..geometry.chart import Chart, at_places, normals_of, smoothed
+from ..geometry.chart import Chart, at_places, nearest_cells, normals_of, smoothed
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from ..training.lattice import dilated
@@ -82,9 +82,7 @@ class Shell:
         """Which points, so deep and at places [2, N], go whatever photos see there, [N]."""
         if self.yields is None:
             return np.zeros(len(deep), bool)
-        row, column = np.rint(places).astype(np.int64)
-        rows, columns = self.gap.shape
-        return np.asarray(deep < self.yields[np.clip(row, 0, rows - 1), column % columns])
+        return np.asarray(deep < nearest_cells(self.yields, places))
 
     def within_ears(self, points: Float64) -> Bool:
         """Which of points [N, 3] are the ears', [N]."""

@@ -234,7 +234,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
                   yields=guess.yields, fringe=FRINGE if head is None else NARROW_FRINGE)
     closed, count = with_shell(field, shell, photos, cut)
     grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras), guess.ears, beside, hair,
-                    cut, photos)
+                    cut, photos, gap)
     return closed, Closed(float((area * gap).sum() / area.sum()), count, grazed)
 
 

@@ -266,6 +266,13 @@ def at_places(values: Float64, places: Float64) -> Float64:
     return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
 
 
+def nearest_cells(values: NDArray[Any], places: Float64) -> NDArray[Any]:
+    """Values [V, U] of the cells nearest to places [2, N], [N]: columns go around, rows end."""
+    row, column = np.rint(places).astype(np.int64)
+    rows, columns = values.shape
+    return np.asarray(values[np.clip(row, 0, rows - 1), column % columns])
+
+
 def smoothed(values: Float64, known: Bool, width: float) -> Float64:
     """Values [V, U, ...] blurred, of the known ones alone."""
     sigma = (width, width, *(0,) * (values.ndim - 2))

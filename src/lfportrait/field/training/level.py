@@ -4,7 +4,8 @@ Where a head is closed, guessed matter meets what photos saw: it hides a shoulde
 slantingly, or ends in another color than theirs. Photos know better wherever they see it. So the
 closed lattice is trained for a while as the last level was, at its final rates (`settled`): what a
 ray meets is made right, total variation carries colors across the border, and what no ray meets
-stays.
+stays. Where it is known what was added, only the parts of the photos that show that are asked: with
+as many rays these are looked at more than twice as often, and a face stays as it was.
 """
 
 from __future__ import annotations
@@ -227,7 +228,7 @@ class Trained(Protocol):
 
 
 def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
-            shape: bool = True) -> VoxelField:
+            shape: bool = True, new: tuple[Float64, Float64] | None = None) -> VoxelField:
     """A field of a trainer's photos, with matter added to it, after some more rays.
 
     Parameters
@@ -236,6 +237,8 @@ def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
     field : Without a texture, on a lattice as fine as the last level's.
     share : Rays that are cast, over those of the last level.
     shape : Whether densities are trained, too.
+    new : Places of the surface that was added, and its outward normals there, float64 [N, 3]
+        each: only tiles that show any are asked; None: all are.
 
     Returns
     -------
@@ -249,8 +252,11 @@ def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
     # Colors are means of as many rays as count at the end of a training: one ray more changes
     # them little.
     lattice.rows[:, -2] = 1.0 / config.lr_sh_final
+    tiles = None if new is None else trainer.data.showing(*new)
+    if tiles is not None and not len(tiles):
+        return field
     batches = Batches(trainer.data, config.batch[level] // 16, config.seed, level + 1,
-                      IMPORTANCE)
+                      IMPORTANCE, tiles)
     steps = CpuSteps(lattice, trainer.data, config, level, trainer.basis, trainer.workers,
                      trainer.options(), np.float32(-config.density_floor / lattice.voxel),
                      lambda: trainer.scale,

@@ -14,6 +14,10 @@ from ...simd.threads import side_by_side
 
 IMPORTANCE = 0.7
 """Share of rays sampled where the error is large (docs/reconstruction.md)."""
+_EDGE = -0.15
+"""Cosine to a surface from which on a photo may show it, or its outline."""
+_AROUND = 2
+"""Tiles around those that show a place which do, too: what was trained stood out there."""
 
 
 class TrainingPixels:
@@ -68,6 +72,32 @@ class TrainingPixels:
         rays[:, 3:] = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return rays
 
+    def showing(self, points: Float64, outwards: Float64) -> Int32:
+        """The tiles that show places of a surface, or its outline there: [T, 3], as `tiles`.
+
+        Parameters
+        ----------
+        points, outwards : float64 [N, 3] each, places and the surface's unit normals there. What
+            hides them is not asked for.
+        """
+        found = []
+        for view, camera in enumerate(self.cameras):
+            pose = camera[:12].reshape(3, 4)
+            ways = pose[:, 3] - points
+            facing = (ways * outwards).sum(axis=1) > _EDGE * np.linalg.norm(ways, axis=1)
+            across, down, ahead = -(ways[facing] @ pose[:, :3]).T
+            ahead = np.where(ahead > 0, ahead, np.nan)
+            own = self.tiles[self.tiles[:, 0] == view]
+            shape = own[:, 1:].max(axis=0, initial=0) // 4 + 1
+            row = (down / ahead * camera[13] + camera[15]) // 4
+            column = (across / ahead * camera[12] + camera[14]) // 4
+            inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+            shown = np.zeros(shape, bool)
+            shown[row[inside].astype(int), column[inside].astype(int)] = True
+            shown = ndimage.binary_dilation(shown, np.ones((3, 3)), iterations=_AROUND)
+            found.append(own[shown[own[:, 1] // 4, own[:, 2] // 4]])
+        return np.concatenate(found)
+
     def _tiles(self, view: int, alpha: UInt8) -> Int32:
         """Tiles that show the person or border on them: [T, 3] (view, row, column)."""
         height, width = alpha.shape
@@ -95,20 +125,22 @@ class Batches:
     size : Tiles a step.
     seed, level : What the order follows from.
     importance : Share of the rays that errors draw, from 0 to 1.
+    tiles : [T, 3], some of the data's; None: all of them.
     """
 
     _PARTS, _BLOCK, _KEEP = 8, 12, 0.6
 
     def __init__(self, data: TrainingPixels, size: int, seed: int, level: int,
-                 importance: float = 0.0) -> None:
-        self.data, self.size = data, max(1, min(size, len(data.tiles)))
+                 importance: float = 0.0, tiles: Int32 | None = None) -> None:
+        self.tiles = data.tiles if tiles is None else tiles
+        self.size = max(1, min(size, len(self.tiles)))
         self.seed, self.level, self.importance = seed, level, importance
-        places = data.tiles // np.array([1, self._BLOCK, self._BLOCK], np.int32)
+        places = self.tiles // np.array([1, self._BLOCK, self._BLOCK], np.int32)
         _, self._block = np.unique(np.ravel_multi_index(
             tuple(places.T), tuple(places.max(axis=0) + 1)), return_inverse=True)
         # Error and tiles of each block, fading from one choice to the next; unused shares.
         self._error, self._seen = np.zeros((2, self._block.max() + 1))
-        self._credit = np.zeros(len(data.tiles), np.float32)
+        self._credit = np.zeros(len(self.tiles), np.float32)
         self._part, self._order, self._now = -1, np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     def generator(self, kind: int, number: int) -> np.random.Generator:
@@ -119,7 +151,7 @@ class Batches:
     @property
     def _steps(self) -> int:
         """Steps for which tiles are chosen together."""
-        return max(1, len(self.data.tiles) // self.size // self._PARTS)
+        return max(1, len(self.tiles) // self.size // self._PARTS)
 
     def chooses(self, number: int) -> bool:
         """Whether tiles are chosen for a step: by the errors of all steps before it."""
@@ -137,7 +169,7 @@ class Batches:
         now = self._order[place * self.size:(place + 1) * self.size]
         # Tiles are numbered view by view, and row by row in each.
         self._now = np.sort(now)
-        return np.asarray(self.data.tiles[self._now])
+        return np.asarray(self.tiles[self._now])
 
     def _chosen(self, generator: np.random.Generator, count: int) -> Int64:
         """The next ``count`` tiles, in random order."""
