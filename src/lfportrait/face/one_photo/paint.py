@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from ...capture import Camera
 from ...field import C0
+from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
 from .solid import HAIR, WORN
@@ -43,6 +44,8 @@ PURE = 0.02
 nothing of what no photo shows."""
 MIRRORED = 0.25
 """Weight of what the other side shows."""
+STRANDS = 0.15
+"""How far below the nape hair hangs that has strands in full, portrait units."""
 SQUARE = 6
 """Power by which one of several photos that looks more squarely counts more."""
 
@@ -168,7 +171,9 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
             fill[part] = _filled(points[part], photo[part], weight[part], mirrored[part],
                                  known[part])
     if hair.any():
-        fill[hair] *= (strands(points[hair], shots[0].contrast())[:, None]
+        # Short hair is too fine for them.
+        length = np.clip((NAPE - np.percentile(points[hair, 1], 1)) / STRANDS, 0, 1)
+        fill[hair] *= (strands(points[hair], length * shots[0].contrast())[:, None]
                        ** (1 - other.best[hair, None]))
     # An ear that no photo shows is not flat.
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
