@@ -7,7 +7,7 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
-from lfportrait.face.one_photo.piece import METRES
+from lfportrait.face.one_photo.piece import BROAD, METRES, filled
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import HAIR, Solid, solid_of
 from lfportrait.face.one_photo.strands import WIDTHS, strand_contrast, strands
@@ -116,3 +116,32 @@ def test_strands_are_as_strong_as_in_the_photo_and_run_down():
     rough = [np.abs(np.diff(values)).mean() for values in (around / 1.5, along / 0.4)]
     assert rough[0] > 2 * rough[1]
     assert (strands(ring, np.zeros(len(WIDTHS))) == 1).all()
+
+
+def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):
+    values = np.full((260, 200), np.nan)
+    values[90:150, 70:120] = 3 + np.add.outer(np.arange(60) / 60, np.arange(50) / 50)
+    whole = values.copy()
+    known, sums = np.isfinite(values), np.dstack([np.nan_to_num(values), np.isfinite(values)])
+    sigma = 3.0
+    while not known.all():
+        wide = cv2.GaussianBlur(sums.astype(np.float64), (0, 0), sigma)
+        fresh = ~known & (wide[..., 1] > 1e-3)
+        whole[fresh] = (wide[..., 0] / np.maximum(wide[..., 1], 1e-9))[fresh]
+        known, sigma = known | fresh, 2 * sigma
+    blurred, blur = [], cv2.GaussianBlur
+
+    def watched(picture, size, sigma):
+        blurred.append(sigma)
+        return blur(picture, size, sigma)
+
+    monkeypatch.setattr(cv2, "GaussianBlur", watched)
+    found = filled(values, 3.0)
+    there = np.isfinite(values)
+    assert np.array_equal(found[there], values[there])
+    # Cells where next to nothing is known may take one blur more or less.
+    assert np.percentile(np.abs(found - whole), 99) < 0.05
+    # However far the picture goes on: of a kernel as wide as that it would take minutes.
+    assert max(blurred) <= BROAD
+    assert np.isfinite(filled(np.where(np.arange(90000).reshape(900, 100) < 40, 2.0, np.nan), 6.0)
+                      ).all()

@@ -29,6 +29,8 @@ LOWEST = -0.75
 """Hair hangs at least this far below the brows (up, in the face's heights)."""
 LONG = -1.0
 """Hair that hangs down so far (up, in the face's heights) hangs down behind, too."""
+ENOUGH = 50
+"""Samples that say what a material looks like."""
 BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
 """Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
 of the crown's color; and how far down it is looked for then."""
@@ -199,7 +201,8 @@ def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Flo
     unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
     beside = Cells.over(flat, 0.03 * plane.height).extrapolated(3 * hair - 1.5, parted, 1.0, 20.0)
     hair[unseen] = np.clip(hair_by_place(plane, flat[unseen]) + beside[unseen], 0, 1)
-    if lowest < LONG:  # a field has the color of hair where it takes it to hang down, too
+    # A field has the color of hair where it takes it to hang down, too.
+    if lowest < LONG and min(bare.sum(), hairy.sum()) >= ENOUGH:
         asked = chosen | (unseen & (np.abs(flat[:, 0]) > 0.9 * plane.radius))
         from_face, from_hair = (skin_distance(colors[asked], part[asked], 1.0)
                                 for part in (bare, hairy))

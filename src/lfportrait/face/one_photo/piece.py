@@ -22,6 +22,8 @@ EDGE = 4
 """Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
 BESIDE = 1.5
 """Cells beyond its part of the picture up to which a piece goes on."""
+BROAD = 16.0
+"""Cells by which maps are blurred at most before they are halved."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +67,11 @@ class Piece:
         length = np.sqrt((slope ** 2).sum(axis=1) + 4 * away ** 2)
         found = -value / np.maximum(length, 0.02)
         # It would else fill what lies beside it, as the space behind an ear.
+        beyond: Float64 | None = None
         for side, part in ((ahead, self.ahead), (~ahead, self.behind)):
             if part is not None:
-                beyond = ndimage.distance_transform_edt(~part) - BESIDE
+                if beyond is None or part is not self.ahead:
+                    beyond = np.asarray(ndimage.distance_transform_edt(~part) - BESIDE)
                 found[side] = np.maximum(found[side],
                                          Parts.at(beyond, at[:, side]) * parts.cell)
         out[within] = found
@@ -76,16 +80,21 @@ class Piece:
 
 def filled(values: Float64, sigma: float) -> Float64:
     """A map [h, w] with its unknown (NaN) places filled smoothly from those around them."""
-    known = np.isfinite(values)
-    out = np.where(known, values, 0.0)
-    total = known.astype(np.float64)
-    result, done = values.copy(), known
-    while not done.all() and sigma < 4 * max(values.shape):
-        up, weight = (cv2.GaussianBlur(one, (0, 0), sigma) for one in (out, total))
-        fresh = ~done & (weight > 1e-3)
-        result[fresh] = up[fresh] / weight[fresh]
+    done = np.isfinite(values)
+    # What is known, and how much is: the wider they are blurred, the fewer cells they need.
+    sums = np.dstack([np.where(done, values, 0.0), done.astype(np.float64)])
+    result, size, scale = values.copy(), values.shape[::-1], 1
+    while not done.all() and sigma < 4 * max(size):
+        wide = cv2.GaussianBlur(sums, (0, 0), sigma / scale)
+        if scale > 1:
+            wide = cv2.resize(wide, size, interpolation=cv2.INTER_LINEAR)
+        fresh = ~done & (wide[..., 1] > 1e-3)
+        result[fresh] = wide[fresh, 0] / wide[fresh, 1]
         done = done | fresh
         sigma *= 2
+        if sigma > BROAD * scale and min(sums.shape[:2]) > 1:
+            sums = cv2.resize(sums, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            scale *= 2
     result[~done] = np.nanmean(values)
     return np.asarray(result)
 

@@ -185,7 +185,7 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
              "views": [{"rotation": view.rotation.tolist(), "shift": view.shift.tolist(),
                         "focal": view.focal, "center": view.center.tolist(),
                         "expression": view.expression.tolist(),
-                        "landmarks": one.picture.landmarks.tolist()}
+                        "landmarks": one.picture.landmarks.tolist(), "cut_out": one.given}
                        for view, one in zip(fit.views, seen, strict=True)]}
     capture = Capture(
         cameras, [one.image for one in seen],
@@ -275,7 +275,7 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], hair: Float32 |
     assert capture.alphas is not None
     camera, matte = capture.cameras[view], capture.alphas[view] / np.float32(255)
     fuzz = None
-    if hair is not None and capture.figures.get("mattes") != "given":
+    if hair is not None and not _cut_out(capture, view):
         width = FUZZ * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         fuzz = ground_in_hair(image, matte, hair, width)
     return Shot.of(camera, clean_colors(image, matte, fuzz), hair)
@@ -342,10 +342,16 @@ def _kept_fit(capture: Capture) -> HeadFit:
                    deviations_of(identity))
 
 
+def _cut_out(capture: Capture, view: int) -> bool:
+    """Whether a photo came with its matte: beyond that it shows nothing."""
+    kept = capture.figures[FIT]["views"][view]
+    return bool(kept.get("cut_out", capture.figures.get("mattes") == "given"))
+
+
 def _shown(capture: Capture, view: int) -> NDArray[np.uint8]:
     """A photo of a saved capture as networks see it: on grey where its matte was given."""
     assert capture.alphas is not None
-    if capture.figures.get("mattes") != "given":
+    if not _cut_out(capture, view):
         return np.ascontiguousarray(capture.images[view])
     share = capture.alphas[view][..., None].astype(np.float32) / np.float32(255)
     return np.rint(capture.images[view] * share + _GROUND * (1 - share)).astype(np.uint8)

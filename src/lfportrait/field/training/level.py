@@ -203,6 +203,8 @@ class Level:
 _SHARE = 0.25
 """Rays that are cast, over those of the last level: usually three millions. Held-out views gain
 0.9 dB by the first, 0.3 by each of the next two, and 0.1 by the fourth."""
+_PASSES = 8.0
+"""Times that each tile is asked at most where only some are, usually less than once."""
 _STILL = 16
 """Steps at first in which densities stay: a step is as long as the slopes before it allow."""
 _AVERAGED = 0.5
@@ -263,6 +265,8 @@ def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
                      lambda plan, errors, _: batches.learn(errors, plan.blocks))
     steps.look_again(trainer.options()[1])
     rays = share * min(1e6 * config.rays[level], float(trainer.rays_done))
+    if new is not None:
+        rays = min(rays, _PASSES * 16.0 * len(batches.tiles))
     number = max(1, round(rays / (16 * batches.size)))
     rate = np.float32(config.lr_sigma_final * config.resolutions[level] / 256.0)
     for step in range(number):
