@@ -203,6 +203,9 @@ class Level:
 _SHARE = 0.25
 """Rays that are cast, over those of the last level: usually three millions. Held-out views gain
 0.9 dB by the first, 0.3 by each of the next two, and 0.1 by the fourth."""
+_SHARE_OF_NEW = 0.2
+"""The same where only what is new is asked: rays along outlines are longer, so that takes as long.
+"""
 _PASSES = 8.0
 """Times that each tile is asked at most where only some are, usually less than once."""
 _STILL = 16
@@ -229,7 +232,7 @@ class Trained(Protocol):
         """Options of the kernels."""
 
 
-def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
+def settled(trainer: Trained, field: VoxelField, share: float | None = None,
             shape: bool = True, new: tuple[Float64, Float64] | None = None) -> VoxelField:
     """A field of a trainer's photos, with matter added to it, after some more rays.
 
@@ -237,7 +240,7 @@ def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
     ----------
     trainer : Its last level is done. It stays as it is.
     field : Without a texture, on a lattice as fine as the last level's.
-    share : Rays that are cast, over those of the last level.
+    share : Rays that are cast, over those of the last level; None: a quarter, a fifth of ``new``.
     shape : Whether densities are trained, too.
     new : Places of the surface that was added, and its outward normals there, float64 [N, 3]
         each: only tiles that show any are asked; None: all are.
@@ -264,6 +267,8 @@ def settled(trainer: Trained, field: VoxelField, share: float = _SHARE,
                      lambda: trainer.scale,
                      lambda plan, errors, _: batches.learn(errors, plan.blocks))
     steps.look_again(trainer.options()[1])
+    if share is None:
+        share = _SHARE if new is None else _SHARE_OF_NEW
     rays = share * min(1e6 * config.rays[level], float(trainer.rays_done))
     if new is not None:
         rays = min(rays, _PASSES * 16.0 * len(batches.tiles))
