@@ -79,9 +79,10 @@ def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bools, neck: 
 
     Parameters
     ----------
-    head : Nearest and farthest depth [h, w] of the head; NaN where it is not.
+    parts : Maps [h, w] of the person, with rims (`with_rims`).
+    head : Nearest and farthest depth [h, w] of the head, portrait units; NaN where it is not.
     grown : bool [h, w], where the back of the head is scalp.
-    neck : Where it is.
+    neck : Where it is in the maps.
     body : What hair lies on below the neck.
     sensed : The photo's own depth, where it has one.
     """
