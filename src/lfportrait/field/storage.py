@@ -4,8 +4,8 @@ svox2 keeps ``radius``, ``center``, ``links`` [X, Y, Z], ``density_data`` [N, 1]
 float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links transposed to
 [Z, Y, X] in memory and adds ``frame``, ``lfportrait_version`` and, where a field has them, the
 arrays of its texture (``texture_...``, see `SurfaceTexture`), those of a painted ground
-(``backdrop_...``, see `Backdrop`) and ``cone`` to the file. Other stages may add arrays of their
-own (`save_field`, `read_arrays`); those that read a field alone leave them be.
+(``backdrop_...``, see `Backdrop`), ``cone`` and ``hair`` to the file. Other stages may add arrays
+of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
 An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
 of 11 million lattice points from 46 to 3.4 MB, in 0.2 s). Densities and colors shrink by an eighth,
@@ -60,22 +60,23 @@ class FieldData(Protocol):
     texture: SurfaceTexture | None
     backdrop: Backdrop | None
     cone: float
+    hair: UInt8 | None
 
 
 Loaded = tuple[Int32, Float32, Float32, Float64,
                Float64, Float64, Background | None, SurfaceTexture | None,
-               Backdrop | None, float]
+               Backdrop | None, float, UInt8 | None]
 """The same in that order, as `VoxelField` takes it."""
 
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts",
-             "backdrop_picture")
+             "backdrop_picture", "hair")
 """The arrays of a file that are worth compressing."""
 _NOISY = ("density_data", "sh_data")
 """Those in which no string comes again."""
 
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
-         "background_links", "background_data", "cone")
+         "background_links", "background_data", "cone", "hair")
 _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
 _BACKDROP = ("backdrop_picture", "backdrop_pixels", "backdrop_light", "backdrop_points")
 
@@ -109,7 +110,8 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
                                       drop.points)
     more = {"frame": field.frame, "lfportrait_version": np.str_(__version__),
             **dict(zip(_TEXTURE, values)), **dict(zip(_BACKDROP, behind)),
-            **({"cone": np.float64(field.cone)} if field.cone else {}), **more}
+            **({"cone": np.float64(field.cone)} if field.cone else {}),
+            **({} if field.hair is None else {"hair": field.hair}), **more}
     _write(field, path, deflated, more)
 
 
@@ -150,7 +152,7 @@ def read_back(field: FieldData) -> Loaded:
             np.ascontiguousarray(field.density, np.float32), floats_of(halves(field.sh)),
             field.center.astype(np.float32).astype(np.float64),
             field.radius.astype(np.float32).astype(np.float64),
-            field.frame.astype(np.float64), behind, texture, drop, float(field.cone))
+            field.frame.astype(np.float64), behind, texture, drop, float(field.cone), field.hair)
 
 
 def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
@@ -230,7 +232,8 @@ def load_field(path: Any) -> Loaded:
             np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
             frame.astype(np.float64), _background(arrays, path),
-            _texture(arrays, len(density), path), _backdrop(arrays, path), _cone(arrays, path))
+            _texture(arrays, len(density), path), _backdrop(arrays, path), _cone(arrays, path),
+            _hair(arrays, len(density), path))
 
 
 def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
@@ -239,6 +242,14 @@ def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
     if cone.size != 1 or cone.dtype.kind not in "fiu" or not 0 <= cone.item() <= 360:
         raise UserError(f"{path} is damaged: its cone is invalid")
     return float(cone.item())
+
+
+def _hair(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> UInt8 | None:
+    """How much of each row is hair, if the file says so."""
+    hair = arrays.get("hair")
+    if hair is not None and (hair.shape != (rows,) or hair.dtype != np.uint8):
+        raise UserError(f"{path} is damaged: its hair is invalid")
+    return hair
 
 
 def _turned(links: Int32) -> Int32:

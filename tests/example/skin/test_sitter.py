@@ -205,23 +205,6 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 
 
-@pytest.mark.parametrize("lowest, long", [(-1.3, True), (-0.75, False)])
-def test_long_hair_hangs_down_behind_where_the_field_has_its_color(skin, lowest, long):
-    up, angle = (part.ravel() for part in np.meshgrid(np.linspace(-1.25, 1, 113),
-                                                      np.linspace(0, np.pi, 126)))
-    seen = (angle < 0.5 * np.pi).astype(np.float32)
-    truth = (angle > 0.9) & (angle < 2.8) | (up > 0.45)  # in the middle of the nape skin shows
-    colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6])
-    colors += np.random.default_rng(1).normal(0, 0.02, colors.shape)
-    flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
-    told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32), seen,
-                            np.zeros(len(up), np.float32), truth & (seen > 0),
-                            (angle < 0.7) & (up < 0.1), lowest)
-    below = (seen == 0) & (up < -0.9) & (angle > 2.2)
-    hair = told[below & truth] > 0.5
-    assert hair.mean() > 0.97 if long else not hair.any()
-
-
 def test_a_seam_where_photos_end_is_hair_between_hair_and_skin_between_skin():
     """Half of a sheet is hair; photos end in the middle of it, where nothing is sure."""
     x, y = (part.ravel().astype(float) for part in np.meshgrid(np.arange(80), np.arange(50)))
@@ -274,6 +257,25 @@ def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypa
 def test_a_head_of_one_color_has_no_hair(field):
     plain = field.with_sh(np.full((len(field.density), 3, 1), 0.4))
     assert Skin.of(plain, HEAD_LANDMARKS, pixels=30.0, networks=False).hair is None
+
+
+def test_a_head_that_knows_its_hair_is_believed_whatever_its_color(field, monkeypatch):
+    """Fair hair that hangs down on one side; a network would find something else."""
+    rows = field.lattice_points()
+    known = replace(field, sh=np.full_like(field.sh, 0.4),
+                    hair=np.where(rows[:, 0] > 0.1, 255, 0).astype(np.uint8))
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
+    monkeypatch.setattr("lfportrait.face.hair_mask",
+                        lambda image, size: np.ones(image.shape[:2], np.float32))
+    skin = Skin.of(known, HEAD_LANDMARKS, pixels=30.0)
+    x = skin.atlas.points.reshape(-1, 3)[skin.index, 0]
+    voxel = float(field.spacing.max())
+    assert skin.hair is not None and (skin.hair[x > 0.1 + voxel] > 0.99).all()
+    assert (skin.hair[x < 0.1 - voxel] < 0.01).all()
+    # What lies in between has a share of it.
+    between = skin.hair[np.abs(x - 0.1) < voxel]
+    assert ((between > 0.1) & (between < 0.9)).any()
+    assert not (skin.clothes * skin.hair > 0.01).any()
 
 
 def test_what_is_seen_of_a_soft_shell_has_places(field):

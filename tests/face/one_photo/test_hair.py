@@ -6,10 +6,12 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.lattice import shell_of
+from lfportrait.face.one_photo.paint import Shot, painted
 from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, METRES, filled
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.solid import HAIR, Solid, solid_of
+from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
 from lfportrait.face.one_photo.strands import WIDTHS, strand_contrast, strands
 
 SIDE = 320
@@ -84,6 +86,24 @@ def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
     away, owner = long.distance(points, 0.3)
     beside = (np.abs(points[:, 0]) > 0.45) & (away < 0)
     assert beside.sum() > 20 and (owner[beside] == HAIR).all()
+
+
+def test_a_head_knows_its_hair_whatever_its_color(long):
+    shell, parts = shell_of(long, 64), long.parts
+    fair = np.full((*parts.hair.shape, 3), 0.7, np.float32)
+    sh, hair = painted(shell, [Shot.of(parts.camera, fair, parts.hair.astype(np.float32))])
+    assert sh.shape == (len(shell.points), 3, 1) and hair is not None
+    x, y, z = shell.points.T
+    surface = (shell.away > -0.4 * shell.voxel) & (shell.away < shell.voxel)
+    nape = surface & (np.abs(x) < 0.1) & (np.abs(y + 0.6) < 0.1) & (z < -0.2)
+    assert nape.sum() > 10 and (hair[nape] == 255).all()
+    locks = surface & (np.abs(np.abs(x) - 0.5) < 0.03) & (np.abs(y + 0.5) < 0.2) & (z > 0)
+    assert locks.sum() > 10 and np.median(hair[locks]) > 250
+    face = surface & (np.abs(x) < 0.2) & (np.abs(y) < 0.2) & (z > 0.3)
+    assert face.sum() > 10 and (hair[face] == 0).all()
+    shell.owner[:] = HEAD
+    shell.scalp[:] = False
+    assert painted(shell, [Shot(parts.camera, fair)])[1] is None, "a head without any"
 
 
 def test_ground_in_hair_is_found_and_highlights_are_not():

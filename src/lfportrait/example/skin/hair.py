@@ -1,7 +1,8 @@
-"""Hair of a sitter's head: by the network, by color, by relief, or by place.
+"""Hair of a sitter's head: as its field knows it, by the network, by color, relief, or place.
 
-The segmentation network is asked about the charts that stand upright. What looks like the hair that
-it knows is hair behind, too. Without it hair is what lies around the face in another color; or, as
+A head that was fitted to one photo knows what of it is hair. Of others the segmentation network
+is asked about the charts that stand upright. What looks like the hair that it knows is hair behind,
+too. Without it hair is what lies around the face in another color; or, as
 curls of stone or bronze have the color of the face, where the crown is much rougher than forehead
 and cheeks, what is as rough as the crown and hangs together with it. A shaven or veiled head has no
 such crown.
@@ -12,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import Bool, Float32, Int32
-from ...field import SurfaceGraph
+from ...field import SurfaceGraph, VoxelField
+from ...simd.threads import side_by_side
 from ..guides.filters import skin_distance
 from ..painter.light import Cells
 from ..surface_guide import HeadPlane
@@ -27,10 +29,6 @@ AGREED = 0.35
 A real head's: 0.72; statues and shaven heads: 0.1 at most."""
 LOWEST = -0.75
 """Hair hangs at least this far below the brows (up, in the face's heights)."""
-LONG = -1.0
-"""Hair that hangs down so far (up, in the face's heights) hangs down behind, too."""
-ENOUGH = 50
-"""Samples that say what a material looks like."""
 BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
 """Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
 of the crown's color; and how far down it is looked for then."""
@@ -104,6 +102,35 @@ def _agreed(atlas: Atlas, hair: Float32) -> bool:
     either, both = (float(part(here[known], there[known]).sum())
                     for part in (np.maximum, np.minimum))
     return both >= AGREED * either
+
+
+def hair_of_head(field: VoxelField, points: Float32, normals: Float32) -> Float32 | None:
+    """Hair at places [N, 3] of a head that knows it (`VoxelField.hair`), [N]; None if it does not.
+
+    It is mixed as colors are: between the lattice's points around a place, half a voxel before the
+    surface, as under thin hair lies skin.
+    """
+    if field.hair is None:
+        return None
+    shares = np.append(field.hair, np.uint8(0)).astype(np.float32) / np.float32(255)
+    there = np.append(np.ones(len(field.hair), np.float32), np.float32(0))
+
+    def mixed(part: Float32) -> Float32:
+        at = (part - field.bounds[0]) / field.spacing - 0.5
+        low = np.floor(at).astype(np.int64)
+        way = (at - low).astype(np.float32)
+        total, known = np.zeros(len(part), np.float32), np.full(len(part), 1e-6, np.float32)
+        for corner in np.ndindex(2, 2, 2):
+            weight = np.prod(np.where(corner, way, 1 - way), axis=1)
+            x, y, z = np.clip(low + corner, 0, np.array(field.links.shape[::-1]) - 1).T
+            row = field.links[z, y, x]
+            total += weight * shares[row]
+            known += weight * there[row]
+        return total / known
+
+    before = points + np.float32(0.5 * field.spacing.min()) * normals
+    pieces = np.array_split(before, max(1, len(points) >> 15))
+    return np.concatenate(side_by_side(mixed, pieces))
 
 
 def hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
@@ -201,13 +228,6 @@ def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Flo
     unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
     beside = Cells.over(flat, 0.03 * plane.height).extrapolated(3 * hair - 1.5, parted, 1.0, 20.0)
     hair[unseen] = np.clip(hair_by_place(plane, flat[unseen]) + beside[unseen], 0, 1)
-    # A field has the color of hair where it takes it to hang down, too.
-    if lowest < LONG and min(bare.sum(), hairy.sum()) >= ENOUGH:
-        asked = chosen | (unseen & (np.abs(flat[:, 0]) > 0.9 * plane.radius))
-        from_face, from_hair = (skin_distance(colors[asked], part[asked], 1.0)
-                                for part in (bare, hairy))
-        like = unseen[asked] & (from_hair < OTHER) & (from_hair < 0.5 * from_face)
-        hair[np.flatnonzero(asked)[like]] = 1
     return np.asarray(hair, np.float32)
 
 

@@ -46,6 +46,7 @@ from .hair import (
     hair_by_color,
     hair_by_place,
     hair_by_relief,
+    hair_of_head,
     network_hair,
     plausible_hair,
     settled_hair,
@@ -193,17 +194,12 @@ class Skin:
         seen, clear = _ramp(facing, SEEN), _ramp(facing, CLEAR)
         flat = plane.unwrap(points).astype(np.float32)
         colors = atlas.color.reshape(-1, 3)[index]
-        known = network_hair(atlas, index) if networks else None
         tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
         ears = ear_places(plane, points, flat)
-        if known is not None and plausible_hair(plane, points, known * seen):
-            hair: Float32 | None = hair_behind(plane, colors, flat, seen, ears, known)
-        else:
-            hair = hair_by_color(plane, colors, flat, seen, ears)
-            if hair is None:
-                hair = hair_by_relief(plane, flat, contours, seen, ears)
-        if hair is not None and seen.min() < 1:
-            hair = settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
+        hair = hair_of_head(field, points, normals)
+        if hair is None:
+            known = network_hair(atlas, index) if networks else None
+            hair = _found_hair(plane, points, colors, flat, seen, ears, contours, known)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
         # What photos saw at a graze is grain and smears: painted it would be stipple.
@@ -289,6 +285,23 @@ def _looks(atlas: Atlas, index: Int32, size: float,
     tone, detail, looks, strength = (np.asarray(plane.reshape(-1)[index], np.float32)
                                      for plane in planes)
     return tone, detail, looks, strength
+
+
+def _found_hair(plane: HeadPlane, points: Float32, colors: Float32, flat: Float32, seen: Float32,
+                ears: Float32, contours: Float32, known: Float32 | None) -> Float32 | None:
+    """Hair [N] of a field that does not know it, by the network's (``known`` [N]) or by its looks.
+
+    The rest as for `_clothes` and in `Skin`.
+    """
+    if known is not None and plausible_hair(plane, points, known * seen):
+        hair: Float32 | None = hair_behind(plane, colors, flat, seen, ears, known)
+    else:
+        hair = hair_by_color(plane, colors, flat, seen, ears)
+        if hair is None:
+            hair = hair_by_relief(plane, flat, contours, seen, ears)
+    if hair is None or seen.min() >= 1:
+        return hair
+    return settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
 
 
 def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, seen: Float32,

@@ -128,18 +128,24 @@ class _Mean:
         return np.asarray(self.total[:, :3] / np.maximum(self.weights, 1e-9)[:, None])
 
     @property
-    def hair(self) -> Bools:
-        """Where most of what is seen is hair, [N]."""
-        return np.asarray(2 * self.total[:, 3] > self.weights)
+    def share(self) -> Float64:
+        """How much of what is seen is hair, [N]."""
+        return np.asarray(self.total[:, 3] / np.maximum(self.weights, 1e-9))
 
     def pure(self, hair: Bools) -> Float64:
         """How well places are seen that have the material which they should have, [N]."""
-        share = self.total[:, 3] / np.maximum(self.weights, 1e-9)
-        return self.best * np.clip(2 * np.where(hair, share, 1 - share) - 1, 0, 1)
+        share = np.where(hair, self.share, 1 - self.share)
+        return np.asarray(self.best * np.clip(2 * share - 1, 0, 1))
 
 
-def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
-    """Coefficients [N, 3, 1] of a shell's points; the first shot's light is everybody's."""
+def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8] | None]:
+    """The colors of a shell's points, and which of these are hair.
+
+    Returns
+    -------
+    sh : float32 [N, 3, 1], coefficients; the first shot's light is everybody's.
+    hair : uint8 [N], how much of a point is hair (255: all of it); None if there is none.
+    """
     points, normals = shell.on, shell.normals
     bare = shell.field(np.zeros((len(points), 3, 1), np.float32))
     bare.density[shell.owner == WORN] = 0.0  # the photos are without it
@@ -162,7 +168,7 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = shell.owner == HAIR
     if hair.any():  # what no photo shows has hair, too, where hair grows; so has what shows through
-        hair |= shell.scalp & ((own.best < HIDDEN) | own.hair)
+        hair |= shell.scalp & ((own.best < HIDDEN) | (own.share > 0.5))
     photo, mirrored = own.colors, other.colors
     weight, known = own.pure(hair), other.pure(hair)
     fill = np.empty_like(photo)
@@ -179,7 +185,12 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]
     out = np.clip(share * photo + (1 - share) * fill, 0, 1)
-    return np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
+    sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
+    if not hair.any():
+        return sh, None
+    # A photo's own hairline is finer than that of the pieces.
+    shown = own.best * np.maximum(own.share, shell.owner == HAIR)
+    return sh, np.asarray(255 * (shown + (1 - own.best) * hair) + 0.5, np.uint8)
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,

@@ -302,12 +302,14 @@ def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float6
 def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | None,
              ) -> VoxelField:
     """A shell in its colors, as a field."""
-    sh = painted(shell, shots)
+    sh, hair = painted(shell, shots)
     if wires is not None:
         worn = shell.owner == WORN
         sh[worn, :, 0] = (wires.colors_at(shell.points[worn]) - 0.5) / C0
     field = shell.field(sh)
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
+    if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
+        field.hair = hair  # else it would be a guess by place
     return field
 
 
