@@ -503,6 +503,9 @@ def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: F
     cover = np.zeros((size[1], size[0]), np.uint8)
     corners = np.rint(small[prior.triangles]).astype(np.int32)
     cv2.fillPoly(cover, list(_outward(corners)), 1)
+    # Where triangles lie behind others they take each other away: the head has no holes.
+    outer, _ = cv2.findContours(cover, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(cover, outer, -1, 1, cv2.FILLED)
     away = cv2.distanceTransform(cover, cv2.DIST_L2, 3)
     column, row = np.rint(small).astype(int).T
     on = away[np.clip(row, 0, size[1] - 1), np.clip(column, 0, size[0] - 1)] <= 2.0
