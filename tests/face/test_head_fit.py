@@ -2,13 +2,28 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
-from lfportrait.face.head_fit import Picture, check_faces, fit_head, unfit
-from lfportrait.face.head_prior import EYES, FACE, SOCKETS, generic_prior, read_ict
+from lfportrait.face.head_fit import (
+    Picture,
+    View,
+    check_faces,
+    fit_head,
+    outline_vertices,
+    unfit,
+)
+from lfportrait.face.head_prior import (
+    EYES,
+    FACE,
+    SOCKETS,
+    generic_prior,
+    read_ict,
+    with_normals,
+)
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 FOCAL, SIZE = 900.0, 600
@@ -50,6 +65,24 @@ def test_two_photos_share_one_shape():
     pictures = [Picture((SIZE, SIZE), _seen(yaw)[0], FOCAL) for yaw in (0.0, 40.0)]
     fit = fit_head(prior, pictures)
     assert len(fit.views) == 2 and abs(fit.views[1].angles["yaw"] - 40.0) < 3.0
+
+
+@pytest.mark.parametrize("yaw, pitch, away", [(-30, -15, 0.9), (-20, 20, 0.5), (6, 20, 0.5),
+                                              (0, 0, 0.9), (25, 8, 0.9)])
+def test_no_vertex_within_a_turned_head_is_on_its_outline(yaw, pitch, away):
+    # Where ears, nostrils or lips lie one behind the other, a drawing of its triangles has holes.
+    prior = generic_prior()
+    points = prior.mean.astype(float)
+    turn = Rotation.from_euler("yx", [yaw, pitch], degrees=True).as_matrix() @ np.diag([1.0, -1, -1])
+    view = View(turn, np.array([0, 0, away]), 1000 * away, np.array([256.0, 256]), np.zeros(0))
+    rim = outline_vertices(view, prior, points, with_normals(points, prior.triangles), neck=True)
+    seen = view.project(points)
+    cover = np.zeros((512, 512), np.uint8)
+    for corners in np.rint(seen[prior.triangles]).astype(np.int32):
+        cv2.fillConvexPoly(cover, corners, 1)
+    deep = cv2.distanceTransform(cover, cv2.DIST_L2, 5)
+    column, row = np.rint(seen[rim]).astype(int).T
+    assert len(rim) > 40 and deep[row, column].max() < 6  # pixels; a face is 190 wide
 
 
 def test_what_can_not_fit_is_refused():
