@@ -8,22 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
-from lfportrait.face.head_fit import (
-    Picture,
-    View,
-    check_faces,
-    fit_head,
-    outline_vertices,
-    unfit,
-)
-from lfportrait.face.head_prior import (
-    EYES,
-    FACE,
-    SOCKETS,
-    generic_prior,
-    read_ict,
-    with_normals,
-)
+from lfportrait.face.head_fit import Picture, View, check_faces, fit_head, outline_vertices, unfit
+from lfportrait.face.head_prior import EYES, FACE, SOCKETS, generic_prior, read_ict, with_normals
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 FOCAL, SIZE = 900.0, 600
@@ -73,7 +59,7 @@ def test_no_vertex_within_a_turned_head_is_on_its_outline(yaw, pitch, away):
     # Where ears, nostrils or lips lie one behind the other, a drawing of its triangles has holes.
     prior = generic_prior()
     points = prior.mean.astype(float)
-    turn = Rotation.from_euler("yx", [yaw, pitch], degrees=True).as_matrix() @ np.diag([1.0, -1, -1])
+    turn = Rotation.from_euler("yx", [yaw, pitch], degrees=True).as_matrix() @ FLIP
     view = View(turn, np.array([0, 0, away]), 1000 * away, np.array([256.0, 256]), np.zeros(0))
     rim = outline_vertices(view, prior, points, with_normals(points, prior.triangles), neck=True)
     seen = view.project(points)
