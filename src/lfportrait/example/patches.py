@@ -191,6 +191,8 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
         engines = [aside.submit(_Level, target, source, guides[level],
                                 None if fixed is None else fixed[level], level, config)
                    for level in levels]
+        # Each level has laid out its own: the planes of the finest one are hundreds of MB.
+        del target, guides, fixed
         for level in levels:
             engine = engines.pop(0).result()
             places = engine.first_places(places)
@@ -291,6 +293,7 @@ class _Level:
             self.voted = np.zeros((*self.shape, 3), np.float32)
             if self.fixed is not None:
                 self.voted[:] = self.fixed
+                self.fixed = None
             self._vote(places, error, radius)
         self._show(self.voted)
         area = np.float32((2 * radius + 1) ** 2)

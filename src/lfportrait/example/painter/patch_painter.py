@@ -160,8 +160,8 @@ class PatchPainter:
     def paint(self, atlas: Atlas, size: float, request: PatchRequest) -> Float32:
         """The painting at ``size`` times the exemplar's own, float32 [H, W, 3] in [0, 1]."""
         source, theirs = self.source(size)
-        target = self._target(atlas, theirs, size, request)
-        return synthesise_patches(target, source, self.search, self.seed)[0]
+        return synthesise_patches(self._target(atlas, theirs, size, request), source, self.search,
+                                  self.seed)[0]
 
     def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
         return material_guides(shares, tone, detail, self._weights)
