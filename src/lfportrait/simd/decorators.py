@@ -245,6 +245,8 @@ kernel = _compiler(pipeline_class=_KernelCompiler)
 """Compile a function that Python calls."""
 lean_kernel = _compiler(_nrt=False, pipeline_class=_KernelCompiler)
 """Compile a function that Python calls and that makes no arrays."""
+part = _compiler(no_cpython_wrapper=True, pipeline_class=_IngredientCompiler)
+"""Compile a function that only kernels call and that may make arrays."""
 _lean = _compiler(_nrt=False, no_cpython_wrapper=True, pipeline_class=_IngredientCompiler)
 
 
