@@ -1,4 +1,7 @@
-"""Small TensorFlow Lite networks, written with the schema that MediaPipe brings."""
+"""Small TensorFlow Lite networks, written with the schema that MediaPipe brings.
+
+That comes with all of MediaPipe and with Matplotlib: this is imported where a network is written.
+"""
 
 import flatbuffers
 import numpy as np

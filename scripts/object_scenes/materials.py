@@ -7,11 +7,12 @@ it is the same in every picture.
 
 from __future__ import annotations
 
-from functools import partial
 from math import atan2, floor, pi, sin
 
 import numpy as np
 from numba import njit
+
+from lfportrait.simd.decorators import part
 
 from .solids import BLADE, BOX, CASE, CLOTH, CYLINDER, LEAF
 
@@ -48,10 +49,8 @@ def material(color, gloss: float = 0.1, sharpness: float = 20, second=None, patt
     return row
 
 
-part = partial(njit, cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True,
-               no_cpython_wrapper=True)
-"""Compile a part of kernels without entrances from elsewhere, which are half of the work."""
-_of_three = part("float64(float64, float64, float64)")
+_of_three = njit("float64(float64, float64, float64)", cache=True, error_model="numpy", nogil=True,
+                 no_cfunc_wrapper=True, no_cpython_wrapper=True)
 
 
 @_of_three

@@ -17,7 +17,6 @@ from lfportrait.errors import UserError
 from lfportrait.face import segmentation
 from lfportrait.media.pictures import read_image
 from lfportrait.models import ModelFile
-from tests.tflite_files import TfliteFile, convolution
 
 REGISTRY = {name: models.registry()[name] for name in (
     "person-segmentation", "hair-segmentation", "multiclass-segmentation")}
@@ -43,6 +42,8 @@ def six_parts(confidences=False, classes=6):
     Logit ``c`` is highest where red is ``c / 5``; it works at half size and is resized, like the
     real one.
     """
+    from tests.tflite_files import TfliteFile, convolution
+
     file = TfliteFile()
     x, out = file.tensor(1, 256, 256, 3), file.tensor(1, 256, 256, classes)
     small, logits = file.tensor(1, 128, 128, 3), file.tensor(1, 128, 128, classes)
@@ -114,6 +115,8 @@ def test_another_number_of_classes_is_refused(shelf):
 
 def constant(channels, bias):
     """A network whose output is the same everywhere."""
+    from tests.tflite_files import TfliteFile, convolution
+
     file = TfliteFile()
     x, out = file.tensor(1, 256, 256, channels), file.tensor(1, 256, 256, len(bias))
     convolution(file, x, np.zeros((len(bias), 1, 1, channels), np.float32), np.float32(bias), out)

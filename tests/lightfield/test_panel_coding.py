@@ -56,7 +56,7 @@ def test_the_kernels_take_eyes_and_places_from_the_display(name):
 
 @pytest.mark.parametrize("name", PANELS)
 def test_continuous_coding_casts_the_display_s_rays(name):
-    field = shell_field(basis=4, size=20, density=40.0)
+    field = shell_field(size=20, density=40.0)
     display = PANELS[name]
     mask = ViewMask.build(display, cache=False)
     config = EncodeConfig(blend="continuous", background=0.2, method="direct")
@@ -77,10 +77,10 @@ def test_continuous_coding_casts_the_display_s_rays(name):
 @pytest.mark.parametrize("name", PANELS)
 def test_both_methods_agree_between_the_views(name):
     """Thin, so that the methods' steps matter little; colors turn with the view and the place."""
-    field = shell_field(basis=4, size=32, density=60.0)
+    field = shell_field(size=32, density=60.0)
     field.density[:] = 8.0
     points = field.lattice_points()
-    sh = np.zeros((len(points), 3, 4))
+    sh = np.zeros((len(points), 3, 9))
     sh[..., 0] = 1.2 * np.sin(9 * points)
     sh[..., 3] = 0.8
     field = field.with_sh(sh)

@@ -56,20 +56,21 @@ def test_the_eye_sees_the_right_view_at_nine_places(lpi, dpi, size):
     image = encode(field, display, config, mask=ViewMask.build(display, cache=False))
     # Nearer to the edge of the viewing angle an eye sees something of the other edge, too.
     views = [round(place) for place in np.linspace(0.1, 0.9, 9) * (display.views - 1)]
-    rendered = [render_view(field, display, view, config) / 255.0 for view in views]
+    rendered = [render_view(field, display, view, config) for view in views]
+    # Every third row tells as much as all of them.
+    some = [picture[::3] / np.float32(255) for picture in rendered]
     for number, view in enumerate(views):
-        seen = simulate(image, display, (display.eyes()[view],))
-        scores = [psnr(seen, other) for other in rendered]
+        seen = simulate(image, display, (display.eyes()[view],))[::3]
+        scores = [psnr(seen, other) for other in some]
         assert scores[number] > 28 and int(np.argmax(scores)) == number
         # The quicker eye of the preview agrees: a lens at a time.
         lenses = through_lenses(image, display, display.eyes()[view])[:, 1:-1]
-        target = through_lenses((255 * rendered[number] + 0.5).astype(np.uint8), display,
-                                display.eyes()[view])[:, 1:-1]
+        target = through_lenses(rendered[number], display, display.eyes()[view])[:, 1:-1]
         assert psnr(lenses, target) > 28
 
 
 def test_every_pixel_is_a_ray_of_its_own_direction():
-    field = shell_field(size=32, basis=4)
+    field = shell_field(size=32)
     sheet = PrintSheet.of(PrintConfig(lpi=60.12, dpi=720, size="25x25mm", **PLAIN))
     display, config = sheet.display, EncodeConfig(blend="continuous", depth_scale=0.3)
     rows = encode_rows(field, display, config, 300, 4)
@@ -86,7 +87,7 @@ def test_every_pixel_is_a_ray_of_its_own_direction():
 @pytest.mark.parametrize("method", ["slices", "direct"])
 @pytest.mark.parametrize("name", ["print", "slanted", "lookingglass-go", "lookingglass-16-2024"])
 def test_rows_are_those_of_the_whole_picture(method, name):
-    field = shell_field(size=24, basis=4)
+    field = shell_field(size=24)
     if name in ("print", "slanted"):
         display = PrintSheet.of(PrintConfig(lpi=30, dpi=120, size="30x40mm", **PLAIN,
                                             slant=3.0 if name == "slanted" else 0.0)).display
