@@ -1,11 +1,22 @@
 """A head is fitted to landmarks and a surface in space."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait import models
-from lfportrait.face.capture_head import METRES, _without_lean, fit_in_space, fit_to_surface
+from lfportrait.face.capture_head import (
+    LONG,
+    METRES,
+    _ears,
+    _without_lean,
+    fit_in_space,
+    fit_to_surface,
+    lengthened,
+    proportion,
+)
 from lfportrait.face.head_prior import generic_prior, head_prior, with_normals
 
 
@@ -64,6 +75,24 @@ def test_thick_hair_does_not_lift_the_skull(prior, sitter):
     assert np.abs(found - bald)[crown].mean() * METRES < 0.008
 
 
+def test_a_short_skull_is_lengthened_behind_the_ears(prior):
+    mean = prior.mean.astype(np.float64)
+    mean[:, 2] = np.where(mean[:, 2] < -0.02, -0.02 + 0.85 * (mean[:, 2] + 0.02), mean[:, 2])
+    short = replace(prior, mean=mean.astype(np.float32))
+    length, breadth = proportion(short, mean)
+    assert length < 1.22 * breadth
+    found = lengthened(short)
+    length, width = proportion(found, found.mean.astype(np.float64))
+    assert length / width == pytest.approx(LONG, abs=0.01) and width == breadth
+    front = (mean[:, 2] > -0.018) | _ears(short)
+    assert np.array_equal(found.mean[front], short.mean[front])
+    assert found.mean[:, 2].min() < mean[:, 2].min() - 0.008
+    # A skull that is long by itself stays.
+    mean[:, 2] *= 1.3
+    long = replace(prior, mean=mean.astype(np.float32))
+    assert np.array_equal(lengthened(long).mean, long.mean)
+
+
 def test_without_a_statistical_head_nothing_is_fitted(monkeypatch, prior, sitter):
     monkeypatch.setattr(models, "available", lambda name: False)
     nothing = np.zeros((0, 3))
@@ -83,6 +112,16 @@ def test_the_installed_head_has_its_ears_where_ears_are():
     assert ears[:, 2].mean() < landmarks[[0, 16], 2].mean()
     assert (ears[:, 0] > 0).mean() == pytest.approx(0.5, abs=0.02)
     assert np.abs(ears[:, 0]).max() == pytest.approx(np.abs(found.points[:, 0]).max(), abs=0.01)
+
+
+@pytest.mark.skipif(not models.available("head"), reason="no statistical head is installed")
+def test_the_installed_head_is_as_long_as_heads_are():
+    head = head_prior()
+    landmarks = head.mean[head.landmarks].astype(np.float64) / METRES
+    nothing = np.zeros((0, 3))
+    found = fit_to_surface(landmarks, nothing, nothing, np.zeros(0))
+    length, breadth = proportion(head, found.points)
+    assert 1.24 < length / breadth < 1.32
 
 
 @pytest.mark.skipif(not models.available("head"), reason="no statistical head is installed")

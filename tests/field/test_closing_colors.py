@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from lfportrait.field.closing.colors import continued_colors, hair_cells
+from lfportrait.field.closing.colors import (
+    continued_colors,
+    continued_in_shade,
+    hair_cells,
+    shade_of,
+)
 from lfportrait.field.geometry.chart import Chart
 
 ROWS, COLUMNS = 90, 120
@@ -114,3 +119,49 @@ def test_hair_beyond_the_photos_has_strands_and_skin_is_plain():
     # Strands run down, over each other.
     rows = out[50:58][:, beyond[0]][hair[50:58][:, beyond[0]]].reshape(-1, beyond[0].sum(), 3)
     assert np.corrcoef(rows[0, :, 0], rows[-1, :, 0])[0, 1] > 0.9
+
+
+def lit(chart, towards=(0.15, 0.3, 0.3)):
+    """Unit normals of the head, and what a light makes of them."""
+    normals = chart.rays
+    return normals, np.exp(normals @ np.array(towards))[..., None]
+
+
+def test_skin_that_turns_away_from_the_light_is_dark_where_no_photo_looks():
+    chart, _ = head()
+    normals, light = lit(chart)
+    truth = 0.7 * LIGHT * light
+    well, bare = shown(chart), np.ones((ROWS, COLUMNS), bool)
+    given = np.where(well[..., None], truth, 0.0)
+    # Brows and lips are no shade.
+    given[40:43, 55:65] = 0.1
+    plain = continued_colors(given, well, 1.0, None)
+    found = continued_in_shade(given, well, 1.0, None, bare, normals)
+    beside = shown(chart, 100.0) & ~shown(chart, 60.0)
+    errors = [np.abs(part - truth)[beside].mean() for part in (plain, found)]
+    assert errors[1] < 0.6 * errors[0]
+    # What photos show stays.
+    inner = shown(chart, 35.0)
+    inner[36:47, 50:70] = False
+    assert np.abs(found - truth)[inner].max() < 0.02
+
+
+def test_no_skin_gets_darker_than_any_that_photos_show():
+    chart, _ = head()
+    normals, light = lit(chart, (0.0, 0.0, 1.5))
+    well = shown(chart)
+    shade = shade_of(LIGHT * light, well, normals)
+    assert shade.max() / shade.min() < 1.01 * light[well].max() / light[well].min()
+    assert np.ptp(shade_of(LIGHT * light, np.zeros_like(well), normals)) == 0.0
+
+
+def test_hair_has_no_shade_of_skin():
+    chart, distance = head()
+    normals, light = lit(chart, (0.5, 0.0, 0.0))
+    hair = heights(chart, distance) > 0.1
+    colors = np.where(hair[..., None], DARK, LIGHT * light)
+    well = shown(chart)
+    parts = colors, well, 1.0, hair
+    found = continued_in_shade(*parts, np.ones_like(hair), normals)
+    assert np.abs(found - continued_colors(*parts))[hair].max() < 0.02
+    assert not np.array_equal(found[~hair], continued_colors(*parts)[~hair])

@@ -4,9 +4,15 @@ Regularised least squares by Gauss-Newton steps over a similarity and the coeffi
 and expression: landmarks as they were triangulated, and vertices drawn to the planes of the surface
 that lies nearest (Chen and Medioni 1992), both with Huber's weights (1964). Under hair the skull is
 free to lie deeper.
+
+Photos of a narrow arc show how wide a head is, and next to nothing of how long. There the model's
+mean decides, and ICT-FaceKit's is 1.22 times as long as wide. Before it is fitted it is lengthened
+behind the ears to what the generic head has, an average adult's.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -40,6 +46,10 @@ _LOWEST = -0.105
 """Height in the model below which a neck is not looked at."""
 _EAR = ((0.060, 0.120), (-0.0225, 0.0365), (-0.0185, 0.0175))
 """Where ICT-FaceKit's mean head has its ears: |x|, y and z in metres."""
+LONG = 1.27
+"""Length of a skull over its breadth, that of the generic head (`lfportrait.face.generic_head`)."""
+_BROW, _ABOVE_BROWS = slice(19, 25), 0.005
+"""Landmarks of the brows, and metres above them from which on a skull is measured."""
 ROUNDS = 12
 
 
@@ -52,9 +62,43 @@ def fit_to_surface(landmarks: Float64, points: Float64, normals: Float64, trust:
     """
     if not models.available("head"):
         return None
-    prior = head_prior()
+    prior = lengthened(head_prior())
     return FittedHead(fit_in_space(prior, landmarks, points, normals, trust), prior.triangles,
                       _ears(prior))
+
+
+def proportion(prior: HeadPrior, points: Float64) -> tuple[float, float]:
+    """Length and breadth of a skull above its brows, without ears.
+
+    Parameters
+    ----------
+    points : float64 [N, 3], the model's vertices in its own frame, or moved and scaled.
+
+    Returns
+    -------
+    length, breadth : In the points' unit.
+    """
+    breadth, _, length = np.ptp(points[_skull(prior)], axis=0)
+    return float(length), float(breadth)
+
+
+def lengthened(prior: HeadPrior) -> HeadPrior:
+    """A model whose mean is as long for its breadth as usual (`LONG`); a longer one stays.
+
+    What lies behind the ears is drawn backwards, in proportion to how far behind it lies.
+    """
+    mean = prior.mean.astype(np.float64)
+    length, breadth = proportion(prior, mean)
+    behind = np.minimum(mean[:, 2] - _EAR[2][0], 0.0)
+    more = max(LONG * breadth - length, 0.0) / max(-float(behind[_skull(prior)].min()), 1e-9)
+    mean[:, 2] += more * behind
+    return replace(prior, mean=mean.astype(np.float32))
+
+
+def _skull(prior: HeadPrior) -> Bool:
+    """Which of a model's vertices are its skull's above the brows, [N]."""
+    above = float(prior.mean[prior.landmarks[_BROW], 1].mean()) + _ABOVE_BROWS
+    return np.asarray(prior.mean[:, 1] > above) & ~_ears(prior)
 
 
 def _ears(prior: HeadPrior) -> Bool:

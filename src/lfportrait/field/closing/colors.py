@@ -10,6 +10,13 @@ and not that of its face; where no photo looks, hair goes on as it does beside w
 further on as on most heads (`lfportrait.field.surface`). A head whose crown has the face's color
 has no border that colors would have to keep to.
 
+A membrane that hangs from a lit cheek is as bright below the jaw. But skin is the darker the more
+it turns away from the light, and what photos show of a face tells where that is: the logarithm of
+its lightness is nearly linear in its normal (the first order of spherical harmonics, most of what
+light does to a matt surface; Ramamoorthi and Hanrahan 2001). So colors go on without this shade,
+and it is laid on where they come to lie; no part gets lighter or darker than the shades that photos
+show.
+
 Photos of a narrow arc look at a point from nearly one direction. They say what color it has from
 there, and how that changes a little to the sides; but a training spreads what it learns over all
 coefficients alike, so that the mean over all directions, the zeroth coefficient, stays near the
@@ -43,6 +50,15 @@ STRANDS = 3.0
 """Sigma, in cells, of the colors that the detail of hair is what is left of."""
 GRAIN = 0.8
 """Sigma, in cells, of what in that detail is noise."""
+_DARK = 0.05
+"""Lightness below which nothing tells how light falls."""
+_SHADE_PRICE = 1e-3
+"""Of the square of what shade changes with a normal, over the mean square error."""
+_OTHER = 0.1
+"""Logarithm of lightness by which a cell is of another color, and counts half."""
+_EXTREME = 0.05
+"""Share of the cells that are lighter, and that are darker, than any shade that is laid on."""
+_ROUNDS = 6
 
 
 def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,
@@ -66,6 +82,47 @@ def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,
     detail = smoothed(colors, shown, GRAIN) - smoothed(colors, shown, STRANDS)
     out[hair] += _mirrored(detail, shown)[hair]
     return out
+
+
+def continued_in_shade(colors: Float64, well: Bool, upwards: Float64 | float, hair: Bool | None,
+                       bare: Bool, normals: Float64) -> Float64:
+    """The same, skin as dark as its normals make it.
+
+    Parameters
+    ----------
+    colors, well, upwards, hair : As for `continued_colors`.
+    bare : bool [V, U], cells that are no clothes.
+    normals : float64 [V, U, 3], of unit length.
+    """
+    skin = bare if hair is None else bare & ~hair
+    shade = shade_of(colors, well & skin, normals)[..., None]
+    if hair is not None:
+        shade[hair] = 1.0
+    return shade * continued_colors(colors / shade, well, upwards, hair)
+
+
+def shade_of(colors: Float64, skin: Bool, normals: Float64) -> Float64:
+    """How bright a surface's normals make it, float64 [V, U], over what lies on the average.
+
+    Parameters
+    ----------
+    colors, normals : float64 [V, U, 3], sRGB in [0, 1], and unit normals.
+    skin : bool [V, U], cells of one material that photos show well.
+    """
+    if skin.sum() < _FEW:
+        return np.ones(skin.shape)
+    facing = normals[skin]
+    light = np.log(np.maximum(colors[skin].mean(axis=-1), _DARK))
+    rows = np.column_stack([np.ones(len(facing)), facing])
+    price = _SHADE_PRICE * len(rows) * np.diag([0.0, 1.0, 1.0, 1.0])
+    weight, found = np.ones(len(rows)), np.zeros(4)
+    for _ in range(_ROUNDS):
+        weighted = rows * weight[:, None]
+        found = np.linalg.solve(weighted.T @ rows + price, weighted.T @ light)
+        # Brows, lips and stubble have another color.
+        weight = 1.0 / (1.0 + ((light - rows @ found) / _OTHER) ** 2)
+    low, high = np.quantile(facing @ found[1:], (_EXTREME, 1.0 - _EXTREME))
+    return np.asarray(np.exp(np.clip(normals @ found[1:], low, high)), np.float64)
 
 
 def _mirrored(detail: Float64, shown: Bool) -> Float64:

@@ -32,7 +32,7 @@ from ..geometry.chart import (
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
-from .colors import NAPE, continued_colors, hair_cells, usual_hair
+from .colors import NAPE, continued_in_shade, hair_cells, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
@@ -227,7 +227,8 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
         there &= ~hair
     colors, share = photo_colors(photos, chart, whole, np.nan_to_num(colors), np.asarray(there))
     own |= share > SURELY
-    paint = continued_colors(colors, own, upwards, hair)
+    bare = np.broadcast_to((chart.axis[:, 1] > NECK)[:, None], gap.shape)
+    paint = continued_in_shade(colors, own, upwards, hair, bare, normal)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True,
                   ears=guess.ears,
