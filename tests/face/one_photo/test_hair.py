@@ -79,6 +79,14 @@ def test_hair_lies_on_the_chest(long):
         assert skin - 0.12 < before < skin + 0.17, height
 
 
+@pytest.mark.parametrize("x", [-0.5, -0.42, 0.42, 0.5])
+def test_hair_beside_a_face_falls_straight(long, x):
+    # Neither towards the mouth, where a jaw's middle is, nor back to the neck at once.
+    front = np.array([ends(long, x, y)[0] for y in np.arange(0.2, -0.95, -0.1)])
+    assert np.diff(front).max() < 0.05
+    assert np.diff(front).min() > -0.11
+
+
 def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
     x, y = np.meshgrid(np.linspace(-0.7, 0.7, 57), np.linspace(-0.7, -0.62, 9))
     z = np.linspace(-1.2, 1.2, 97)

@@ -32,6 +32,9 @@ LOCK = 0.030 / METRES
 """How far before neck and body hair lies at most."""
 JAW, END = 0.045, -0.015
 """Heights (metres, `HeadPrior.rest`) between which hair of the head becomes hair of the neck."""
+EARS = 0.095
+"""Height (metres, `HeadPrior.rest`) below which a head says nothing of where hair hangs: the middle
+of its jaw lies in front of the skull's and of the neck's."""
 NAPE = -0.36
 """Height below which hair that hangs down beside the neck hangs down behind, too."""
 RIM = 0.045
@@ -43,6 +46,8 @@ HANGING = 0.05 / METRES
 """Bends of less than twice this height are bridged by hair that hangs down."""
 EVEN = 0.08
 """Over how much hair behind the neck and the body is even, portrait units."""
+FALL = 0.45
+"""How much farther back, of the way down, hair hangs at most."""
 CURVE = 0.10
 """How much farther down the middle hair behind ends than at the sides, portrait units."""
 
@@ -50,6 +55,7 @@ CURVE = 0.10
 class Neck(NamedTuple):
     """Where the neck is in the picture."""
 
+    ears: float  # Row of the middle of the ears.
     jaw: float  # Row of the jaw's corners.
     end: float  # Row of the neck's end.
     left: float  # Its outermost columns.
@@ -60,17 +66,29 @@ class Neck(NamedTuple):
     def of(parts: Parts, samples: MeshSamples) -> Neck:
         """The neck of a head."""
         rings = []
-        for height in (JAW, END):
+        for height in (EARS, JAW, END):
             ring = samples.points[np.abs(samples.rest[:, 1] - height) < 0.0015]
             rings.append(parts.places(ring))
-        (jaw, _), (end, depth) = rings
-        return Neck(float(jaw[0].mean()), float(end[0].mean()), float(end[1].min()),
-                    float(end[1].max()), 0.5 * float(depth.min() + depth.max()))
+        (ears, _), (jaw, _), (end, depth) = rings
+        return Neck(float(ears[0].mean()), float(jaw[0].mean()), float(end[0].mean()),
+                    float(end[1].min()), float(end[1].max()),
+                    0.5 * float(depth.min() + depth.max()))
 
-    def share(self, rows: int) -> Float64:
-        """How much each row is the neck's, or the body's, [rows, 1]: 0 to 1."""
-        way = np.clip((np.arange(rows) - self.jaw) / max(self.end - self.jaw, 1.0), 0, 1)
+    def share(self, rows: int, start: float | None = None) -> Float64:
+        """How much each row is the neck's, or the body's, [rows, 1]: 0 to 1.
+
+        ``start`` is the last row that is the head's alone, the jaw's without it.
+        """
+        first = self.jaw if start is None else start
+        way = np.clip((np.arange(rows) - first) / max(self.end - first, 1.0), 0, 1)
         return np.asarray((way * way * (3 - 2 * way))[:, None])
+
+    def middle(self, near: Float64, far: Float64) -> Float64:
+        """The depth [h, w] around which hair lies: the skull's, and from there down the neck's."""
+        rows = np.arange(len(near))[:, None]
+        known = np.where(rows <= self.ears, 0.5 * (near + far), np.nan)
+        out = cv2.GaussianBlur(filled(known, 6.0), (0, 0), 8.0)
+        return np.asarray(out + self.share(len(near), self.ears) * (self.depth - out), np.float64)
 
 
 def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bools, neck: Neck,
@@ -88,8 +106,7 @@ def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bools, neck: 
     """
     near, far = head
     share = neck.share(len(near))
-    middle = np.asarray(cv2.GaussianBlur(filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
-    middle += share * (neck.depth - middle)
+    middle = neck.middle(near, far)
     person = parts.inside > 0
     hair = parts.hair & person
     before, behind = _under(head, share, body)
@@ -165,9 +182,20 @@ def _hung(parts: Parts, hair: Bools, middle: Float64, thick: Float64) -> Float64
     known = hair.astype(np.float64)
     even = ndimage.gaussian_filter1d(np.where(hair, straight, 0.0), 0.25 * reach, axis=0)
     even /= np.maximum(ndimage.gaussian_filter1d(known, 0.25 * reach, axis=0), 1e-6)
+    even = np.maximum(even, _falling(np.maximum(even, ahead), hair, FALL * parts.cell))
     more = np.maximum(np.maximum(even, ahead) - ahead, 0)
     way = np.clip(parts.inside * parts.cell / (2 * RAMP), 0, 1)
     return np.where(hair, thick + way * way * (3 - 2 * way) * more, thick)
+
+
+def _falling(ahead: Float64, hair: Bools, slope: float) -> Float64:
+    """How far ahead [h, w] hair is at least that falls from what lies above, row by row."""
+    out = np.where(hair, ahead, -1e3)
+    for row in range(1, len(out)):
+        # A lock is a few cells wide: what falls beside its edge goes on there.
+        above = ndimage.maximum_filter1d(out[row - 1], 3)
+        out[row] = np.where(hair[row], np.maximum(out[row], above - slope), -1e3)
+    return out
 
 
 def _back(parts: Parts, domain: Bools, middle: Float64, behind: Float64, last: float,

@@ -21,7 +21,7 @@ from ...field import C0
 from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
-from .solid import HAIR, WORN
+from .solid import HAIR, HEAD, WORN
 from .strands import strand_contrast, strands
 
 __all__ = ["Shot", "painted"]
@@ -58,17 +58,21 @@ class Shot:
     colors: Float32  # float32 [H, W, 3] in [0, 1], the person's alone (`clean_colors`).
     # float32 [H, W], 1 in hair, 0 elsewhere, in between along a hairline; or None.
     hair: Float32 | None = None
+    # float32 [H, W], how much it shows something else where skin lies (`not_skin`); or None.
+    other: Float32 | None = None
 
     @staticmethod
-    def of(camera: Camera, colors: Float32, hair: Float32 | None) -> Shot:
+    def of(camera: Camera, colors: Float32, hair: Float32 | None, other: Float32 | None = None,
+           ) -> Shot:
         """A photo whose hairlines are made as wide as hair and skin mix there."""
         if hair is None or not (hair > 0.5).any():
-            return Shot(camera, colors)
+            return Shot(camera, colors, None, other)
         pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         mask = (hair > 0.5).astype(np.uint8)
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
-        return Shot(camera, colors, np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32))
+        soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
+        return Shot(camera, colors, soft, other)
 
     def contrast(self) -> Float64:
         """How strong strands of hair are in it (`strand_contrast`)."""
@@ -76,10 +80,12 @@ class Shot:
         unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
         return strand_contrast(self.colors, self.hair > 0.99, unit)
 
-    def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float) -> Look:
+    def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float,
+             skin: Bools | None = None) -> Look:
         """What the photo shows of places [N, 3].
 
-        ``depth`` [h, w] is the solid's in the photo, of any size.
+        ``depth`` [h, w] is the solid's in the photo, of any size; ``skin`` bool [N] where nothing
+        but skin counts.
         """
         pixels, far = self.camera.project(points)
         pixels, far = pixels[0], far[0]
@@ -95,8 +101,11 @@ class Shot:
         within = (small >= 0).all(axis=1) & (small < np.array(depth.shape[::-1])).all(axis=1)
         small = np.clip(small, 0, np.array(depth.shape[::-1]) - 1)
         seen = within & (far < depth[small[:, 1], small[:, 0]] + 3.0 * voxel)
-        return Look(colors.astype(np.float64), hair.astype(np.float64),
-                    np.where(seen, share * share * (3 - 2 * share), 0.0), np.clip(cosine, 0, 1))
+        weight = np.where(seen, share * share * (3 - 2 * share), 0.0)
+        if self.other is not None and skin is not None:
+            weight *= 1 - np.where(skin, Parts.at(self.other, at), 0.0)
+        return Look(colors.astype(np.float64), hair.astype(np.float64), weight,
+                    np.clip(cosine, 0, 1))
 
 
 class Look(NamedTuple):
@@ -147,19 +156,20 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     hair : uint8 [N], how much of a point is hair (255: all of it); None if there is none.
     """
     points, normals = shell.on, shell.normals
-    bare = shell.field(np.zeros((len(points), 3, 1), np.float32))
-    bare.density[shell.owner == WORN] = 0.0  # the photos are without it
+    unworn = shell.field(np.zeros((len(points), 3, 1), np.float32))
+    unworn.density[shell.owner == WORN] = 0.0  # the photos are without it
     own, other = _Mean(len(points)), _Mean(len(points))
-    mirror = np.array([-1.0, 1.0, 1.0])
+    mirror, skin = np.array([-1.0, 1.0, 1.0]), shell.owner == HEAD
     for shot in shots:
         factor = min(1.0, 1.0 / (shell.voxel * float(shot.camera.focal[0, 0])
                                  / float(np.linalg.norm(shot.camera.position[0]))))
         small = shot.camera.scaled(factor)
-        alpha, depth = bare.depth(small, 0)
+        alpha, depth = unworn.depth(small, 0)
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
         with ThreadPoolExecutor(2) as pool:
-            coming = pool.submit(shot.look, points * mirror, normals * mirror, near, shell.voxel)
-            look = shot.look(points, normals, near, shell.voxel)
+            coming = pool.submit(shot.look, points * mirror, normals * mirror, near, shell.voxel,
+                                 skin)
+            look = shot.look(points, normals, near, shell.voxel, skin)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
@@ -172,10 +182,13 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     photo, mirrored = own.colors, other.colors
     weight, known = own.pure(hair), other.pure(hair)
     fill = np.empty_like(photo)
-    for part in (hair, ~hair):
+    # What a body wears is seen on no cheek, but necks go on in skin.
+    bare = skin & ~hair
+    for part, source in ((hair, hair), (bare, bare), (~hair & ~skin, ~hair)):
         if part.any():
-            fill[part] = _filled(points[part], photo[part], weight[part], mirrored[part],
-                                 known[part])
+            found = _filled(points[source], photo[source], weight[source], mirrored[source],
+                            known[source])
+            fill[part] = found[part[source]]
     if hair.any():
         # Short hair is too fine for them.
         length = np.clip((NAPE - np.percentile(points[hair, 1], 1)) / STRANDS, 0, 1)

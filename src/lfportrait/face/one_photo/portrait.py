@@ -36,6 +36,7 @@ from .paint import Shot, painted
 from .parts import FUZZ, Parts, clean_colors, clean_hair, ground_in_hair, parts_of, signed_distance
 from .piece import METRES
 from .samples import MeshSamples, depth_maps
+from .skin import not_skin
 from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
@@ -244,7 +245,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
     wires, images = _bare(capture, fit, pictures, local, samples)
-    shots = [_shot(capture, view, images[view], pictures[view].hair)
+    shots = [_shot(capture, view, images[view], pictures[view], samples)
              for view in range(len(capture))]
     seconds = 0.0
     if points > ROUGH:
@@ -270,15 +271,18 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     return field, figures
 
 
-def _shot(capture: Capture, view: int, image: NDArray[np.uint8], hair: Float32 | None) -> Shot:
+def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Picture,
+          samples: MeshSamples) -> Shot:
     """A photo that colors the head; ``image`` is it without spectacles."""
     assert capture.alphas is not None
+    hair, fuzz = picture.hair, None
     camera, matte = capture.cameras[view], capture.alphas[view] / np.float32(255)
-    fuzz = None
     if hair is not None and not _cut_out(capture, view):
         width = FUZZ * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         fuzz = ground_in_hair(image, matte, hair, width)
-    return Shot.of(camera, clean_colors(image, matte, fuzz), hair)
+    colors = clean_colors(image, matte, fuzz)
+    other = not_skin(colors, hair, picture.landmarks, camera, samples)
+    return Shot.of(camera, colors, hair, other)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,

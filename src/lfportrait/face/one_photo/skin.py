@@ -1,0 +1,152 @@
+"""Where a photo shows the sides of a face, and where something before or beside them.
+
+No fitted cheek ends exactly where the photo's does: beyond it the photo shows a collar, hair or the
+ground, and before it earrings. On the head that would be stains, once more on the mirrored side.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Camera
+from .samples import MeshSamples
+from .solid import STANDS, standing_out
+
+__all__ = ["not_skin"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+CELL = 0.012
+"""Width of a cell at the head, portrait units (2.5 mm)."""
+SQUARE = 0.6
+"""Cosine of incidence from which on what lies before the ears is face for sure."""
+FRONT = 0.030
+"""Depth (metres, `HeadPrior.rest`): what lies farther in front is face for sure, if the photo
+looks at it squarely."""
+SIDE = np.array([(0.080, 0.068), (0.100, 0.050)])
+"""Heights and depths (metres, `HeadPrior.rest`): what lies farther behind may be hidden by
+something. Beside the eyes that is farther behind than on the cheeks."""
+UNDER = 0.042
+"""How far from the middle (metres, `HeadPrior.rest`) no shadow of the chin lies."""
+LOWEST, CHIN, HIGHEST = -0.03, -0.004, 0.150
+"""Heights (metres, `HeadPrior.rest`) between which the sides of a face and of the neck are, and
+where the neck begins. In front that may be clothed."""
+AROUND = 0.045
+"""How far around skin is compared, portrait units."""
+UNLIKE = 10.0
+"""Difference in CIELAB, its lightness by `LIGHTNESS`, from which on it is not the same skin."""
+LIGHTNESS = 0.6
+WIDE, FAR, FAINT = 0.15, 14.0, 0.5
+"""How far the face around is looked at, portrait units; difference from it from which on no shade
+makes it unlike it, its lightness by so much less."""
+BORDER = 0.024
+"""How wide the two mix in a photo, portrait units."""
+
+
+def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Float64,
+             camera: Camera, samples: MeshSamples) -> Float32:
+    """How much the photo shows something else where the sides of a face lie, float32 [H, W].
+
+    Skin is followed from the face outwards, as far as it is like what lies around it.
+
+    Parameters
+    ----------
+    colors : float32 [H, W, 3] in [0, 1], the person's alone (`clean_colors`).
+    hair : [H, W] in [0, 1], or None.
+    landmarks : float64 [68, 2] in pixels.
+    camera : The photo's.
+    samples : Of the head, in the camera's world.
+    """
+    unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
+    small = camera.scaled(min(1.0, 1.0 / (CELL * unit)))
+    width, height = int(small.width[0]), int(small.height[0])
+    cell = float(np.linalg.norm(small.position[0]) / small.focal[0, 0])
+    rest, cosine = _nearest(small, samples)
+    reduced = cv2.resize(colors, (width, height), interpolation=cv2.INTER_AREA)
+    lab = np.asarray(cv2.cvtColor(reduced, cv2.COLOR_RGB2LAB), np.float32)
+    lab[..., 0] *= LIGHTNESS
+    curls = np.zeros((height, width), bool) if hair is None else cv2.resize(
+        np.asarray(hair, np.float32), (width, height), interpolation=cv2.INTER_AREA) > 0.25
+    ears = (standing_out(rest.reshape(-1, 3)) > STANDS).reshape(height, width)
+    there = np.isfinite(cosine) & ~curls & ~ears
+    there &= (rest[..., 1] > LOWEST) & (rest[..., 1] < HIGHEST)
+    there &= ~_features(landmarks * np.array([width, height]) / np.array(colors.shape[1::-1]),
+                        (height, width))
+    side = (rest[..., 2] < np.interp(rest[..., 1], *SIDE.T)) & (np.abs(rest[..., 0]) > UNDER)
+    there &= (rest[..., 1] > CHIN) | (cosine < SQUARE)
+    sure = there & (cosine > SQUARE) & (rest[..., 2] > FRONT)
+    away = lab - _mean(lab, sure, WIDE / cell)
+    away[..., 0] *= FAINT
+    far = np.linalg.norm(away, axis=2)
+    skin = _followed(lab, sure, there & ~sure & (far < FAR), AROUND / cell)
+    other = (there & ~skin & side).astype(np.uint8)
+    reach = max(1, round(BORDER / cell))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    other = cv2.dilate(cv2.morphologyEx(other, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)), disc)
+    soft = cv2.GaussianBlur(other.astype(np.float32), (0, 0), 0.7)
+    return np.asarray(np.clip(cv2.resize(soft, colors.shape[1::-1]), 0, 1), np.float32)
+
+
+def _nearest(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:
+    """Where the head's nearest samples lie on the mean head [h, w, 3], and cosines of incidence.
+
+    NaN beside the head.
+    """
+    pixels, depth = camera.project(samples.points)
+    column, row = np.floor(pixels[0]).astype(np.int64).T
+    width, height = int(camera.width[0]), int(camera.height[0])
+    within = np.flatnonzero((column >= 0) & (column < width) & (row >= 0) & (row < height))
+    order = within[np.argsort(-depth[0][within])]  # the nearest one is written last
+    which = np.full((height, width), -1)
+    which[row[order], column[order]] = order
+    known = which >= 0
+    closed = ndimage.binary_closing(known, np.ones((3, 3)))
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    which = np.where(closed, which[tuple(nearest)], -1)
+    to_eye = camera.position[0] - samples.points
+    to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
+    cosine = (to_eye * samples.normals).sum(axis=1)
+    seen = which >= 0
+    return (np.where(seen[..., None], samples.rest[which], np.nan),
+            np.where(seen, cosine[which], np.nan))
+
+
+def _features(landmarks: Float64, shape: tuple[int, int]) -> Bools:
+    """Brows, eyes and mouth, bool [h, w]; they are not like the skin around them."""
+    out = np.zeros(shape, np.uint8)
+    for part, more in (((17, 22), 1.3), ((22, 27), 1.3), ((36, 42), 1.6), ((42, 48), 1.6),
+                       ((48, 60), 1.2)):
+        corners = landmarks[slice(*part)]
+        middle = corners.mean(axis=0)
+        hull = cv2.convexHull(np.rint(middle + more * (corners - middle)).astype(np.int32))
+        cv2.fillConvexPoly(out, hull, 1)
+    return out > 0
+
+
+def _followed(lab: Float32, sure: Bools, asked: Bools, sigma: float) -> Bools:
+    """What of the asked places [h, w] continues those that are sure, place by place outwards."""
+    known = sure.copy()
+    left = asked.copy()
+    for _ in range(sum(lab.shape[:2])):
+        ring = left & ndimage.binary_dilation(known, np.ones((3, 3)))
+        if not ring.any():
+            break
+        like = np.linalg.norm(lab - _mean(lab, known, sigma), axis=2) < UNLIKE
+        fresh = ring & like
+        if not fresh.any():
+            break
+        known |= fresh
+        left &= ~fresh
+    return known
+
+
+def _mean(values: Float32, known: Bools, sigma: float) -> Float32:
+    """Means [h, w, 3] of the known values around places, which is half as far as ``sigma``."""
+    sums = cv2.GaussianBlur(np.dstack([values * known[..., None], known.astype(np.float32)]),
+                            (0, 0), 0.5 * sigma)
+    return np.asarray(sums[..., :3] / np.maximum(sums[..., 3:], 1e-9), np.float32)

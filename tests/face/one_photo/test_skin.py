@@ -1,0 +1,70 @@
+"""The sides of a face that a photo shows, and what it shows before and beside them."""
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.paint import Shot
+from lfportrait.face.one_photo.piece import METRES
+from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.skin import not_skin
+
+SIDE = 320
+SKIN = np.float32([0.82, 0.62, 0.52])
+
+
+@pytest.fixture(scope="module")
+def head() -> tuple[Camera, MeshSamples, np.ndarray]:
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] -= points[:, 2].mean()
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=700.0,
+                        target=(0, 0, 0), pitch=0.0)
+    landmarks = camera.project(points[prior.landmarks])[0][0]
+    return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
+
+
+def shaded() -> np.ndarray:
+    """Skin that is darker by a half on one side of the picture than on the other."""
+    light = np.linspace(1.0, 0.5, SIDE, dtype=np.float32)
+    return np.tile(light[None, :, None] * SKIN, (SIDE, 1, 1))
+
+
+def cheek(head: tuple[Camera, MeshSamples, np.ndarray]) -> tuple[int, int]:
+    """A pixel at the side of the right cheek, which the photo looks at in passing."""
+    camera, samples, _ = head
+    to_eye = camera.position[0] - samples.points
+    cosine = (samples.normals * to_eye).sum(axis=1) / np.linalg.norm(to_eye, axis=1)
+    place = (np.abs(samples.rest[:, 1] - 0.05) < 0.004) & (np.abs(cosine - 0.4) < 0.1)
+    place &= samples.rest[:, 0] > 0.03
+    column, row = camera.project(samples.points[place])[0][0].mean(axis=0)
+    return int(row), int(column)
+
+
+def test_shade_is_skin_and_what_lies_before_a_cheek_is_not(head):
+    camera, samples, landmarks = head
+    assert not_skin(shaded(), None, landmarks, camera, samples).max() == 0
+    row, column = cheek(head)
+    worn = shaded()
+    worn[row - 8:row + 8, column - 3:column + 20] = [0.9, 0.9, 0.95]
+    found = not_skin(worn, None, landmarks, camera, samples)
+    assert found[row, column] > 0.9
+    assert found[:, :column - 16].max() < 0.1, "the other cheek is skin"
+    assert found[:row - 20].max() < 0.1 and found[row + 20:].max() < 0.1
+
+
+def test_what_is_before_skin_colors_hair_and_body_alone(head):
+    camera, samples, landmarks = head
+    row, column = cheek(head)
+    worn = shaded()
+    worn[row - 8:row + 8, column - 3:column + 20] = [0.1, 0.1, 0.3]
+    other = not_skin(worn, None, landmarks, camera, samples)
+    shot = Shot.of(camera, worn, None, other)
+    origin, ray = camera.rays(0, np.array([[column + 0.5, row + 0.5]]))
+    point = origin + 4.0 * ray
+    towards = (origin - point) / np.linalg.norm(origin - point)
+    depth = np.full((SIDE, SIDE), 10.0)
+    for skin, least, most in ((True, 0.0, 0.1), (False, 0.99, 1.0)):
+        weight = shot.look(point, towards, depth, 0.02, np.array([skin])).weight[0]
+        assert least <= weight <= most
