@@ -256,6 +256,8 @@ def coarse_heads():
     forget()
 
 
+STAGES = "reconstruct", "encode", "transfer", "stylize", "mattes"
+"""Kernels are compiled in this order before the tests: two processes end at about the same time."""
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
@@ -331,5 +333,6 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     from lfportrait.job.warmup import FUNCTIONS, Warmup
     from lfportrait.progress import Progress
 
-    with Warmup(tuple(FUNCTIONS)) as warmup, Progress("kernels") as progress:
-        warmup.wait(tuple(FUNCTIONS), progress)
+    stages = sorted(FUNCTIONS, key=STAGES.index)
+    with Warmup(stages) as warmup, Progress("kernels") as progress:
+        warmup.wait(stages, progress)

@@ -22,6 +22,7 @@ from lfportrait.lightfield import (
     read_coded,
     simulate,
 )
+from lfportrait.lightfield.kernels.panel import _gather_rows
 from lfportrait.media.pictures import read_image
 from lfportrait.metrics import psnr
 
@@ -255,6 +256,8 @@ def test_a_coded_picture_becomes_a_quilt(tmp_path, panel):
     tiles = quilt_tiles(quilt, QuiltLayout(4, 3, 1.875))
     whole = np.stack(list(each_view(interlace(views, SMALL), SMALL, width=60, height=32)))
     assert np.array_equal(tiles, whole)
+    # Whether it was read or made: Numba tells arrays that can't be written to from others.
+    assert len(_gather_rows.signatures) == 1
     assert run("deinterlace", tmp_path / "coded.png", "--display", panel, "--out",
                tmp_path / "q_qs2x2a1.875.png", "--size", 120, 64, "--quiet") == 0
     assert read_image(tmp_path / "q_qs2x2a1.875.png").shape == (64, 120, 3)

@@ -214,7 +214,10 @@ def _ground(drop: Backdrop, placement: Placement, depth: float,
     shade, cell = _shade(drop, placement, depth, window, strength)
     planes = np.empty((3, len(rows), len(columns)), np.float32)
     steps = texel / cell
-    shade_ground(np.ascontiguousarray(picture), _folded(rows, picture.shape[0]),
+    picture = np.ascontiguousarray(picture).view()
+    # As those of files are; for others the kernel would be compiled once more.
+    picture.flags.writeable = False
+    shade_ground(picture, _folded(rows, picture.shape[0]),
                  _folded(columns, picture.shape[1]), shade,
                  (np.arange(len(rows)) * steps[1]).astype(np.float32),
                  (np.arange(len(columns)) * steps[0]).astype(np.float32), planes)

@@ -313,7 +313,9 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
     inner_width, inner_height = min(width, display.width), min(height, display.height)
     order = np.array([display.channel(place) for place in range(3)])
     at_once = max(1, min(count, _MEMORY // (24 * inner_width * inner_height)))
-    image = np.ascontiguousarray(image)
+    image = np.ascontiguousarray(image).view()
+    # As those of files are; for others the kernel would be compiled once more.
+    image.flags.writeable = False
     for first in range(0, count, at_once):
         shape = (min(at_once, count - first), inner_height, inner_width, 3)
         value, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
