@@ -86,12 +86,12 @@ def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,
 
 def continued_in_shade(colors: Float64, well: Bool, upwards: Float64 | float, hair: Bool | None,
                        bare: Bool, normals: Float64) -> Float64:
-    """The same, skin as dark as its normals make it.
+    """Colors [V, U, 3] everywhere, all but hair as dark as its normals make it.
 
     Parameters
     ----------
     colors, well, upwards, hair : As for `continued_colors`.
-    bare : bool [V, U], cells that are no clothes.
+    bare : bool [V, U], cells that are no clothes, and tell how light falls.
     normals : float64 [V, U, 3], of unit length.
     """
     skin = bare if hair is None else bare & ~hair
