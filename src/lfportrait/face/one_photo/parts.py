@@ -29,7 +29,7 @@ ON_TOP = 0.11
 """How thick hair lies on a crown that no photo shows, portrait units."""
 TREND = 0.10
 """Below a photo's upper edge, how far an outline tells where it goes on, portrait units."""
-FLATTEST, ROUND = 0.2, (1.7, 4.0)
+FLATTEST, ROUND = 0.2, (1.7, 2.8)
 """How tall at least what was cut off is, over half its width; powers of its outline: a parabola has
 2."""
 LEAST_HAIR = 0.06
