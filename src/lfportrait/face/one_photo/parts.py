@@ -34,6 +34,10 @@ FLATTEST, ROUND = 0.2, (1.7, 2.8)
 2."""
 LEAST_HAIR = 0.06
 """Hair covers at least this part of the area of a face, or there is none."""
+LINK = 0.06
+"""What hangs from hair by less than twice so much may be none, over a face's width."""
+OTHER_HAIR = 8.0
+"""Difference in CIELAB from which on that is not of the same hair."""
 UNLIKE = 14.0
 """Difference in CIELAB from which on what a network calls hair is not skin in the shade."""
 
@@ -107,6 +111,7 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
     if mask.sum() < LEAST_HAIR * width ** 2:
         return none
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    mask[_hung_on(mask, np.asarray(lab, np.float32), landmarks, width)] = 0
     cheeks = np.zeros(mask.shape, np.uint8)
     for corner in ((31, 2, 41), (35, 14, 46)):
         cv2.fillConvexPoly(cheeks, np.rint(landmarks[list(corner)]).astype(np.int32), 1)
@@ -115,6 +120,31 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
                                     - np.median(skin, axis=0)) < UNLIKE:
         return none
     return np.asarray(np.where(mask > 0, np.maximum(hair, 0.51), 0.0), np.float32)
+
+
+def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Float64,
+             width: float) -> Bools:
+    """What of a mask of hair [H, W] hangs from an ear, and is unlike the hair: an earring.
+
+    ``lab`` are colors [H, W, 3], ``width`` is that of the face in pixels.
+    """
+    radius = max(1, round(LINK * width))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    cores = cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(cores)
+    out = np.zeros(mask.shape, bool)
+    if count < 3:
+        return out
+    main = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    mean = lab[labels == main].mean(axis=0)
+    nose = landmarks[33, 1]
+    for one in range(1, count):
+        top, tall, wide = stats[one, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]]
+        within = (labels == one).astype(np.uint8)
+        if (top > nose + 0.1 * width and wide < 0.25 * width and wide < tall < 0.8 * width
+                and np.linalg.norm(lab[within > 0].mean(axis=0) - mean) > OTHER_HAIR):
+            out |= (cv2.dilate(within, disc) > 0) & (np.arange(len(mask))[:, None] >= top)
+    return out & (mask > 0) & (labels != main)
 
 
 def thin(rest: Bools, hair: Bools, reach: float) -> Bools:
