@@ -68,3 +68,15 @@ def test_what_is_before_skin_colors_hair_and_body_alone(head):
     for skin, least, most in ((True, 0.0, 0.1), (False, 0.99, 1.0)):
         weight = shot.look(point, towards, depth, 0.02, np.array([skin])).weight[0]
         assert least <= weight <= most
+
+
+def test_a_beard_that_goes_on_along_the_jaw_is_skin(head):
+    camera, samples, landmarks = head
+    row = int(cheek(head)[0])
+    bearded = shaded()
+    bearded[row - 4:] *= 0.25
+    assert not_skin(bearded, None, landmarks, camera, samples).max() < 0.1
+    beside = shaded()
+    column = int(landmarks[54, 0])
+    beside[row - 4:, column + 20:] *= 0.25
+    assert not_skin(beside, None, landmarks, camera, samples).max() > 0.9

@@ -25,8 +25,19 @@ CELL = 0.0075
 """Width of a cell at the head, portrait units (1.6 mm)."""
 MARGIN = 0.12
 """Of the grid around the photo, over its width."""
+ON_TOP = 0.11
+"""How thick hair lies on a crown that no photo shows, portrait units."""
+TREND = 0.10
+"""Below a photo's upper edge, how far an outline tells where it goes on, portrait units."""
+FLATTEST, ROUND = 0.2, (1.7, 2.8)
+"""How tall at least what was cut off is, over half its width; powers of its outline: a parabola has
+2."""
 LEAST_HAIR = 0.06
 """Hair covers at least this part of the area of a face, or there is none."""
+LINK = 0.06
+"""What hangs from hair by less than twice so much may be none, over a face's width."""
+OTHER_HAIR = 8.0
+"""Difference in CIELAB from which on that is not of the same hair."""
 UNLIKE = 14.0
 """Difference in CIELAB from which on what a network calls hair is not skin in the shade."""
 
@@ -100,6 +111,7 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
     if mask.sum() < LEAST_HAIR * width ** 2:
         return none
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    mask[_hung_on(mask, np.asarray(lab, np.float32), landmarks, width)] = 0
     cheeks = np.zeros(mask.shape, np.uint8)
     for corner in ((31, 2, 41), (35, 14, 46)):
         cv2.fillConvexPoly(cheeks, np.rint(landmarks[list(corner)]).astype(np.int32), 1)
@@ -108,6 +120,31 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
                                     - np.median(skin, axis=0)) < UNLIKE:
         return none
     return np.asarray(np.where(mask > 0, np.maximum(hair, 0.51), 0.0), np.float32)
+
+
+def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Float64,
+             width: float) -> Bools:
+    """What of a mask of hair [H, W] hangs from an ear, and is unlike the hair: an earring.
+
+    ``lab`` are colors [H, W, 3], ``width`` is that of the face in pixels.
+    """
+    radius = max(1, round(LINK * width))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    cores = cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(cores)
+    out = np.zeros(mask.shape, bool)
+    if count < 3:
+        return out
+    main = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    mean = lab[labels == main].mean(axis=0)
+    nose = landmarks[33, 1]
+    for one in range(1, count):
+        top, tall, wide = stats[one, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]]
+        within = (labels == one).astype(np.uint8)
+        if (top > nose + 0.1 * width and wide < 0.25 * width and wide < tall < 0.8 * width
+                and np.linalg.norm(lab[within > 0].mean(axis=0) - mean) > OTHER_HAIR):
+            out |= (cv2.dilate(within, disc) > 0) & (np.arange(len(mask))[:, None] >= top)
+    return out & (mask > 0) & (labels != main)
 
 
 def thin(rest: Bools, hair: Bools, reach: float) -> Bools:
@@ -185,7 +222,7 @@ def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
 
 
 def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.floating],
-             distance: float) -> Parts:
+             distance: float, head: Float64 | None = None) -> Parts:
     """The maps of a photo.
 
     Parameters
@@ -193,12 +230,14 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     camera : One view.
     matte, hair : [H, W] in [0, 1].
     distance : Of the head from the camera, portrait units.
+    head : Points [N, 3] of the fitted head: a crown that the photo's upper edge cuts off is closed
+        round above them.
     """
     factor = min(1.0, float(distance / camera.focal[0, 0]) / CELL)
     small = camera.scaled(factor)
     width, height = int(small.width[0]), int(small.height[0])
     size = (width, height)
-    pad = round(MARGIN * width)
+    pad, cell = round(MARGIN * width), float(distance / small.focal[0, 0])
     soft, curls = (np.asarray(cv2.copyMakeBorder(
         cv2.resize(np.asarray(one, np.float32), size, interpolation=cv2.INTER_AREA),
         0, pad, pad, pad, cv2.BORDER_REPLICATE), np.float32) for one in (matte, hair))
@@ -206,9 +245,53 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     fall = np.clip(np.arange(pad) / max(0.6 * pad, 1), 0, 1).astype(np.float32)
     soft[:, :pad] *= fall
     soft[:, -pad:] *= fall[::-1]
+    crown = None if head is None else _crown(soft[:, pad:-pad], curls[:, pad:-pad],
+                                             small.project(head)[0][0], cell)
+    top = 0 if crown is None else len(crown[0])
+    if crown is not None:
+        soft, curls = (np.vstack([np.pad(above, ((0, 0), (pad, pad))), below])
+                       for above, below in zip(crown, (soft, curls), strict=True))
     inside = cv2.GaussianBlur(signed_distance(soft), (0, 0), 1.0)
-    wide = Camera(small.pose, small.focal, small.center + np.array([pad, 0]),
-                  np.array(width + 2 * pad), np.array(height + pad))
-    cell = float(distance / small.focal[0, 0])
+    wide = Camera(small.pose, small.focal, small.center + np.array([pad, top]),
+                  np.array(width + 2 * pad), np.array(height + pad + top))
     return Parts(wide, cell, np.asarray(inside, np.float32), (curls > 0.5) & (inside > 0),
-                 float(height))
+                 float(height + top))
+
+
+def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
+           ) -> tuple[Float32, Float32] | None:
+    """Person and hair [t, w] above the upper edge of maps [h, w], which cuts a head off, or None.
+
+    ``head`` are places (x, y) of the model's points in the maps.
+    """
+    skull = head[head[:, 1] < head[:, 1].mean()]
+    middle, highest = float(np.median(skull[:, 0])), float(head[:, 1].min())
+    below = min(len(matte) - 1, max(1, round(TREND / cell)))
+    cut, lower = (_run(matte[row] > 0.5, middle) for row in (0, below))
+    if cut is None or lower is None or cut[1] - cut[0] < 3:
+        return None
+    (left, right), (lower_left, lower_right) = cut, lower
+    half, covered = 0.5 * (right - left), hair[0, left:right] > 0.5
+    # The outline goes on as it comes, and ends above the skull.
+    inwards = max(0.5 * ((left - lower_left) + (lower_right - right)) / below, 0.0)
+    tall = max((ON_TOP if covered.any() else 0.0) / cell - highest, FLATTEST * half)
+    power = np.clip(half / max(tall * inwards, 1e-6), *ROUND)
+    rows = int(np.ceil(tall)) + round(ON_TOP / cell)
+    height = np.arange(rows, 0, -1)[:, None] - 0.5
+    across = np.abs(np.arange(matte.shape[1]) + 0.5 - 0.5 * (left + right)) / half
+    person = np.clip(tall * (1 - np.minimum(across, 1) ** power) - height + 0.5, 0, 1)
+    person[:, across >= 1] = 0
+    above = np.broadcast_to(hair[:1], person.shape)
+    if covered.mean() > 0.5:
+        above = np.ones_like(person)
+    return np.asarray(person, np.float32), np.asarray(above, np.float32)
+
+
+def _run(row: Bools, column: float) -> tuple[int, int] | None:
+    """Where what a row has at a column begins and ends, or None."""
+    at = int(np.clip(column, 0, len(row) - 1))
+    if not row[at]:
+        return None
+    gaps = np.flatnonzero(~row)
+    left = gaps[gaps < at].max(initial=-1) + 1
+    return int(left), int(gaps[gaps > at].min(initial=len(row)))

@@ -239,7 +239,8 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
     assert picture.hair is not None and capture.alphas is not None
     matte = capture.alphas[0].astype(np.float32) / 255
-    parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])))
+    parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])),
+                     vertices)
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note("hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)

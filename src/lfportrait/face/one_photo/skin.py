@@ -28,9 +28,9 @@ SQUARE = 0.6
 FRONT = 0.030
 """Depth (metres, `HeadPrior.rest`): what lies farther in front is face for sure, if the photo
 looks at it squarely."""
-SIDE = np.array([(0.080, 0.068), (0.100, 0.050)])
-"""Heights and depths (metres, `HeadPrior.rest`): what lies farther behind may be hidden by
-something. Beside the eyes that is farther behind than on the cheeks."""
+SIDE, EYES = 0.068, 0.088
+"""Depth and height (metres, `HeadPrior.rest`): what lies farther behind and lower may be hidden by
+something. Beside the eyes there are spectacles, and hair that is thin."""
 UNDER = 0.042
 """How far from the middle (metres, `HeadPrior.rest`) no shadow of the chin lies."""
 LOWEST, CHIN, HIGHEST = -0.03, -0.004, 0.150
@@ -44,6 +44,9 @@ LIGHTNESS = 0.6
 WIDE, FAR, FAINT = 0.15, 14.0, 0.5
 """How far the face around is looked at, portrait units; difference from it from which on no shade
 makes it unlike it, its lightness by so much less."""
+BEARD, SHARE = 0.045, 0.2
+"""Height (metres, `HeadPrior.rest`) below which a face may have a beard, which goes on along the
+jaw; of how much of it there one counts."""
 BORDER = 0.024
 """How wide the two mix in a photo, portrait units."""
 
@@ -77,19 +80,30 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     there &= (rest[..., 1] > LOWEST) & (rest[..., 1] < HIGHEST)
     there &= ~_features(landmarks * np.array([width, height]) / np.array(colors.shape[1::-1]),
                         (height, width))
-    side = (rest[..., 2] < np.interp(rest[..., 1], *SIDE.T)) & (np.abs(rest[..., 0]) > UNDER)
+    side = (rest[..., 2] < SIDE) & (rest[..., 1] < EYES) & (np.abs(rest[..., 0]) > UNDER)
     there &= (rest[..., 1] > CHIN) | (cosine < SQUARE)
     sure = there & (cosine > SQUARE) & (rest[..., 2] > FRONT)
-    away = lab - _mean(lab, sure, WIDE / cell)
-    away[..., 0] *= FAINT
-    far = np.linalg.norm(away, axis=2)
+    far = _unlike(lab, _mean(lab, sure, WIDE / cell))
+    lower, upper = sure & (rest[..., 1] < BEARD), sure & (rest[..., 1] > 1.5 * BEARD)
+    if not (lower.any() and upper.any()):
+        return np.zeros(colors.shape[:2], np.float32)
+    beard = lower & (_unlike(lab, np.median(lab[upper], axis=0)) > FAR)
+    if beard.sum() > SHARE * lower.sum():
+        as_beard = _unlike(lab, lab[beard].mean(axis=0)) < FAR
+        sure |= there & as_beard & (rest[..., 1] < 2 * BEARD)
     skin = _followed(lab, sure, there & ~sure & (far < FAR), AROUND / cell)
     other = (there & ~skin & side).astype(np.uint8)
     reach = max(1, round(BORDER / cell))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    other = cv2.dilate(cv2.morphologyEx(other, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)), disc)
-    soft = cv2.GaussianBlur(other.astype(np.float32), (0, 0), 0.7)
+    wide = cv2.dilate(cv2.morphologyEx(other, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)), disc)
+    soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.7)
     return np.asarray(np.clip(cv2.resize(soft, colors.shape[1::-1]), 0, 1), np.float32)
+
+
+def _unlike(lab: Float32, other: Float32) -> Float32:
+    """How unlike colors [h, w, 3] are, whatever shade they lie in, [h, w]."""
+    return np.asarray(np.linalg.norm((lab - other) * np.array([FAINT, 1, 1], np.float32), axis=2),
+                      np.float32)
 
 
 def _nearest(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:

@@ -1,0 +1,70 @@
+"""Maps of a person: what lies beyond a photo's upper edge, and what is no hair."""
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.face.one_photo.parts import ON_TOP, Parts, clean_hair, parts_of
+
+SIDE, SKULL = 240, 0.6
+
+
+def maps(down: float, thick: float, closed: bool = True) -> Parts:
+    """A ball of a skull in hair, seen by a camera that looks so far below its middle."""
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=500.0,
+                        target=(0, -down, 0), pitch=0.0)
+    column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+    middle = camera.project(np.zeros((1, 3)))[0][0, 0]
+    away = np.hypot(column - middle[0], row - middle[1]) / (500.0 / 4.0)
+    matte = (away < SKULL + thick).astype(np.float32)
+    angle = np.linspace(0, 2 * np.pi, 200)
+    skull = SKULL * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(200)])
+    return parts_of(camera, matte, matte if thick else np.zeros_like(matte), 4.0,
+                    skull if closed else None)
+
+
+def within(parts: Parts, points: np.ndarray) -> np.ndarray:
+    return Parts.at(parts.inside, parts.places(points)[0]) > 0
+
+
+@pytest.mark.parametrize("thick", [0.0, ON_TOP])
+def test_a_crown_that_the_photo_cuts_off_is_closed_round(thick):
+    parts = maps(0.7, thick)  # the photo ends at 0.26
+    angle = np.linspace(0.15, np.pi - 0.15, 40)
+    around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(40)])
+    assert within(parts, (SKULL + thick - 0.05) * around).all()
+    assert not within(parts, (SKULL + thick + 0.09) * around).any()
+    places = parts.places(0.4 * around)[0]
+    assert Parts.at(parts.hair.astype(np.float32), places).min() == float(thick > 0)
+    # The photo's own cells are as before.
+    cut = maps(0.7, thick, False)
+    more = len(parts.inside) - len(cut.inside)
+    assert more > 0 and parts.bottom == cut.bottom + more
+    np.testing.assert_array_equal(parts.hair[more + 1:], cut.hair[1:])
+
+
+def test_a_crown_that_the_photo_shows_stays():
+    one, two = maps(0.1, ON_TOP), maps(0.1, ON_TOP, False)
+    np.testing.assert_array_equal(one.inside, two.inside)
+    assert one.bottom == two.bottom
+
+
+@pytest.mark.parametrize(("color", "kept"), [((0.85, 0.75, 0.45), False), ((0.3, 0.2, 0.1), True)])
+def test_an_earring_is_no_hair_and_a_lock_is(color, kept):
+    landmarks = np.zeros((68, 2))
+    landmarks[[0, 16, 33, 8]] = (70, 110), (170, 110), (120, 140), (120, 200)
+    for corner, place in zip((31, 2, 41, 35, 14, 46), ((110, 140), (80, 150), (100, 120),
+                                                      (130, 140), (160, 150), (140, 120)),
+                             strict=True):
+        landmarks[corner] = place
+    image = np.tile(np.uint8([210, 160, 135]), (SIDE, SIDE, 1))
+    hair = np.zeros((SIDE, SIDE), np.float32)
+    hair[30:160, 50:70] = hair[30:60, 50:190] = hair[30:230, 170:190] = 1.0
+    hanging = np.zeros((SIDE, SIDE), bool)
+    hanging[165:205, 52:68] = True
+    image[hair > 0] = np.rint(255 * np.array([0.3, 0.2, 0.1]))
+    hair[160:165, 58:62] = hair[hanging] = 1.0  # a link that is narrow
+    image[hanging] = np.rint(255 * np.array(color))
+    found = clean_hair(image, hair, np.ones_like(hair), landmarks) > 0.5
+    assert found[170:200, 55:65].all() == kept and found[170:200, 55:65].any() == kept
+    assert found[40:150, 55:65].all() and found[40:220, 175:185].all()
