@@ -32,6 +32,9 @@ OUTLINES = 110
 """Places of the outline, at most, that are moved to the matte's."""
 FARTHEST = 0.2
 """They move at most this part of the distance of the eyes."""
+ALONG = 0.3
+"""Cosine of the angle between the model's outline and the matte's from which on these are the same.
+"""
 STIFF = 0.3
 """Smoothing of the spline: landmarks that contradict their neighbours are not followed wholly."""
 EAR_MOVES = np.array([0.1, 0.1, 0.4, 0.4, 0.4, 0.4])
@@ -151,6 +154,9 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
         rim = outline_vertices(view, prior, vertices, normals, neck=True)
         away, slope, hair = outline_errors(picture, seen[rim], view)
         good = (np.abs(away) < FARTHEST * picture.eyes) & ~((hair > 0.5) & (away > 0))
+        # Beside a jaw or a neck the matte's outline may be that of a collar or a shoulder.
+        outward = normals[rim] @ view.rotation[:2].T
+        good &= -(outward * slope).sum(axis=1) > ALONG * np.linalg.norm(outward, axis=1)
         rim, away, slope = rim[good], away[good], slope[good]
         head = np.flatnonzero(~ears[rim])
         chosen = head[_spread(seen[rim[head]], OUTLINES)]
