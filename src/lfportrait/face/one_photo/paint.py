@@ -183,10 +183,16 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     weight, known = own.pure(hair), other.pure(hair)
     fill = np.empty_like(photo)
     # What a body wears is seen on no cheek, but necks go on in skin.
-    bare = skin & ~hair
+    # The light of both is one.
+    bare, light = skin & ~hair, np.empty_like(photo)
+    for part in (hair, ~hair):
+        if part.any():
+            light[part] = _light(points[part], mirrored[part], known[part], photo[part],
+                                 weight[part])
+    matched = np.clip(mirrored * light, 0, 1)
     for part, source in ((hair, hair), (bare, bare), (~hair & ~skin, ~hair)):
         if part.any():
-            found = _filled(points[source], photo[source], weight[source], mirrored[source],
+            found = _filled(points[source], photo[source], weight[source], matched[source],
                             known[source])
             fill[part] = found[part[source]]
     if hair.any():
@@ -225,11 +231,9 @@ def _nearest(depth: NDArray[np.floating]) -> Float64:
                       np.float64)
 
 
-def _filled(points: Float64, photo: Float64, weight: Float64, other: Float64,
+def _filled(points: Float64, photo: Float64, weight: Float64, matched: Float64,
             known: Float64) -> Float64:
-    """Colors [N, 3] of places by those around them and on the other side."""
-    light = _light(points, other, known, photo, weight)
-    matched = np.clip(other * light, 0, 1)
+    """Colors [N, 3] of places by those around them and on the other side, in their light."""
     own = MIRRORED * known * (1 - weight)
     both_weights = weight + own
     mixed = ((weight[:, None] * photo + own[:, None] * matched)
