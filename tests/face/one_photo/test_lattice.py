@@ -69,6 +69,20 @@ def test_cavities_and_what_lies_deep_are_closed():
     assert not near[away < 10].any()
 
 
+def test_what_floats_beside_a_person_goes_and_what_is_worn_stays():
+    z, y, x = np.mgrid[:60, :60, :60].astype(np.float32)
+
+    def ball(center: tuple[float, float, float], radius: float) -> np.ndarray:
+        return np.sqrt((x - center[0]) ** 2 + (y - center[1]) ** 2 + (z - center[2]) ** 2) - radius
+
+    head, crumb, wire = ball((25, 25, 25), 18), ball((50, 50, 50), 3), ball((50, 8, 8), 3)
+    away = np.minimum(np.minimum(head, crumb), wire).astype(np.float32)
+    found = lattice._without_crumbs(away, wire < 1, 3.0)
+    assert (found[crumb < 0] == 3).all() and found[crumb < 1.5].min() > 0
+    assert np.array_equal(found[crumb > 6], away[crumb > 6])
+    assert lattice._without_crumbs(head, wire < 1, 3.0) is head
+
+
 def test_points_between_points_are_means():
     coarse = np.random.default_rng(0).normal(size=(4, 5, 3)).astype(np.float32)
     size = [2 * count - 1 for count in coarse.shape]

@@ -31,6 +31,8 @@ DETAIL = 0.0045
 """Voxels from which on points between exact ones are looked at exactly, too, portrait units: what
 the solid is made of (`samples.STEP`, `parts.CELL`) has no detail between finer ones; what it wears
 has."""
+CRUMB = 0.01
+"""What is apart from all else and smaller than this part of it is no person."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -61,6 +63,7 @@ class Shell:
         first, coarse = _coarse(distance, half, step)
         first, coarse = _cropped(first, _closed(coarse)[0], step)
         middle, owner = _finer(distance, first, coarse, step)
+        middle = _without_crumbs(middle, owner == WORN, 1.5 * step)
         self._fill(distance, first, *_closed(middle), owner)
         self.scalp = self.owner == HEAD
         rest = solid.head.at_rest(self.on[self.scalp])
@@ -176,6 +179,22 @@ def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
     owner = np.full(out.shape, -1, np.int8)
     owner[at] = of
     return out, owner
+
+
+def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
+    """Distances [z, y, x] of the person alone: what is small and apart lies ``away`` outside.
+
+    Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays.
+    """
+    pieces, count = ndimage.label(distance < 0)
+    if count < 2:
+        return distance
+    sizes = np.bincount(pieces.ravel())
+    sizes[0] = 0
+    small = sizes < CRUMB * sizes.max()
+    small[np.unique(pieces[worn])] = False
+    crumbs = _grown(small[pieces] & (pieces > 0), 2) & (small[pieces] | (pieces == 0))
+    return np.where(crumbs, np.float32(away), distance)
 
 
 def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:
