@@ -43,6 +43,19 @@ def test_a_crown_that_the_photo_cuts_off_is_closed_round(thick):
     np.testing.assert_array_equal(parts.hair[more + 1:], cut.hair[1:])
 
 
+def test_a_crown_that_has_almost_closed_becomes_no_cone():
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=500.0,
+                        target=(0, 0, 0), pitch=0.0)
+    column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+    matte = (np.hypot(column - 120, row - 85) < 86).astype(np.float32)  # a pixel is cut off
+    skull = np.column_stack([np.linspace(-0.3, 0.3, 9), np.full(9, 1.5), np.zeros(9)])
+    skull = np.vstack([skull, skull * [1, -1, 1]])  # fitted too high by far
+    parts = parts_of(camera, matte, matte, 4.0, skull)
+    cut = parts_of(camera, matte, matte, 4.0)
+    more = len(parts.inside) - len(cut.inside)
+    assert 0 < int((parts.inside[:more] > 0).any(axis=1).sum()) < 12
+
+
 def test_a_crown_that_the_photo_shows_stays():
     one, two = maps(0.1, ON_TOP), maps(0.1, ON_TOP, False)
     np.testing.assert_array_equal(one.inside, two.inside)

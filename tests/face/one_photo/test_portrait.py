@@ -1,6 +1,7 @@
 """One photo of the modelled head becomes a head."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -70,6 +71,14 @@ def test_the_head_is_shown_before_its_fine_lattice_is_filled(photo, monkeypatch)
     # One that is no finer has no look of its own.
     portrait_field(capture, ReconstructConfig(resolution=40), look=look)
     assert len(shown) == 2
+
+
+@pytest.mark.parametrize(("kept", "mattes", "cut"), [
+    ({"cut_out": True}, "network", True), ({"cut_out": False}, "given", False),
+    ({}, "given", True), ({}, "network", False)])
+def test_of_each_photo_is_known_whether_it_came_cut_out(kept, mattes, cut):
+    figures = {portrait.FIT: {"views": [{"cut_out": not cut}, kept]}, "mattes": mattes}
+    assert portrait._cut_out(SimpleNamespace(figures=figures), 1) == cut
 
 
 def test_a_photo_without_a_face_is_refused(tmp_path):

@@ -274,7 +274,9 @@ def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
     half, covered = 0.5 * (right - left), hair[0, left:right] > 0.5
     # The outline goes on as it comes, and ends above the skull.
     inwards = max(0.5 * ((left - lower_left) + (lower_right - right)) / below, 0.0)
-    tall = max((ON_TOP if covered.any() else 0.0) / cell - highest, FLATTEST * half)
+    tall = (ON_TOP if covered.any() else 0.0) / cell - highest
+    # Where it has almost closed, no more than its slope says is missing.
+    tall = max(min(tall, half / (ROUND[0] * max(inwards, 1e-6))), FLATTEST * half)
     power = np.clip(half / max(tall * inwards, 1e-6), *ROUND)
     rows = int(np.ceil(tall)) + round(ON_TOP / cell)
     height = np.arange(rows, 0, -1)[:, None] - 0.5
