@@ -142,7 +142,8 @@ def capture_key(source: str, config: MakeConfig, seed: int) -> str:
 
 def field_key(capture: str, config: MakeConfig) -> str:
     """Key of the field of a capture with the key ``capture``."""
-    return stage_key("field", capture, config.reconstruct, models.in_use(["head"]))
+    return stage_key("field", capture, config.reconstruct,
+                     models.in_use(["head", "hair-segmentation"]))
 
 
 def skin_key(field: str, pixels: float) -> str:

@@ -168,7 +168,7 @@ _asked_first(operator.setitem, _meanings.SetItemBuffer)
 
 
 class _Code(JITCodeLibrary):
-    """Code of a function, which LLVM goes over once, together with all that it calls.
+    """Code of a function, which LLVM goes over once, together with the code of all that it calls.
 
     Numba has it go over the function alone first, then over all of it in two rounds. That brings
     together what counts an array's users, of which there is little here, and the last round does
@@ -245,20 +245,18 @@ kernel = _compiler(pipeline_class=_KernelCompiler)
 """Compile a function that Python calls."""
 lean_kernel = _compiler(_nrt=False, pipeline_class=_KernelCompiler)
 """Compile a function that Python calls and that makes no arrays."""
-part = _compiler(no_cpython_wrapper=True, pipeline_class=_IngredientCompiler)
-"""Compile a function that only kernels call and that may make arrays."""
+_part = _compiler(no_cpython_wrapper=True, pipeline_class=_IngredientCompiler)
 _lean = _compiler(_nrt=False, no_cpython_wrapper=True, pipeline_class=_IngredientCompiler)
+
+
+def part(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Compile a function that only kernels call and that may make arrays."""
+    return _within(_part, function, options)
 
 
 def lean(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Compile a function that makes no arrays and is called only by kernels."""
-    if function is None:
-        return lambda function: lean(function, **options)
-    compiled = _lean(function, **options)
-    # Python would jump to the entrance that is not there: let it find none, and say so.
-    compiled._insert = lambda *_, **__: None
-    compiled._compile_for_args = _refuse
-    return compiled
+    return _within(_lean, function, options)
 
 
 def woven(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -266,5 +264,17 @@ def woven(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     return lean(function, forceinline=True, **options)
 
 
+def _within(compiler: Callable[..., Any], function: Callable[..., Any] | None,
+            options: dict[str, Any]) -> Any:
+    """A function that Python can't call, or a decorator that makes one."""
+    if function is None:
+        return lambda function: _within(compiler, function, options)
+    compiled = compiler(function, **options)
+    # Python would jump to the entrance that is not there: let it find none, and say so.
+    compiled._insert = lambda *_, **__: None
+    compiled._compile_for_args = _refuse
+    return compiled
+
+
 def _refuse(*_: Any, **__: Any) -> None:
-    raise TypeError("a lean function is called by kernels only")
+    raise TypeError("this function is called by kernels only")

@@ -85,8 +85,10 @@ class Neck(NamedTuple):
 
     def middle(self, near: Float64, far: Float64) -> Float64:
         """The depth [h, w] around which hair lies: the skull's, and from there down the neck's."""
-        rows = np.arange(len(near))[:, None]
-        known = np.where(rows <= self.ears, 0.5 * (near + far), np.nan)
+        rows, known = np.arange(len(near))[:, None], 0.5 * (near + far)
+        skull = np.where(rows <= self.ears, known, np.nan)
+        if np.isfinite(skull).any():  # else the photo begins below the ears
+            known = skull
         out = cv2.GaussianBlur(filled(known, 6.0), (0, 0), 8.0)
         return np.asarray(out + self.share(len(near), self.ears) * (self.depth - out), np.float64)
 

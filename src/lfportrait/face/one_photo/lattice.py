@@ -184,7 +184,8 @@ def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
 def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
     """Distances [z, y, x] of the person alone: what is small and apart lies ``away`` outside.
 
-    Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays.
+    Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays, as do
+    distances beside all that stays.
     """
     pieces, count = ndimage.label(distance < 0)
     if count < 2:
@@ -193,8 +194,9 @@ def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
     sizes[0] = 0
     small = sizes < CRUMB * sizes.max()
     small[np.unique(pieces[worn])] = False
-    crumbs = _grown(small[pieces] & (pieces > 0), 2) & (small[pieces] | (pieces == 0))
-    return np.where(crumbs, np.float32(away), distance)
+    crumbs, stays = small[pieces] & (pieces > 0), ~small[pieces] & (pieces > 0)
+    around = _grown(crumbs, 2) & ~_grown(stays, 2)
+    return np.where(crumbs | around, np.float32(away), distance)
 
 
 def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:

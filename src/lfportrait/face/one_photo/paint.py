@@ -37,8 +37,8 @@ CELL = 0.03
 """Of the finest lattice that colors are spread on, portrait units."""
 UPWARDS = 1.8
 """Colors come from the sides rather than from above or below."""
-HIDDEN = 0.05
-"""How little a photo shows of what counts as unseen."""
+HIDDEN = 0.3
+"""How little a photo shows of what it says little of."""
 PURE = 0.02
 """Hair and skin mix so far on both sides of a hairline, portrait units: what lies there says
 nothing of what no photo shows."""
@@ -176,40 +176,57 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
         own.add(np.clip(look.colors * light, 0, 1), look, square)
         look = coming.result()
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
-    hair = shell.owner == HAIR
-    if hair.any():  # what no photo shows has hair, too, where hair grows; so has what shows through
-        hair |= shell.scalp & ((own.best < HIDDEN) | (own.share > 0.5))
-    photo, mirrored = own.colors, other.colors
-    weight, known = own.pure(hair), other.pure(hair)
-    fill = np.empty_like(photo)
-    # What a body wears is seen on no cheek, but necks go on in skin.
-    # The light of both is one.
-    bare, light = skin & ~hair, np.empty_like(photo)
-    for part in (hair, ~hair):
-        if part.any():
-            light[part] = _light(points[part], mirrored[part], known[part], photo[part],
-                                 weight[part])
-    matched = np.clip(mirrored * light, 0, 1)
-    for part, source in ((hair, hair), (bare, bare), (~hair & ~skin, ~hair)):
-        if part.any():
-            found = _filled(points[source], photo[source], weight[source], matched[source],
-                            known[source])
-            fill[part] = found[part[source]]
+    hair = _hairy(shell, own)
+    fill = _fill(points, own, other, hair, skin)
     if hair.any():
         # Short hair is too fine for them.
-        length = np.clip((NAPE - np.percentile(points[hair, 1], 1)) / STRANDS, 0, 1)
-        fill[hair] *= (strands(points[hair], length * shots[0].contrast())[:, None]
-                       ** (1 - other.best[hair, None]))
+        grown = hair > 0.5
+        length = np.clip((NAPE - np.percentile(points[grown, 1], 1)) / STRANDS, 0, 1)
+        fill[grown] *= (strands(points[grown], length * shots[0].contrast())[:, None]
+                        ** (1 - other.best[grown, None]))
     # An ear that no photo shows is not flat.
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]
-    out = np.clip(share * photo + (1 - share) * fill, 0, 1)
+    out = np.clip(share * own.colors + (1 - share) * fill, 0, 1)
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
     if not hair.any():
         return sh, None
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     return sh, np.asarray(255 * (shown + (1 - own.best) * hair) + 0.5, np.uint8)
+
+
+def _hairy(shell: Shell, own: _Mean) -> Float64:
+    """How much of a shell's points is hair, [N] in [0, 1]."""
+    hair = np.asarray(shell.owner == HAIR, np.float64)
+    if not hair.any():
+        return hair
+    # What no photo shows has hair, too, where hair grows; so has what shows through.
+    unseen = np.clip(1 - own.best / HIDDEN, 0, 1)
+    shown = np.clip(2 * own.share - 0.5, 0, 1)
+    return np.asarray(np.maximum(hair, shell.scalp * np.maximum(unseen, shown)))
+
+
+def _fill(points: Float64, own: _Mean, other: _Mean, hair: Float64, skin: Bools) -> Float64:
+    """Colors [N, 3] of what the photos do not show: of hair and of all else, each by its own.
+
+    ``skin`` is the head: what a body wears is seen on no cheek, but necks go on in skin.
+    """
+    fills = np.zeros((2, *points.shape))
+    for kind, place in enumerate((hair < 1, hair > 0)):
+        if not place.any():
+            continue
+        weight, known = (mean.pure(np.full(len(points), bool(kind)))[place]
+                         for mean in (own, other))
+        at, photo, mirrored = points[place], own.colors[place], other.colors[place]
+        # The light of head and body is one.
+        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight), 0, 1)
+        found = _filled(at, photo, weight, matched, known)
+        bare = skin[place]
+        if not kind and bare.any():
+            found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
+        fills[kind, place] = found
+    return np.asarray(hair[:, None] * fills[1] + (1 - hair[:, None]) * fills[0])
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,

@@ -315,6 +315,8 @@ def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | N
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
     if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
         field.hair = hair  # else it would be a guess by place
+        if hair is not None:
+            hair[shell.owner == WORN] = 0
     return field
 
 

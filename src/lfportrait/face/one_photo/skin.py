@@ -70,6 +70,13 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     width, height = int(small.width[0]), int(small.height[0])
     cell = float(np.linalg.norm(small.position[0]) / small.focal[0, 0])
     rest, cosine = _nearest(small, samples)
+    # The head and what lies around it is all that is looked at.
+    rows, columns = (np.flatnonzero(np.isfinite(cosine).any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return np.zeros(colors.shape[:2], np.float32)
+    more = round(3 * WIDE / cell)
+    part = (slice(max(rows[0] - more, 0), rows[-1] + 1 + more),
+            slice(max(columns[0] - more, 0), columns[-1] + 1 + more))
     reduced = cv2.resize(colors, (width, height), interpolation=cv2.INTER_AREA)
     lab = np.asarray(cv2.cvtColor(reduced, cv2.COLOR_RGB2LAB), np.float32)
     lab[..., 0] *= LIGHTNESS
@@ -83,6 +90,7 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     side = (rest[..., 2] < SIDE) & (rest[..., 1] < EYES) & (np.abs(rest[..., 0]) > UNDER)
     there &= (rest[..., 1] > CHIN) | (cosine < SQUARE)
     sure = there & (cosine > SQUARE) & (rest[..., 2] > FRONT)
+    lab, rest, there, side, sure = (one[part] for one in (lab, rest, there, side, sure))
     far = _unlike(lab, _mean(lab, sure, WIDE / cell))
     lower, upper = sure & (rest[..., 1] < BEARD), sure & (rest[..., 1] > 1.5 * BEARD)
     if not (lower.any() and upper.any()):
@@ -92,10 +100,12 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
         as_beard = _unlike(lab, lab[beard].mean(axis=0)) < FAR
         sure |= there & as_beard & (rest[..., 1] < 2 * BEARD)
     skin = _followed(lab, sure, there & ~sure & (far < FAR), AROUND / cell)
-    other = (there & ~skin & side).astype(np.uint8)
+    # OpenCV's opening moves what it leaves by a cell.
+    other = np.zeros((height, width), np.uint8)
+    other[part] = ndimage.binary_opening(there & ~skin & side, np.ones((2, 2)))
     reach = max(1, round(BORDER / cell))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    wide = cv2.dilate(cv2.morphologyEx(other, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)), disc)
+    wide = cv2.dilate(other, disc)
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.7)
     return np.asarray(np.clip(cv2.resize(soft, colors.shape[1::-1]), 0, 1), np.float32)
 
