@@ -90,7 +90,8 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     side = (rest[..., 2] < SIDE) & (rest[..., 1] < EYES) & (np.abs(rest[..., 0]) > UNDER)
     there &= (rest[..., 1] > CHIN) | (cosine < SQUARE)
     sure = there & (cosine > SQUARE) & (rest[..., 2] > FRONT)
-    lab, rest, there, side, sure = (one[part] for one in (lab, rest, there, side, sure))
+    lab, rest = lab[part], rest[part]
+    there, side, sure = there[part], side[part], sure[part]
     far = _unlike(lab, _mean(lab, sure, WIDE / cell))
     lower, upper = sure & (rest[..., 1] < BEARD), sure & (rest[..., 1] > 1.5 * BEARD)
     if not (lower.any() and upper.any()):
