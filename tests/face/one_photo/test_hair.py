@@ -1,5 +1,7 @@
 """Hair that hangs down: on the body, behind the neck, and with the strands that a photo shows."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.lattice import shell_of
-from lfportrait.face.one_photo.paint import Shot, painted
+from lfportrait.face.one_photo.paint import HIDDEN, Shot, _hairy, painted
 from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, METRES, filled
 from lfportrait.face.one_photo.samples import MeshSamples
@@ -112,6 +114,16 @@ def test_a_head_knows_its_hair_whatever_its_color(long):
     shell.owner[:] = HEAD
     shell.scalp[:] = False
     assert painted(shell, [Shot(parts.camera, fair)])[1] is None, "a head without any"
+
+
+def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
+    shell = SimpleNamespace(owner=np.array([HAIR, *[HEAD] * 6]),
+                            scalp=np.array([False, *[True] * 5, False]))
+    own = SimpleNamespace(best=np.array([1, 0, HIDDEN / 2, 1, 1, 1, 0]),
+                          share=np.array([0, 0, 0, 0, 0.5, 1, 0]))
+    assert np.allclose(_hairy(shell, own), [1, 1, 0.5, 0, 0.5, 1, 0])
+    shell.owner[:] = HEAD
+    assert not _hairy(shell, own).any(), "a shaven head"
 
 
 def test_ground_in_hair_is_found_and_highlights_are_not():
