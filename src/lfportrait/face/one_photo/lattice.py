@@ -33,6 +33,8 @@ the solid is made of (`samples.STEP`, `parts.CELL`) has no detail between finer 
 has."""
 CRUMB = 0.01
 """What is apart from all else and smaller than this part of it is no person."""
+APART = 4
+"""Points of that lattice between the two, at least."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -184,8 +186,8 @@ def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
 def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
     """Distances [z, y, x] of the person alone: what is small and apart lies ``away`` outside.
 
-    Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays, as do
-    distances beside all that stays.
+    Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays, and
+    so does what is thin, as an ear's rim, of which a coarse lattice shows pieces.
     """
     pieces, count = ndimage.label(distance < 0)
     if count < 2:
@@ -194,9 +196,9 @@ def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
     sizes[0] = 0
     small = sizes < CRUMB * sizes.max()
     small[np.unique(pieces[worn])] = False
-    crumbs, stays = small[pieces] & (pieces > 0), ~small[pieces] & (pieces > 0)
-    around = _grown(crumbs, 2) & ~_grown(stays, 2)
-    return np.where(crumbs | around, np.float32(away), distance)
+    small[np.unique(pieces[_grown(~small[pieces] & (pieces > 0), APART)])] = False
+    crumbs = _grown(small[pieces] & (pieces > 0), 2)
+    return np.where(crumbs, np.float32(away), distance)
 
 
 def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:
