@@ -18,6 +18,7 @@ from lfportrait.face.capture_head import (
     proportion,
 )
 from lfportrait.face.head_prior import generic_prior, head_prior, with_normals
+from lfportrait.field.closing import FittedHead
 
 
 @pytest.fixture(scope="module")
@@ -99,13 +100,19 @@ def test_without_a_statistical_head_nothing_is_fitted(monkeypatch, prior, sitter
     assert fit_to_surface(sitter[prior.landmarks], nothing, nothing, np.zeros(0)) is None
 
 
+def fitted_mean() -> tuple[np.ndarray, FittedHead]:
+    """The landmarks of the installed head's mean, and the head that is fitted to them alone."""
+    head, nothing = head_prior(), np.zeros((0, 3))
+    landmarks = head.mean[head.landmarks].astype(np.float64) / METRES
+    found = fit_to_surface(landmarks, nothing, nothing, np.zeros(0))
+    assert found is not None
+    return landmarks, found
+
+
 @pytest.mark.skipif(not models.available("head"), reason="no statistical head is installed")
 def test_the_installed_head_has_its_ears_where_ears_are():
-    head = head_prior()
-    landmarks = head.mean[head.landmarks].astype(np.float64) / METRES
-    nothing = np.zeros((0, 3))
-    found = fit_to_surface(landmarks, nothing, nothing, np.zeros(0))
-    assert found is not None and 200 < found.ears.sum() < 0.3 * len(found.ears)
+    landmarks, found = fitted_mean()
+    assert 200 < found.ears.sum() < 0.3 * len(found.ears)
     ears = found.points[found.ears]
     # Between the brows and the nose's tip, behind the jaw's ends, as many on each side.
     assert landmarks[33, 1] - 0.1 < ears[:, 1].mean() < landmarks[19, 1]
@@ -116,11 +123,7 @@ def test_the_installed_head_has_its_ears_where_ears_are():
 
 @pytest.mark.skipif(not models.available("head"), reason="no statistical head is installed")
 def test_the_installed_head_is_as_long_as_heads_are():
-    head = head_prior()
-    landmarks = head.mean[head.landmarks].astype(np.float64) / METRES
-    nothing = np.zeros((0, 3))
-    found = fit_to_surface(landmarks, nothing, nothing, np.zeros(0))
-    length, breadth = proportion(head, found.points)
+    length, breadth = proportion(head_prior(), fitted_mean()[1].points)
     assert 1.24 < length / breadth < 1.32
 
 

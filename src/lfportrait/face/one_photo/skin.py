@@ -101,8 +101,8 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
         as_beard = _unlike(lab, lab[beard].mean(axis=0)) < FAR
         sure |= there & as_beard & (rest[..., 1] < 2 * BEARD)
     skin = _followed(lab, sure, there & ~sure & (far < FAR), AROUND / cell)
-    # OpenCV's opening moves what it leaves by a cell.
     other = np.zeros((height, width), np.uint8)
+    # By SciPy: OpenCV's opening moves what it leaves by a cell.
     other[part] = ndimage.binary_opening(there & ~skin & side, np.ones((2, 2)))
     reach = max(1, round(BORDER / cell))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
