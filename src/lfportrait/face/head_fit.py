@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..arrays import Float32, Float64, Int32, Int64
+from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..errors import UserError
 from .head_prior import EYES, HeadPrior, with_normals
 from .landmarks import MOST_TURNED
@@ -79,6 +79,7 @@ class Picture:
     # None where there is no matte.
     inside: Float32 | None = None
     hair: Float32 | None = None  # float32 [H, W] in [0, 1], or None.
+    clothes: Bool | None = None  # bool [H, W], what lies below the ears and is no skin, or None.
 
     @property
     def eyes(self) -> float:
@@ -465,7 +466,7 @@ def outline_errors(picture: Picture, places: Float64, view: View,
     Returns
     -------
     away, slope, hair : [N] the distances; [N, 2] their derivatives by the place; [N] how much
-        hair is there.
+        hair is there, or clothes.
     """
     assert picture.inside is not None
     height, width = picture.inside.shape
@@ -476,14 +477,19 @@ def outline_errors(picture: Picture, places: Float64, view: View,
     slope = 0.5 * np.stack([inside[row, column + 1] - inside[row, column - 1],
                             inside[row + 1, column] - inside[row - 1, column]], axis=1)
     slope = slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-6)[:, None]
-    hair = np.zeros(len(places))
+    hair, deep = np.zeros(len(places)), 0.06 * picture.eyes
     if picture.hair is not None:
         hair = picture.hair[row, column].astype(np.float64)
         # At the outline itself a mask of hair is soft: it is asked a little inside, too.
-        deep = 0.06 * picture.eyes
         inner = np.clip(np.floor(places + slope * deep).astype(int), 0, [width - 1, height - 1])
         hair = np.maximum(hair, picture.hair[inner[:, 1], inner[:, 0]])
+    clothed = np.zeros(len(places), bool)
+    if picture.clothes is not None:
+        outline = places - slope * (away - deep)[:, None]
+        column, row = np.clip(np.floor(outline).astype(int), 0, [width - 1, height - 1]).T
+        clothed = picture.clothes[row, column]
     away = away - np.where(hair > 0.5, HAIR * view.focal / view.shift[2], 0.0)
+    hair[clothed] = 1.0  # of clothes the head lies within, too, be they as thin as they may
     # Beyond the picture nothing is known.
     known = ((places > 2) & (places < np.array([width - 2, height - 2]))).all(axis=1)
     return np.where(known, away, 1e9), slope.astype(np.float64), hair

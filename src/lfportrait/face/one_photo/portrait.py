@@ -36,7 +36,7 @@ from .paint import Shot, painted
 from .parts import FUZZ, Parts, clean_colors, clean_hair, ground_in_hair, parts_of, signed_distance
 from .piece import METRES
 from .samples import MeshSamples, depth_maps
-from .skin import not_skin
+from .skin import clothes, not_skin
 from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
@@ -149,7 +149,8 @@ class _Seen:
         self.hair = _hair_of(shown, self.matte, landmarks)
         height, width = self.matte.shape
         self.picture = Picture((width, height), landmarks, photo.focal,
-                               signed_distance(self.matte), self.hair)
+                               signed_distance(self.matte), self.hair,
+                               clothes(shown, self.hair, landmarks))
 
 
 def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
@@ -374,6 +375,8 @@ def _pictured(capture: Capture, view: int) -> Picture:
     landmarks = (camera.project(np.asarray(capture.landmarks, np.float64))[0][0] if kept is None
                  else np.array(kept))
     matte = alpha.astype(np.float32) / 255
-    hair = _hair_of(_shown(capture, view), matte, landmarks)
+    shown = _shown(capture, view)
+    hair = _hair_of(shown, matte, landmarks)
     return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
-                   float(camera.focal[0, 0]), signed_distance(matte), hair)
+                   float(camera.focal[0, 0]), signed_distance(matte), hair,
+                   clothes(shown, hair, landmarks))

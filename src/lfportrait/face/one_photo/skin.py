@@ -15,7 +15,7 @@ from ...capture import Camera
 from .samples import MeshSamples
 from .solid import STANDS, standing_out
 
-__all__ = ["not_skin"]
+__all__ = ["clothes", "not_skin"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -47,6 +47,8 @@ makes it unlike it, its lightness by so much less."""
 BEARD, SHARE = 0.045, 0.2
 """Height (metres, `HeadPrior.rest`) below which a face may have a beard, which goes on along the
 jaw; of how much of it there one counts."""
+FACE = 120.0
+"""Pixels that a face is wide, at most, where clothes are looked for."""
 BORDER = 0.024
 """How wide the two mix in a photo, portrait units."""
 
@@ -109,6 +111,38 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     wide = cv2.dilate(other, disc)
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.7)
     return np.asarray(np.clip(cv2.resize(soft, colors.shape[1::-1]), 0, 1), np.float32)
+
+
+def clothes(image: NDArray[np.uint8], hair: NDArray[np.floating], landmarks: Float64) -> Bools:
+    """What lies below the ears and is like neither cheeks nor chin, bool [H, W].
+
+    The head's outline is not drawn to that of a collar or a shoulder.
+
+    Parameters
+    ----------
+    image : uint8 [H, W, 3].
+    hair : [H, W] in [0, 1].
+    landmarks : float64 [68, 2] in pixels.
+    """
+    height, width = hair.shape
+    factor = min(1.0, FACE / float(np.linalg.norm(landmarks[16] - landmarks[0])))
+    size = (max(1, round(factor * width)), max(1, round(factor * height)))
+    reduced = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    lab = np.asarray(cv2.cvtColor(reduced.astype(np.float32) / np.float32(255),
+                                  cv2.COLOR_RGB2LAB), np.float32)
+    lab[..., 0] *= LIGHTNESS
+    places = landmarks * factor
+    like = np.zeros(size[::-1], bool)
+    for corners in ((31, 2, 41), (35, 14, 46), (48, 4, 6, 57), (54, 12, 10, 57)):
+        part = np.zeros(size[::-1], np.uint8)
+        cv2.fillConvexPoly(part, np.rint(places[list(corners)]).astype(np.int32), 1)
+        if part.any():
+            like |= _unlike(lab, np.median(lab[part > 0], axis=0)) < FAR
+    down = places[8] - places[27]
+    along = np.stack(np.meshgrid(*map(np.arange, size)), axis=-1) @ down
+    out = ~like & (along > 0.5 * ((places[2] + places[14]) @ down))
+    whole = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray((whole > 0) & (hair < 0.5))
 
 
 def _unlike(lab: Float32, other: Float32) -> Float32:
