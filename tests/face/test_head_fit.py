@@ -8,7 +8,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
-from lfportrait.face.head_fit import Picture, View, check_faces, fit_head, outline_vertices, unfit
+from lfportrait.face.head_fit import (
+    Picture,
+    View,
+    check_faces,
+    fit_head,
+    outline_errors,
+    outline_vertices,
+    unfit,
+)
 from lfportrait.face.head_prior import EYES, FACE, SOCKETS, generic_prior, read_ict, with_normals
 
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -169,3 +177,19 @@ def _names() -> tuple[str, ...]:
     from lfportrait.face import head_prior
 
     return head_prior._USED
+
+
+def test_clothes_draw_no_outline():
+    view = View(np.eye(3), np.array([0, 0, 0.8]), 800.0, np.array([200.0, 200.0]), np.zeros(0))
+    column = np.broadcast_to(np.arange(400, dtype=np.float32), (400, 400))
+    inside = 300.0 - column  # the person ends at column 300
+    landmarks = np.zeros((68, 2))
+    landmarks[45, 0] = 100.0
+    bare = Picture((400, 400), landmarks, None, np.asarray(inside, np.float32))
+    clothed = np.zeros((400, 400), bool)
+    clothed[200:, 280:] = True
+    places = np.array([[270.0, 100.0], [270.0, 300.0]])
+    assert not outline_errors(bare, places, view)[2].any()
+    away, slope, hair = outline_errors(replace(bare, clothes=clothed), places, view)
+    assert hair.tolist() == [0, 1] and np.allclose(away, 30)
+    assert np.allclose(slope, [[-1, 0], [-1, 0]])

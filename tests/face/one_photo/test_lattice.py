@@ -77,13 +77,32 @@ def test_what_floats_beside_a_person_goes_and_what_is_worn_stays():
 
     head, crumb, wire = ball((25, 25, 25), 18), ball((50, 50, 50), 3), ball((50, 8, 8), 3)
     away = np.minimum(np.minimum(head, crumb), wire).astype(np.float32)
-    found = lattice._without_crumbs(away, wire < 1, 3.0)
+    found = lattice._without_crumbs(away, wire < 1, head < 1, 3.0)
     assert (found[crumb < 0] == 3).all() and found[crumb < 1.5].min() > 0
     assert np.array_equal(found[crumb > 6], away[crumb > 6])
-    assert lattice._without_crumbs(head, wire < 1, 3.0) is head
-    # What is thin comes in pieces on a coarse lattice.
-    both = np.minimum(head, ball((25, 25, 46.5), 1.5))
-    assert np.array_equal(lattice._without_crumbs(both, wire < 1, 3.0), both)
+    assert lattice._without_crumbs(head, wire < 1, head < 1, 3.0) is head
+    # What is thin of a head comes in pieces on a coarse lattice.
+    rim = ball((25, 25, 46.5), 1.5)
+    both = np.minimum(head, rim)
+    assert np.array_equal(lattice._without_crumbs(both, wire < 1, both < 1, 3.0), both)
+    assert lattice._without_crumbs(both, wire < 1, head < 1, 3.0)[rim < 0].min() > 0
+
+
+def test_no_blade_stands_beside_a_neck():
+    z, y, x = np.mgrid[:60, :60, :60].astype(np.float32)
+    step, first = 0.02, np.zeros(3)
+    block = np.maximum(np.maximum(np.abs(x - 30), np.abs(z - 30)) - 20, y - 30)
+    blade = np.maximum(np.maximum(np.abs(x - 45) - 1.5, np.abs(z - 30) - 6), np.abs(y - 30) - 10)
+    away = (step * np.minimum(block, blade)).astype(np.float32)
+    body, neck = np.ones(away.shape, bool), np.array([0.0, 1.0, 0.0, 30 * step])
+    found = lattice._without_blades(away, body, neck, first, step)
+    above = (blade < 0) & (y > 34)
+    assert above.any() and found[above].min() > 0
+    deep = block < -6
+    assert np.array_equal(found[deep], away[deep])
+    assert np.array_equal(lattice._without_blades(away, ~body, neck, first, step), away)
+    elsewhere = neck + [0, 0, 0, 1.0]
+    assert np.array_equal(lattice._without_blades(away, body, elsewhere, first, step), away)
 
 
 def test_points_between_points_are_means():

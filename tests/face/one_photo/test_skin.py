@@ -8,7 +8,7 @@ from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.paint import Shot
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.skin import not_skin
+from lfportrait.face.one_photo.skin import clothes, not_skin
 
 SIDE = 320
 SKIN = np.float32([0.82, 0.62, 0.52])
@@ -80,3 +80,19 @@ def test_a_beard_that_goes_on_along_the_jaw_is_skin(head):
     column = int(landmarks[54, 0])
     beside[row - 4:, column + 20:] *= 0.25
     assert not_skin(beside, None, landmarks, camera, samples).max() > 0.9
+
+
+def test_clothes_below_the_ears_are_neither_skin_nor_beard(head):
+    _, _, landmarks = head
+    none = np.zeros((SIDE, SIDE), np.float32)
+    image = np.rint(255 * shaded()).astype(np.uint8)
+    assert not clothes(image, none, landmarks).any()
+    chin, ears = int(landmarks[8, 1]), int(landmarks[[2, 14], 1].mean())
+    image[chin + 10:] = [20, 30, 90]
+    image[:ears - 40, :40] = [20, 30, 90]
+    found = clothes(image, none, landmarks)
+    assert found[chin + 14:].all() and not found[:ears - 8].any()
+    assert not clothes(image, none + 1, landmarks).any(), "hair is none"
+    mouth = int(landmarks[57, 1])
+    image[mouth:] = [40, 30, 25]
+    assert not clothes(image, none, landmarks).any(), "nor is what is like the beard"

@@ -1,15 +1,18 @@
 """Pieces of a person's solid: where they are, and where their surfaces only lead out of sight."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.hair import Neck
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import EDGE, METRES, Piece
-from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.solid import _one_neck, solid_of
+from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
+from lfportrait.face.one_photo.solid import _one_neck, _raised, solid_of
 
 
 def test_hair_is_only_a_little_beyond_where_it_grows():
@@ -82,3 +85,18 @@ def test_what_lies_beside_a_neck_stays():
     # The neck itself goes over from one to the other.
     joined, _ = _one_neck(np.full(5, 0.02), np.full(5, -0.02), way, above)
     assert joined == pytest.approx([0.02, 0.02, 0.0, -0.02, -0.02], abs=1e-3)
+
+
+def test_shoulders_may_reach_to_the_ears(bust):
+    parts, near = bust.parts, depth_maps(bust.head, bust.parts)[0]
+    place = Neck.of(parts, bust.head)
+    assert not _raised(parts, near, place)[:int(place.jaw)].any(), "these hang down"
+    row, column = int(0.5 * (place.ears + place.jaw)), int(place.right)
+    inside = parts.inside.copy()
+    inside[row:, column:column + 60] = 9.0
+    inside[int(place.ears) - 60:, :20] = 9.0  # and what is higher than the ears
+    found = _raised(replace(parts, inside=inside), near, place)
+    assert found[row + 12, column + 20:column + 40].all()
+    assert not found[:int(place.ears)].any() and not (found & np.isfinite(near)).any()
+    inside[int(place.jaw):] = -9.0
+    assert not _raised(replace(parts, inside=inside), near, place).any(), "no body holds them"

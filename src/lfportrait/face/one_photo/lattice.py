@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from ...field import VoxelField
 from ...measure import usable_cores
-from .solid import HEAD, WORN, Solid, ear_light, scalp
+from .solid import BODY, HEAD, WORN, Solid, ear_light, scalp
 from .wires import Wires
 
 __all__ = ["Shell", "shell_of"]
@@ -35,6 +35,9 @@ CRUMB = 0.01
 """What is apart from all else and smaller than this part of it is no person."""
 APART = 4
 """Points of that lattice between the two, at least."""
+BLADE, NECK = 0.035, 0.35
+"""What of a body is thinner than twice this is none, up to so far above and below its neck's end,
+portrait units."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -65,7 +68,8 @@ class Shell:
         first, coarse = _coarse(distance, half, step)
         first, coarse = _cropped(first, _closed(coarse)[0], step)
         middle, owner = _finer(distance, first, coarse, step)
-        middle = _without_crumbs(middle, owner == WORN, 1.5 * step)
+        middle = _without_blades(middle, owner == BODY, solid.neck, first, 0.5 * step)
+        middle = _without_crumbs(middle, owner == WORN, owner == HEAD, 1.5 * step)
         self._fill(distance, first, *_closed(middle), owner)
         self.scalp = self.owner == HEAD
         rest = solid.head.at_rest(self.on[self.scalp])
@@ -183,11 +187,11 @@ def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
     return out, owner
 
 
-def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
+def _without_crumbs(distance: Float32, worn: Bools, head: Bools, away: float) -> Float32:
     """Distances [z, y, x] of the person alone: what is small and apart lies ``away`` outside.
 
     Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays, and
-    so does what is thin, as an ear's rim, of which a coarse lattice shows pieces.
+    so does what is thin of a ``head``, as an ear's rim, of which a coarse lattice shows pieces.
     """
     pieces, count = ndimage.label(distance < 0)
     if count < 2:
@@ -196,9 +200,25 @@ def _without_crumbs(distance: Float32, worn: Bools, away: float) -> Float32:
     sizes[0] = 0
     small = sizes < CRUMB * sizes.max()
     small[np.unique(pieces[worn])] = False
-    small[np.unique(pieces[_grown(~small[pieces] & (pieces > 0), APART)])] = False
+    small[np.unique(pieces[head & _grown(~small[pieces] & (pieces > 0), APART)])] = False
     crumbs = _grown(small[pieces] & (pieces > 0), 2)
     return np.where(crumbs, np.float32(away), distance)
+
+
+def _without_blades(distance: Float32, body: Bools, neck: Float64, first: Float64, step: float,
+                    ) -> Float32:
+    """Distances [z, y, x] without what is thin of a body around its neck, [4] (`Solid.neck`).
+
+    Where a photo shows a collar beside a jaw, the neck cuts most of it away: a blade is left.
+    """
+    solid = distance < 0
+    reach = max(1, round(BLADE / step))
+    away = ndimage.distance_transform_edt(solid) > reach
+    thin = solid & body & (ndimage.distance_transform_edt(~away) > reach + 1)
+    at = np.nonzero(thin)
+    high = _places(first, step, at) @ neck[:3] - neck[3]
+    thin[at] = np.abs(high) < NECK
+    return np.where(_grown(thin, 3) & (distance > -2 * reach * step), np.float32(3 * step), distance)
 
 
 def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:

@@ -52,6 +52,8 @@ BAND = 0.06
 SHOULDERS, SLOPE = 0.30, 0.35
 """How far behind the neck's middle the shoulders' lies, and how far from it it does, portrait
 units: a neck leans forward, and runs out to the shoulders behind."""
+BROAD = 0.07
+"""What is twice so broad beside a head is a shoulder, portrait units."""
 LOWEST = -1.35
 """Nothing lies lower."""
 HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.105),
@@ -82,6 +84,7 @@ class Solid:
     lowest: float  # Height of the plane that ends the bust.
     # float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     before: Float64 | None = None
+    raised: Bools | None = None  # bool [h, w], shoulders that reach higher than the neck, or None.
 
     def distance(self, points: Float64, reach: float, near: Bools | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
@@ -111,6 +114,11 @@ class Solid:
             body = self.body.distance(self.parts, places, depth)
             head, of_body = _one_neck(head, body, way, above)
             owner[of_body] = BODY
+            if self.raised is not None:
+                size = np.array(self.raised.shape)[:, None] - 1
+                row, column = np.clip(np.rint(places), 0, size).astype(int)
+                high = self.raised[row, column] & (body < head)
+                head[high], owner[high] = body[high], BODY
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
         out = head
@@ -169,16 +177,19 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     band = (height < NECK_TOP) & (height > NECK_END - 1.2 * JOINT)
     end = samples.points[np.abs(height - NECK_END) < 0.0015]
     neck = _plane(end)
-    body = _body(parts, near, depth_maps(samples, parts, band), end, sensed)
+    place = Neck.of(parts, samples)
+    raised = _raised(parts, near, place)
+    body = _body(parts, near, raised, depth_maps(samples, parts, band), end, sensed)
     hair = None
     if parts.hair.any():
         grown = depth_maps(samples, parts, scalp(samples.rest))[1]
         ears = np.isfinite(depth_maps(samples, parts, _ears(samples.rest))[0])
         # Where the back of the head, or what lies just before it, is scalp.
         hair = hair_piece(parts, (near, far), (grown > far - BACK) & ~ears,
-                          Neck.of(parts, samples), body, sensed)
+                          place, body, sensed)
     before = None if sensed is None else hair_before(sensed, parts.hair)
-    return Solid(parts, samples, hair, body, neck, _end(parts, body), before)
+    return Solid(parts, samples, hair, body, neck, _end(parts, body), before,
+                 raised if raised.any() else None)
 
 
 def scalp(rest: Float64) -> Bools:
@@ -240,7 +251,21 @@ def _plane(points: Float64) -> Float64:
     return np.append(normal, normal @ middle)
 
 
-def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float64,
+def _raised(parts: Parts, near: Float64, neck: Neck) -> Bools:
+    """Where shoulders beside a head [h, w] reach higher than its neck, at most to its ears.
+
+    ``near`` is the head's depth, NaN where it is not.
+    """
+    beside = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
+    far = cv2.distanceTransform(beside.astype(np.uint8), cv2.DIST_L2, 5) > BROAD / parts.cell
+    away = cv2.distanceTransform((~far).astype(np.uint8), cv2.DIST_L2, 5)
+    rows = np.arange(len(near))[:, None]
+    broad = beside & (away <= BROAD / parts.cell + 1) & (rows > neck.ears)
+    pieces = ndimage.label(broad)[0]
+    return broad & np.isin(pieces, np.setdiff1d(pieces[rows[:, 0] > neck.end], 0))
+
+
+def _body(parts: Parts, near: Float64, raised: Bools, band: tuple[Float64, Float64], end: Float64,
           sensed: Sensed | None) -> Piece | None:
     """Neck and shoulders as a piece that begins at the model's neck."""
     cell = parts.cell
@@ -250,7 +275,7 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], end: Float
     top = int(np.flatnonzero(known.any(axis=1))[0])
     person = parts.inside > 0
     rows = np.arange(person.shape[0])[:, None]
-    shoulders = person & ~parts.hair & ~np.isfinite(near) & (rows > top)
+    shoulders = person & ~parts.hair & ~np.isfinite(near) & (raised | (rows > top))
     # Below the band, the model's neck gives way.
     columns = known.any(axis=0)
     last = np.where(columns, known.shape[0] - 1 - np.argmax(known[::-1], axis=0), 10 ** 6)
