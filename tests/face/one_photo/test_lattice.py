@@ -101,7 +101,7 @@ def test_no_blade_stands_beside_a_neck():
     deep = block < -6
     assert np.array_equal(found[deep], away[deep])
     assert np.array_equal(lattice._without_blades(away, ~body, neck, first, step), away)
-    elsewhere = neck + [0, 0, 0, 1.0]
+    elsewhere = neck + np.array([0, 0, 0, 1.0])
     assert np.array_equal(lattice._without_blades(away, body, elsewhere, first, step), away)
 
 

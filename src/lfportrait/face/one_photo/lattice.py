@@ -218,7 +218,8 @@ def _without_blades(distance: Float32, body: Bools, neck: Float64, first: Float6
     at = np.nonzero(thin)
     high = _places(first, step, at) @ neck[:3] - neck[3]
     thin[at] = np.abs(high) < NECK
-    return np.where(_grown(thin, 3) & (distance > -2 * reach * step), np.float32(3 * step), distance)
+    gone = _grown(thin, 3) & (distance > -2 * reach * step)
+    return np.where(gone, np.float32(3 * step), distance)
 
 
 def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:
