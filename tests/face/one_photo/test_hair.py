@@ -138,6 +138,7 @@ def test_ground_in_hair_is_found_and_highlights_are_not():
     found[80:100, 62:66] = False
     assert not found.any()
     assert not ground_in_hair(image, hair, np.zeros_like(hair), 20.0).any()
+    assert not ground_in_hair(image, hair, hair, 80.0).any(), "short hair is not seen through"
 
 
 def test_strands_are_as_strong_as_in_the_photo_and_run_down():

@@ -94,9 +94,11 @@ def test_shoulders_may_reach_to_the_ears(bust):
     row, column = int(0.5 * (place.ears + place.jaw)), int(place.right)
     inside = parts.inside.copy()
     inside[row:, column:column + 60] = 9.0
-    inside[int(place.ears) - 60:, :20] = 9.0  # and what is higher than the ears
     found = _raised(replace(parts, inside=inside), near, place)
     assert found[row + 12, column + 20:column + 40].all()
     assert not found[:int(place.ears)].any() and not (found & np.isfinite(near)).any()
+    higher = inside.copy()
+    higher[int(place.ears) - 60:, column + 20:column + 80] = 9.0
+    assert not _raised(replace(parts, inside=higher), near, place)[:, column:].any(), "a chair"
     inside[int(place.jaw):] = -9.0
     assert not _raised(replace(parts, inside=inside), near, place).any(), "no body holds them"

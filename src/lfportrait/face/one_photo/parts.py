@@ -44,6 +44,9 @@ UNLIKE = 14.0
 INNER, OUTER = 0.7, 1.3
 """What is less than so many times as unlike the ground as the hair is ground; well within hair, and
 at the outline."""
+LONG = 0.1
+"""Short hair, of which less than this part lies further within, is not seen through: what it is
+like would be known from its hairline alone, where it is mixed with skin."""
 FUZZ = 0.18
 """Hair is so thin up to here from the outline that ground may be seen through it, portrait units.
 """
@@ -188,6 +191,9 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
     deep = signed_distance(matte) / np.float32(width)
     # A narrow strip between hair and the outline is hair, or ground.
     strips = thin((deep > 0) & ~curls, curls, 0.25 * width) & (deep < 0.5)
+    within = curls & ((deep <= 0) | (deep >= 1))
+    if within.sum() < LONG * curls.sum():
+        return np.zeros_like(curls)
     near = (curls & (deep > 0) & (deep < 1)) | strips
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     size = tuple(max(2, round(side * min(1.0, 4.0 / width))) for side in near.shape[::-1])

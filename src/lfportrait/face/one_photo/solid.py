@@ -259,10 +259,13 @@ def _raised(parts: Parts, near: Float64, neck: Neck) -> Bools:
     beside = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
     far = cv2.distanceTransform(beside.astype(np.uint8), cv2.DIST_L2, 5) > BROAD / parts.cell
     away = cv2.distanceTransform((~far).astype(np.uint8), cv2.DIST_L2, 5)
-    rows = np.arange(len(near))[:, None]
-    broad = beside & (away <= BROAD / parts.cell + 1) & (rows > neck.ears)
-    pieces = ndimage.label(broad)[0]
-    return broad & np.isin(pieces, np.setdiff1d(pieces[rows[:, 0] > neck.end], 0))
+    ears, end = (int(np.clip(row, 0, len(near) - 1)) for row in (neck.ears, neck.end))
+    high = beside & (away <= BROAD / parts.cell + 1)
+    high[:ears], high[end + 1:] = False, False
+    pieces = ndimage.label(high)[0]
+    # What is higher than ears is no shoulder, but somebody else's, or a chair.
+    held = np.setdiff1d(pieces[end], np.append(pieces[ears], 0))
+    return high & np.isin(pieces, held)
 
 
 def _body(parts: Parts, near: Float64, raised: Bools, band: tuple[Float64, Float64], end: Float64,
