@@ -18,6 +18,7 @@ from lfportrait.face.head_fit import (
     unfit,
 )
 from lfportrait.face.head_prior import EYES, FACE, SOCKETS, generic_prior, read_ict, with_normals
+from lfportrait.face.one_photo.parts import signed_distance
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 FOCAL, SIZE = 900.0, 600
@@ -193,3 +194,22 @@ def test_clothes_draw_no_outline():
     away, slope, hair = outline_errors(replace(bare, clothes=clothed), places, view)
     assert hair.tolist() == [0, 1] and np.allclose(away, 30)
     assert np.allclose(slope, [[-1, 0], [-1, 0]])
+
+
+def test_ground_that_a_matte_takes_for_the_person_bends_no_head():
+    prior = generic_prior()
+    landmarks, vertices = _seen(0.0)
+    pixels = vertices @ FLIP.T + [0, 0, 0.8]
+    pixels = pixels[:, :2] / pixels[:, 2:] * FOCAL + SIZE / 2
+    matte = np.zeros((int(SIZE), int(SIZE)), np.float32)
+    for corners in np.rint(pixels[prior.triangles]).astype(np.int32):
+        cv2.fillConvexPoly(matte, corners, 1)
+    row = int(landmarks[4, 1])
+    fits = []
+    for ground in (False, True):
+        if ground:  # it lies against both cheeks
+            matte[row - 50:] = 1
+        picture = Picture((int(SIZE), int(SIZE)), landmarks, FOCAL, signed_distance(matte))
+        fits.append(fit_head(prior, [picture], ["photo"]))
+    pitch = [fit.views[0].angles["pitch"] for fit in fits]
+    assert abs(pitch[0] - pitch[1]) < 1.5, pitch
