@@ -103,6 +103,12 @@ def test_a_sharp_face_beside_goes_with_what_it_wears(monkeypatch):
     assert mine > 0.985 and theirs < 0.12
 
 
+def test_a_face_that_is_printed_on_a_shirt_stays(monkeypatch):
+    scene = Scene().sitter()
+    scene.faces.append(landmarks(255, 235, 60))
+    assert scene.alone(monkeypatch) is None
+
+
 def test_hair_that_is_not_the_sitters_is_somebody_elses(monkeypatch):
     other = disc(335, 110, 40, 55) | disc(345, 190, 45, 80)
     scene = Scene().add(other, COAT).sitter()

@@ -230,8 +230,9 @@ def _others(scene: _Scene, sitter: Bool, apart: Bool, image: UInt8,
     person, place = scene.person, scene.sitter
     far = [piece for piece in _pieces(person & ~apart & (place.usual() == 0))
            if scene.area(piece) > OTHERS]
-    faces = [one for one in _faces(scene, far, image)
-             if scene.area(one.hull() & sitter) < OTHERS]
+    # One before the chest is printed on what the sitter wears.
+    faces = [one for one in _faces(scene, far, image) if one.hull().any()
+             and place.usual()[one.hull()].mean() < 0.5]
     known = np.zeros(person.shape, bool)
     for face in faces:
         known |= person & (face.hull() | (face.core() & (place.usual() == 0)))
