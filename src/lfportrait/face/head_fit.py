@@ -171,7 +171,7 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
     if not faces:
         raise UserError(f"no face was found in {name}; a portrait needs a photo that shows the "
                         "face from the front, upright and in focus")
-    sizes = [_size_of(face) for face in faces]
+    sizes = [ear_to_ear(face) for face in faces]
     others = sum(size > 0.4 * sizes[0] for size in sizes)
     if others > 1:
         raise UserError(f"{name} shows {others} faces; crop it to the one that is meant")
@@ -181,7 +181,7 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
     return faces[0]
 
 
-def _size_of(face: Float64) -> float:
+def ear_to_ear(face: Float64) -> float:
     """Pixels of a face's width, ear to ear; of a turned one by its height, as it is narrower."""
     height = float(np.linalg.norm(face[8] - face[27]))
     return max(float(np.linalg.norm(face[16] - face[0])), BROAD * height)

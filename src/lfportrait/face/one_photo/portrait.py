@@ -29,6 +29,7 @@ from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_h
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
+from .beside import sitter_alone
 from .depth import Sensed, sensed_depth
 from .lattice import Shell, shell_of
 from .matches import found_again
@@ -142,15 +143,30 @@ class _Seen:
             self.matte: Float32 = np.asarray(share[..., 0], np.float32)
             self.given = True
         else:
-            self.matte = np.asarray(refine_matte(shown, person_matte(shown)), np.float32)
+            self.matte = np.zeros(shown.shape[:2], np.float32)
             self.given = False
-        landmarks = check_faces(detect_faces(shown), photo.name)
+        faces = detect_faces(shown)
+        landmarks = check_faces(faces, photo.name)
+        if not self.given:
+            self.matte = _matte_of(shown, faces, photo.name)
         self.shown = shown
         self.hair = _hair_of(shown, self.matte, landmarks)
         height, width = self.matte.shape
         self.picture = Picture((width, height), landmarks, photo.focal,
                                signed_distance(self.matte), self.hair,
                                clothes(shown, self.hair, landmarks))
+
+
+def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Float32:
+    """Where a photo shows its sitter, float32 [H, W], whose face is the first."""
+    soft = person_matte(image)
+    if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
+        alone = sitter_alone(image, soft, hair_mask(image), faces)
+        if alone is not None:
+            soft = alone
+            warnings.warn(f"{name} shows other people, too: they are cut away; look at the "
+                          "outline, or take a photo of one person", stacklevel=5)
+    return np.asarray(refine_matte(image, soft), np.float32)
 
 
 def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
