@@ -186,6 +186,7 @@ def test_previews_follow_landmarks_mixes_and_cameras(page, project, head, style,
     assert page.error("POST", path, {"style": "own-nobody"}) == "not_found"
 
 
+@pytest.mark.slow  # `tests/job/test_session.py` tries landmarks, tests/runner ends processes
 def test_previews_after_the_same_moves_are_those_of_a_fresh_process(page, project, head, style):
     """A process that is lost comes back, and says the same.
 
@@ -276,6 +277,7 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+@pytest.mark.slow  # test_jobs.py has the queue, with work that takes no time
 def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, style):
     versions, files = (f"/api/projects/{project}/{name}" for name in ("versions", "exports"))
     version = page.do("POST", versions, {"name": "Later", "style": style,
