@@ -1,5 +1,6 @@
 """Fixtures that several test files share, and how the two test processes share the cores."""
 
+import functools
 import gc
 import importlib
 import os
@@ -237,23 +238,32 @@ def other_device(monkeypatch):
     device.torch_device.cache_clear()
 
 
+@pytest.fixture(scope="session")
+def coarse_distances():
+    """`modelled_head.studio.distances` at half as many places each way; all heads are kept."""
+    from modelled_head import studio
+
+    @functools.cache
+    def distances(model):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(studio, "_GRID", 129)
+            return bake(model)
+
+    bake = studio.distances.__wrapped__
+    return distances
+
+
 @pytest.fixture(scope="module")
-def coarse_heads():
-    """Modelled heads whose distances are baked at half as many places each way.
-
-    That is as fine as pictures of a hundred pixels, and takes a fifth of the time.
-    """
-    from modelled_head import painting, studio
-
-    def forget():
-        studio.distances.cache_clear()
-        painting._sitting.cache_clear()
+def coarse_heads(coarse_distances):
+    """Modelled heads as fine as pictures of a hundred pixels, in a fifth of the time."""
+    from modelled_head import lattice, painting, studio
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(studio, "_GRID", 129)
-        forget()
+        for user in (studio, lattice):
+            patch.setattr(user, "distances", coarse_distances)
+        painting._sitting.cache_clear()
         yield
-    forget()
+    painting._sitting.cache_clear()
 
 
 STAGES = "reconstruct", "encode", "transfer", "stylize", "mattes"

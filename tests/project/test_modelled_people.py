@@ -40,7 +40,12 @@ KEPT = {
 pytestmark = pytest.mark.usefixtures("coarse_heads")
 
 
-@pytest.fixture(scope="module", params=PEOPLE)
+FEW = "girl", "bearded", "spectacles", "asleep"
+"""Hair that hangs, a beard, something worn, closed eyes: between them they have it all."""
+
+
+@pytest.fixture(scope="module", params=[
+    pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in PEOPLE])
 def model(request):
     """Each person: all tests of one follow on each other, as a head is built once for them."""
     return PEOPLE[request.param]

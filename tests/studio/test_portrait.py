@@ -8,9 +8,7 @@ import os
 import re
 import shlex
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -229,10 +227,8 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     # The same by the command, which goes on from the studio's head.
     folder = page.desk.projects.get(project).folder
     panel = page.desk.displays.of(page.desk.projects.get(project)).source
-    with ProcessPoolExecutor(1, get_context("spawn")) as apart:  # as a command is
-        run = apart.submit(make, folder / "photos", folder / "paintings/Ken.png",
-                           folder / "portrait", panel, SMALL, offline=True,
-                           first_look=False).result()
+    run = make(folder / "photos", folder / "paintings/Ken.png", folder / "portrait", panel, SMALL,
+               offline=True, first_look=False)
     assert run["resumed"] == ["capture", "reconstruct"]
     target = folder / "versions/First- try"
     for name in ("styled.npz", "lightfield.png", "portrait.html", "sweep.mp4"):

@@ -106,6 +106,7 @@ def test_reconstruct_reports_speed_and_quality(tmp_path):
     assert read_image(tmp_path / "curve.png").shape == (600, 960, 3)
 
 
+@pytest.mark.slow  # test_bench_on_gpu.py measures the same device
 def test_reconstruct_reports_the_same_of_a_gpu(adapter):
     figures = bench_reconstruct(
         ball_capture(), ReconstructConfig(resolutions=(16,), rays=(0.01,), batch=(1024,)),

@@ -36,7 +36,8 @@ from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.lightfield.test_ground import analytic, checkered, nothing
 
-SHEETS = [(40, 600, "30x40mm"), (60.12, 720, "25x30mm"), (75, 1440, "25x25mm")]
+SHEETS = [(40, 600, "30x40mm"), (60.12, 720, "25x30mm"),
+          pytest.param(75, 1440, "25x25mm", marks=pytest.mark.slow)]
 PLAIN = {"bleed": 0.0, "margin": 0.0}
 
 
