@@ -3,6 +3,7 @@
 import functools
 import gc
 import importlib
+import inspect
 import os
 import sys
 from contextlib import suppress
@@ -36,10 +37,13 @@ gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """From now on garbage is looked for, among what tests make.
+    """From now on garbage is looked for, among what tests make; memory is kept, as by a command.
 
     More seldom than by default: Numba compiles two hundred functions here, and makes little.
     """
+    from lfportrait.cli.dispatch import keep_memory
+
+    keep_memory()
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
@@ -167,17 +171,25 @@ def no_pauses():
 
 
 @pytest.fixture(autouse=True)
-def kept(monkeypatch, tmp_path_factory, request):
-    """A folder for what the user's cache would keep, new for each test: none believes another.
+def kept(tmp_path_factory, request):
+    """A folder for what the user's cache would keep: what was found in a picture serves all tests.
 
-    What source files say stays in the user's own, as each run would read all of them for seconds.
+    A test that changes anything, or looks into the folder, has a new one: none believes what
+    another made of other code. What source files say stays in the user's own, as each run would
+    read all of them for seconds.
     """
     from lfportrait.cache import user_cache
 
-    folder = tmp_path_factory.getbasetemp() / "kept" / str(abs(hash(request.node.nodeid)))
-    monkeypatch.setattr("lfportrait.cache.user_cache",
-                        lambda kind: user_cache(kind) if kind == "code" else folder / kind)
-    return folder
+    folder = tmp_path_factory.getbasetemp()
+    if {"monkeypatch", "other_device"} & set(request.fixturenames) or "kept" in (
+            inspect.signature(request.function).parameters):
+        folder /= f"kept/{abs(hash(request.node.nodeid))}"
+    else:
+        folder = folder.parent / "kept" if "PYTEST_XDIST_WORKER" in os.environ else folder / "kept"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lfportrait.cache.user_cache",
+                      lambda kind: user_cache(kind) if kind == "code" else folder / kind)
+        yield folder
 
 
 @pytest.fixture(scope="session")
