@@ -187,6 +187,7 @@ def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, 
                for name in left)
 
 
+@pytest.mark.slow  # tests/job/test_first_look.py changes the painting, too
 def test_another_style_keeps_capture_and_field(undisturbed, inputs, tmp_path):
     import shutil
 

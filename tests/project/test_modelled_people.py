@@ -37,15 +37,11 @@ KEPT = {
 }
 
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
+# Slow: users have the pictures of them, and not the program.
+pytestmark = [pytest.mark.usefixtures("coarse_heads"), pytest.mark.slow]
 
 
-FEW = "girl", "bearded", "spectacles", "asleep"
-"""Hair that hangs, a beard, something worn, closed eyes: between them they have it all."""
-
-
-@pytest.fixture(scope="module", params=[
-    pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in PEOPLE])
+@pytest.fixture(scope="module", params=PEOPLE)
 def model(request):
     """Each person: all tests of one follow on each other, as a head is built once for them."""
     return PEOPLE[request.param]
