@@ -49,26 +49,25 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
-FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_portrait.py",
-         "job/batch/test_ray.py", "share/page/test_in_browser.py",
-         "example/worn/test_spectacles.py", "example/worn/test_hat.py",
-         "lfportrait_eval/bench/test_bench.py", "share/test_splats_in_browser.py",
-         "job/test_pipeline.py", "job/test_first_look.py", "field/test_cutout.py",
-         "project/test_object_scene.py",
-         "project/test_modelled_people.py", "studio/web/test_landmark_editor.py",
-         "studio/web/test_gallery.py",
-         "studio/web/test_leaving.py", "job/test_warmup.py", "studio/web/test_choices.py",
-         "studio/web/test_uploads.py", "share/test_splats.py", "share/page/test_panel_mode.py",
-         "studio/web/test_long_names.py", "lfportrait_eval/study/test_page.py",
-         "studio/web/test_portrait.py", "share/page/test_recolored.py", "studio/web/test_ends.py",
-         "studio/web/test_show.py", "lfportrait_eval/baselines/transfer/test_network.py",
-         "studio/test_server.py", "lightfield/screens/test_live.py", "field/test_poses.py",
-         "example/worn/test_forehead.py", "field/test_field.py", "field/gpu/training/test_steps.py",
-         "lightfield/gpu/test_coding_on_gpu.py", "lightfield/prints/test_prints.py",
-         "stylize/test_stylize.py", "capture/test_calibrate.py", "lightfield/gpu/test_live.py",
-         "example/test_painted_turned.py", "job/test_style_check.py", "field/test_head_surface.py",
-         "field/test_raycast.py", "field/gpu/training/test_training.py",
-         "lfportrait_eval/tables/test_tables.py")
+FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test_ray.py",
+         "lfportrait_eval/bench/test_bench.py", "share/page/test_in_browser.py",
+         "job/test_style_check.py", "project/test_object_scene.py",
+         "lightfield/screens/test_live.py", "studio/test_portrait.py",
+         "lightfield/gpu/test_coding_on_gpu.py", "lfportrait_eval/tables/test_tables.py",
+         "share/test_splats.py", "example/worn/test_spectacles.py", "field/test_cutout.py",
+         "job/test_first_look.py", "project/test_modelled_people.py", "capture/test_calibrate.py",
+         "field/test_field.py", "lfportrait_eval/baselines/transfer/test_network.py",
+         "studio/test_jobs.py", "test_mutations.py", "field/test_poses.py",
+         "project/test_examples.py", "stylize/test_stylize.py",
+         "capture/calibration/test_head_motion.py", "lfportrait_eval/baselines/field/test_arf.py",
+         "job/test_session.py", "job/test_photo_check.py", "gpu/test_process.py",
+         "field/gpu/training/test_training.py", "job/test_pipeline.py",
+         "field/test_clean_plates.py", "share/test_textured_mesh.py", "field/test_head_surface.py",
+         "lightfield/prints/test_prints.py", "example/worn/test_hat.py", "stylize/test_on_skin.py",
+         "example/test_painted_turned.py", "face/one_photo/test_hair.py", "studio/test_server.py",
+         "lfportrait_eval/baselines/field/test_ref_npr.py", "example/test_transfers.py",
+         "lightfield/gpu/test_live.py", "lightfield/test_lightfield.py",
+         "lightfield/test_slices.py")
 """Files that take long, longest first, for a first run: later ones know what each took (`SECONDS`).
 The two that the processes begin with need no kernels but those that were compiled before them."""
 SECONDS = "lfportrait/seconds"
