@@ -23,9 +23,8 @@ sys.dont_write_bytecode = False
 
 # Before anything loads OpenMP. Two test processes run at once, each with as many threads as there
 # are cores: threads that spin while they wait for work take the cores from those that have some
-# (a test of the network took 97 s instead of 2). Numba keeps all its threads, so that a kernel
-# whose result depends on them is found out; those of torch and the BLAS are not ours to test, and
-# what they get here are pictures of a few dozen pixels.
+# (a test of the network took 97 s instead of 2). Those of torch and the BLAS are not ours to test,
+# and what they get here are pictures of a few dozen pixels.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
@@ -37,13 +36,20 @@ gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """From now on garbage is looked for, among what tests make; memory is kept, as by a command.
+    """Set up a process that tests, now that it has imported them.
 
-    More seldom than by default: Numba compiles two hundred functions here, and makes little.
+    Garbage is looked for among what tests make, and more seldom than by default: Numba compiles two
+    hundred functions here, and makes little. Memory is kept, as by a command. Of two processes each
+    has one thread for kernels, as it has one core: to wake a second takes a tenth of its time. In
+    continuous integration it has all, so that a kernel whose result depends on them is found out.
     """
+    import numba
+
     from lfportrait.cli.dispatch import keep_memory
 
     keep_memory()
+    if "PYTEST_XDIST_WORKER" in os.environ and os.environ.get("LFPORTRAIT_SLOW") != "1":
+        numba.set_num_threads(1)
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
