@@ -1,7 +1,9 @@
 """Fixtures that several test files share, and how the two test processes share the cores."""
 
+import functools
 import gc
 import importlib
+import inspect
 import os
 import sys
 from contextlib import suppress
@@ -21,9 +23,8 @@ sys.dont_write_bytecode = False
 
 # Before anything loads OpenMP. Two test processes run at once, each with as many threads as there
 # are cores: threads that spin while they wait for work take the cores from those that have some
-# (a test of the network took 97 s instead of 2). Numba keeps all its threads, so that a kernel
-# whose result depends on them is found out; those of torch and the BLAS are not ours to test, and
-# what they get here are pictures of a few dozen pixels.
+# (a test of the network took 97 s instead of 2). Those of torch and the BLAS are not ours to test,
+# and what they get here are pictures of a few dozen pixels.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
@@ -35,35 +36,44 @@ gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """From now on garbage is looked for, among what tests make.
+    """Set up a process that tests, now that it has imported them.
 
-    More seldom than by default: Numba compiles two hundred functions here, and makes little.
+    Garbage is looked for among what tests make, and more seldom than by default: Numba compiles two
+    hundred functions here, and makes little. Memory is kept, as by a command. Of two processes each
+    has one thread for kernels, as it has one core: to wake a second takes a tenth of its time. In
+    continuous integration it has all, so that a kernel whose result depends on them is found out.
     """
+    import numba
+
+    from lfportrait.cli.dispatch import keep_memory
+
+    keep_memory()
+    if "PYTEST_XDIST_WORKER" in os.environ and os.environ.get("LFPORTRAIT_SLOW") != "1":
+        numba.set_num_threads(1)
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
 
 
-FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_portrait.py",
-         "job/batch/test_ray.py", "share/page/test_in_browser.py",
-         "example/worn/test_spectacles.py", "example/worn/test_hat.py",
-         "lfportrait_eval/bench/test_bench.py", "share/test_splats_in_browser.py",
-         "job/test_pipeline.py", "job/test_first_look.py", "field/test_cutout.py",
-         "project/test_object_scene.py",
-         "project/test_modelled_people.py", "studio/web/test_landmark_editor.py",
-         "studio/web/test_gallery.py",
-         "studio/web/test_leaving.py", "job/test_warmup.py", "studio/web/test_choices.py",
-         "studio/web/test_uploads.py", "share/test_splats.py", "share/page/test_panel_mode.py",
-         "studio/web/test_long_names.py", "lfportrait_eval/study/test_page.py",
-         "studio/web/test_portrait.py", "share/page/test_recolored.py", "studio/web/test_ends.py",
-         "studio/web/test_show.py", "lfportrait_eval/baselines/transfer/test_network.py",
-         "studio/test_server.py", "lightfield/screens/test_live.py", "field/test_poses.py",
-         "example/worn/test_forehead.py", "field/test_field.py", "field/gpu/training/test_steps.py",
-         "lightfield/gpu/test_coding_on_gpu.py", "lightfield/prints/test_prints.py",
-         "stylize/test_stylize.py", "capture/test_calibrate.py", "lightfield/gpu/test_live.py",
-         "example/test_painted_turned.py", "job/test_style_check.py", "field/test_head_surface.py",
-         "field/test_raycast.py", "field/gpu/training/test_training.py",
-         "lfportrait_eval/tables/test_tables.py")
+FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test_ray.py",
+         "lfportrait_eval/bench/test_bench.py", "share/page/test_in_browser.py",
+         "job/test_style_check.py", "project/test_object_scene.py",
+         "lightfield/screens/test_live.py", "studio/test_portrait.py",
+         "lightfield/gpu/test_coding_on_gpu.py", "lfportrait_eval/tables/test_tables.py",
+         "share/test_splats.py", "example/worn/test_spectacles.py", "field/test_cutout.py",
+         "job/test_first_look.py", "project/test_modelled_people.py", "capture/test_calibrate.py",
+         "field/test_field.py", "lfportrait_eval/baselines/transfer/test_network.py",
+         "studio/test_jobs.py", "test_mutations.py", "field/test_poses.py",
+         "project/test_examples.py", "stylize/test_stylize.py",
+         "capture/calibration/test_head_motion.py", "lfportrait_eval/baselines/field/test_arf.py",
+         "job/test_session.py", "job/test_photo_check.py", "gpu/test_process.py",
+         "field/gpu/training/test_training.py", "job/test_pipeline.py",
+         "field/test_clean_plates.py", "share/test_textured_mesh.py", "field/test_head_surface.py",
+         "lightfield/prints/test_prints.py", "example/worn/test_hat.py", "stylize/test_on_skin.py",
+         "example/test_painted_turned.py", "face/one_photo/test_hair.py", "studio/test_server.py",
+         "lfportrait_eval/baselines/field/test_ref_npr.py", "example/test_transfers.py",
+         "lightfield/gpu/test_live.py", "lightfield/test_lightfield.py",
+         "lightfield/test_slices.py")
 """Files that take long, longest first, for a first run: later ones know what each took (`SECONDS`).
 The two that the processes begin with need no kernels but those that were compiled before them."""
 SECONDS = "lfportrait/seconds"
@@ -166,17 +176,25 @@ def no_pauses():
 
 
 @pytest.fixture(autouse=True)
-def kept(monkeypatch, tmp_path_factory, request):
-    """A folder for what the user's cache would keep, new for each test: none believes another.
+def kept(tmp_path_factory, request):
+    """A folder for what the user's cache would keep: what was found in a picture serves all tests.
 
-    What source files say stays in the user's own, as each run would read all of them for seconds.
+    A test that changes anything, or looks into the folder, has a new one: none believes what
+    another made of other code. What source files say stays in the user's own, as each run would
+    read all of them for seconds.
     """
     from lfportrait.cache import user_cache
 
-    folder = tmp_path_factory.getbasetemp() / "kept" / str(abs(hash(request.node.nodeid)))
-    monkeypatch.setattr("lfportrait.cache.user_cache",
-                        lambda kind: user_cache(kind) if kind == "code" else folder / kind)
-    return folder
+    folder = tmp_path_factory.getbasetemp()
+    if {"monkeypatch", "other_device"} & set(request.fixturenames) or "kept" in (
+            inspect.signature(request.function).parameters):
+        folder /= f"kept/{abs(hash(request.node.nodeid))}"
+    else:
+        folder = folder.parent / "kept" if "PYTEST_XDIST_WORKER" in os.environ else folder / "kept"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lfportrait.cache.user_cache",
+                      lambda kind: user_cache(kind) if kind == "code" else folder / kind)
+        yield folder
 
 
 @pytest.fixture(scope="session")
@@ -237,23 +255,32 @@ def other_device(monkeypatch):
     device.torch_device.cache_clear()
 
 
+@pytest.fixture(scope="session")
+def coarse_distances():
+    """`modelled_head.studio.distances` at half as many places each way; all heads are kept."""
+    from modelled_head import studio
+
+    @functools.cache
+    def distances(model):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(studio, "_GRID", 129)
+            return bake(model)
+
+    bake = studio.distances.__wrapped__
+    return distances
+
+
 @pytest.fixture(scope="module")
-def coarse_heads():
-    """Modelled heads whose distances are baked at half as many places each way.
-
-    That is as fine as pictures of a hundred pixels, and takes a fifth of the time.
-    """
-    from modelled_head import painting, studio
-
-    def forget():
-        studio.distances.cache_clear()
-        painting._sitting.cache_clear()
+def coarse_heads(coarse_distances):
+    """Modelled heads as fine as pictures of a hundred pixels, in a fifth of the time."""
+    from modelled_head import lattice, painting, studio
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(studio, "_GRID", 129)
-        forget()
+        for user in (studio, lattice):
+            patch.setattr(user, "distances", coarse_distances)
+        painting._sitting.cache_clear()
         yield
-    forget()
+    painting._sitting.cache_clear()
 
 
 STAGES = "reconstruct", "encode", "transfer", "stylize", "mattes"

@@ -125,7 +125,7 @@ def test_a_phones_own_files_have_wide_colors_too(tmp_path, suffix):
         assert np.abs(found[16, 16].astype(int) - (217, 42, 52)).max() <= 4
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".tif"])
+@pytest.mark.parametrize("suffix", [pytest.param(".jpg", marks=pytest.mark.slow), ".tif"])
 def test_photos_of_two_hundred_megapixels_are_read(tmp_path, suffix):
     """Turned by their note as well, which must not be lost on the way."""
     exif = Image.Exif()

@@ -179,7 +179,7 @@ def test_what_is_no_address_is_told(tmp_path):
 @pytest.mark.parametrize("fault", ["cut", "short", "error", "stalled"])
 def test_a_second_try_may_succeed(server, tmp_path, monkeypatch, fault):
     if fault == "stalled":
-        monkeypatch.setattr(downloads, "TIMEOUT", 2.0)
+        monkeypatch.setattr(downloads, "TIMEOUT", 1.0)
     server.faults["net.bin"] = f"{fault} then fine"
     assert get(server, tmp_path / "net.bin").read_bytes() == CONTENT
     assert len(server.asked) == 2

@@ -139,7 +139,7 @@ def test_arrays_of_several_pieces_are_deflated_as_one(tmp_path, threads):
     """The pieces are deflated side by side; a reader and the check of the file see one stream."""
     values = np.random.default_rng(3).integers(0, 4, (1200, 1200), np.int32)
     before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, before))
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
     try:
         save_field(shell_field(8), tmp_path / "f.npz", deflated=("many",), many=values,
                    none=np.empty(0, np.int32))

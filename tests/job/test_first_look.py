@@ -189,7 +189,8 @@ def test_one_photo_is_looked_at_before_its_field_is_made(painting, looks, tmp_pa
     assert LOOK not in page.read_bytes() and len(looks) == 1
 
 
-@pytest.mark.parametrize("error", [UserError("the field shows no surface"), IndexError("7")])
+@pytest.mark.parametrize("error", [
+    UserError("the field shows no surface"), pytest.param(IndexError("7"), marks=pytest.mark.slow)])
 def test_a_look_that_fails_is_one_line(job, plain, tmp_path, monkeypatch, capsys, error):
     def fail(*_):
         raise error

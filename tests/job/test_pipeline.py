@@ -162,6 +162,7 @@ def test_a_second_run_does_nothing_again(undisturbed, inputs):
     assert before == {path: path.stat().st_mtime_ns for path in out.iterdir() if path.name in FILES}
 
 
+@pytest.mark.slow  # tests/studio/test_portrait.py kills a training, tests/test_stages.py the rest
 @pytest.mark.skipif(sys.platform != "linux", reason="forks, and reads /proc")
 def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, jobs, tmp_path):
     out = tmp_path / "out"
@@ -186,6 +187,7 @@ def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, 
                for name in left)
 
 
+@pytest.mark.slow  # tests/job/test_first_look.py changes the painting, too
 def test_another_style_keeps_capture_and_field(undisturbed, inputs, tmp_path):
     import shutil
 

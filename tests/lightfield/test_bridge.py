@@ -104,7 +104,7 @@ class Server(http.server.ThreadingHTTPServer):
 def server():
     with contextlib.closing(Server()) as fake:
         fake.close = lambda: (fake.shutdown(), fake.server_close())
-        threading.Thread(target=fake.serve_forever, daemon=True).start()
+        threading.Thread(target=fake.serve_forever, args=(0.01,), daemon=True).start()
         yield fake
 
 

@@ -94,6 +94,7 @@ OTHER_WAYS = [way for way in (
     if way != interleaved.look_up_way()]
 
 
+@pytest.mark.slow  # `test_neighbours_are_looked_up` reads otherwise by a smaller kernel
 @pytest.mark.parametrize("way", OTHER_WAYS)
 def test_reading_otherwise_codes_the_same(way, monkeypatch):
     # What is read so are values, whatever they are coefficients of: the smallest kernel will do.

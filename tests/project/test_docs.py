@@ -72,11 +72,11 @@ def test_links_lead_somewhere(page):
 
 
 def missing(text):
-    """Folders and modules in back quotes that are not here, nor in the package or a stage."""
+    """Folders and modules that are named as code or by a link, but are not here."""
     packages = [ROOT / "src" / "lfportrait", ROOT / "src" / "lfportrait_eval"]
     places = [ROOT, ROOT / "src", *packages,
               *(path for source in packages for path in source.iterdir() if path.is_dir())]
-    names = re.findall(r"`((?:[a-z_0-9]+/)+(?:[a-z_0-9]+\.py)?|[a-z_0-9]+\.py)`", text)
+    names = re.findall(r"[`[]((?:[a-z_0-9]+/)+(?:[a-z_0-9]+\.py)?|[a-z_0-9]+\.py)[`\]]", text)
     return [name for name in names if not any((place / name).exists() for place in places)]
 
 
@@ -88,5 +88,5 @@ def test_pages_name_files_that_exist(page):
 def test_wrong_names_are_found():
     text = "`field/kernels/march.py` `kernels/` `field/` `models.py` `field/kernels/`"
     assert missing(text) == []
-    assert missing("`field/march.py` `commands/` `cli.py`") == [
-        "field/march.py", "commands/", "cli.py"]
+    assert missing("`field/march.py` `commands/` `cli.py` [a/b.py](c.md)") == [
+        "field/march.py", "commands/", "cli.py", "a/b.py"]

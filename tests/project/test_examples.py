@@ -81,7 +81,9 @@ def test_every_example_is_run():
     assert list(SMALL) == list(WRITTEN) == NAMES
 
 
-@pytest.mark.parametrize("name", NAMES)
+# The batch has the stages of the first example, and is tested in tests/job/batch.
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.slow if name == "09_batch" else ()) for name in NAMES])
 def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch):
     if name == "11_head" and models.missing(["face-landmarker"]):
         pytest.skip("the network for landmarks is not here")

@@ -13,6 +13,7 @@ def rows(text):
     return [line for line in text.splitlines() if line.startswith("| ")]
 
 
+@pytest.mark.slow  # tests/test_mutations.py damages inputs of all kinds, too
 def test_every_reader_takes_damaged_inputs(tmp_path, capfd):
     count = len(inputs.KINDS)
     assert fuzz_readers.main(["--seed", "2", "--count", str(count)]) == 0

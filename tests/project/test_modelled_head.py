@@ -70,6 +70,7 @@ def test_landmarks_are_a_face(model):
     assert 0.30 < np.hypot(x[42:48].mean() - x[36:42].mean(), 0) < 0.45
 
 
+@pytest.mark.slow
 def test_silhouette_agrees_with_the_reference(capture):
     for view in (0, 3, 7):
         origins, directions = capture.cameras.rays(view)
@@ -86,6 +87,7 @@ def test_silhouette_agrees_with_the_reference(capture):
         assert (nearest < -0.03).sum() > 20
 
 
+@pytest.mark.slow
 def test_capture_is_complete_and_deterministic(capture):
     again = studio_capture(size=72, views=8)
     for one, other in zip(capture.images + capture.alphas, again.images + again.alphas):

@@ -11,6 +11,8 @@ from tests.reference import brush as reference
 
 SIZE = (192, 256)
 
+pytestmark = pytest.mark.slow  # of a script that no user runs
+
 
 @pytest.fixture(scope="module", params=STYLES)
 def exemplar(request):

@@ -37,7 +37,8 @@ KEPT = {
 }
 
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
+# Slow: users have the pictures of them, and not the program.
+pytestmark = [pytest.mark.usefixtures("coarse_heads"), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module", params=PEOPLE)

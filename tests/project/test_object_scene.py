@@ -18,6 +18,7 @@ from object_scenes.materials import material
 from object_scenes.solids import BOX, CLOTH, LATHE, SPINDLE, Model, distance, radius_at, wave
 
 SIZE = 32
+pytestmark = pytest.mark.slow  # nothing that users run: its kernels take ten seconds to compile
 
 
 @cache

@@ -18,6 +18,8 @@ from tests.lfportrait_eval.bench.test_bench import ball_capture
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 from tests.share.test_video import ball
 
+pytestmark = pytest.mark.slow  # of a script that no user runs
+
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):

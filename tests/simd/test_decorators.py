@@ -6,6 +6,7 @@ import sys
 
 import numba
 import numpy as np
+import pytest
 
 from lfportrait.simd.decorators import woven
 from lfportrait.simd.vectors import LANES
@@ -67,6 +68,7 @@ def test_a_woven_function_is_translated_once_and_leaves_no_call():
                 if "call" in line and "_part" in line]
 
 
+@pytest.mark.slow  # tests/job/test_pipeline.py finds all kernels again in another process
 def test_another_process_puts_a_lean_function_from_the_disk_into_its_callers(tmp_path):
     (tmp_path / "helpers.py").write_text(MODULE)
 

@@ -10,6 +10,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pytest
 from numba.core.caching import IndexDataCacheFile
 
 import lfportrait
@@ -65,6 +66,7 @@ def run(script, *arguments, **environment):
                           env={**os.environ, **environment})
 
 
+@pytest.mark.slow  # tests/job/test_pipeline.py finds all kernels again in another process
 def test_products_of_one_factory_are_found_again_and_work_together(tmp_path):
     # Each process numbers its functions anew: their symbols must differ by more than the number.
     one, two = (run(SCRIPT, radius, NUMBA_CACHE_DIR=str(tmp_path)) for radius in ("1", "2"))

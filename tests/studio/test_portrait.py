@@ -8,9 +8,7 @@ import os
 import re
 import shlex
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +184,7 @@ def test_previews_follow_landmarks_mixes_and_cameras(page, project, head, style,
     assert page.error("POST", path, {"style": "own-nobody"}) == "not_found"
 
 
+@pytest.mark.slow  # `tests/job/test_session.py` tries landmarks, tests/runner ends processes
 def test_previews_after_the_same_moves_are_those_of_a_fresh_process(page, project, head, style):
     """A process that is lost comes back, and says the same.
 
@@ -228,10 +227,8 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     # The same by the command, which goes on from the studio's head.
     folder = page.desk.projects.get(project).folder
     panel = page.desk.displays.of(page.desk.projects.get(project)).source
-    with ProcessPoolExecutor(1, get_context("spawn")) as apart:  # as a command is
-        run = apart.submit(make, folder / "photos", folder / "paintings/Ken.png",
-                           folder / "portrait", panel, SMALL, offline=True,
-                           first_look=False).result()
+    run = make(folder / "photos", folder / "paintings/Ken.png", folder / "portrait", panel, SMALL,
+               offline=True, first_look=False)
     assert run["resumed"] == ["capture", "reconstruct"]
     target = folder / "versions/First- try"
     for name in ("styled.npz", "lightfield.png", "portrait.html", "sweep.mp4"):
@@ -276,6 +273,7 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+@pytest.mark.slow  # test_jobs.py has the queue, with work that takes no time
 def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, style):
     versions, files = (f"/api/projects/{project}/{name}" for name in ("versions", "exports"))
     version = page.do("POST", versions, {"name": "Later", "style": style,

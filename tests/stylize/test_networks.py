@@ -10,7 +10,8 @@ ASK = "import numba; numba.get_num_threads()"
 LOAD = "import lfportrait.stylize.losses"
 
 
-@pytest.mark.parametrize("order", [(ASK, LOAD), (LOAD, ASK)])
+@pytest.mark.parametrize("order", [
+    (ASK, LOAD), pytest.param((LOAD, ASK), marks=pytest.mark.slow)])
 def test_torch_has_as_many_threads_as_openmp_was_given_whatever_numba_loads(order):
     # Sums depend on the number in their last digits: a job that was resumed would differ.
     program = "\n".join([*order, "import torch", "print(torch.get_num_threads())"])

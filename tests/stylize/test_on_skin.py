@@ -110,6 +110,7 @@ def test_the_picture_of_a_preview_stays_the_same_while_a_landmark_moves(skin, la
     assert pictures[1].landmarks[30, 0] > pictures[0].landmarks[30, 0]
 
 
+@pytest.mark.slow  # how fine its picture is: above
 def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, large, monkeypatch):
     skin = Skin.of(head, capture.landmarks, capture.cameras, 160.0)
     quick, inside = front(stylize_with_figures(head, capture, large, PREVIEW, skin=skin)[0])
@@ -164,6 +165,7 @@ def test_regions_can_be_kept_from_the_photo(head, capture, violet, skin):
         stylize_with_figures(head, capture, violet, replace(PREVIEW, keep=("hat",)), skin=skin)
 
 
+@pytest.mark.slow  # how much is used: `test_a_preview_is_painted_by_a_picture_that_is_no_finer...`
 def test_of_a_large_exemplar_no_more_is_used_than_the_skin_can_show(head, capture):
     skin = Skin.of(head, capture.landmarks, capture.cameras, 40.0)
     large = drawn_face(640, 480)

@@ -221,6 +221,11 @@ def _set_up() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     limit_threads(os.environ)
     gc.set_threshold(ALLOCATIONS)
+    keep_memory()
+
+
+def keep_memory() -> None:
+    """Use the memory of freed arrays again (`MEMORY`), unless the user's environment says how."""
     if any(name.startswith("MALLOC_") for name in os.environ):
         return
     with suppress(OSError, AttributeError, TypeError):  # another C library

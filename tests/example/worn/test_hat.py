@@ -64,7 +64,7 @@ def test_who_wears_nothing_has_no_hat(face):
     assert not_worn(capped(face, 1.8)[0], ("hat",)) == []
 
 
-@pytest.mark.parametrize("quality", ["fast", "best"])
+@pytest.mark.parametrize("quality", ["fast", pytest.param("best", marks=pytest.mark.slow)])
 def test_it_is_put_on_when_asked_and_not_otherwise(face, quality):
     exemplar, _ = capped(face, 1.8)
     photo = drawn_face(300, 280, seed=1, hair=(120, 90, 60))
@@ -85,7 +85,7 @@ def test_it_is_put_on_when_asked_and_not_otherwise(face, quality):
     assert bare[forehead].mean() < 0.02
 
 
-@pytest.mark.parametrize("quality", ["fast", "best"])
+@pytest.mark.parametrize("quality", ["fast", pytest.param("best", marks=pytest.mark.slow)])
 def test_hair_that_would_stick_out_above_it_is_background(face, quality):
     exemplar, _ = capped(face, 1.8)
     photo = drawn_face(300, 280, seed=1)

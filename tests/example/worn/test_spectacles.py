@@ -65,8 +65,10 @@ def test_who_wears_none_has_none(style, turn):
     assert mask.dtype == np.float32 and mask.shape == image.shape[:2] and not mask.any()
 
 
+# Each form in one manner, and in all of them where that is asked for.
 @pytest.mark.parametrize(("style", "kind"), [
-    (style, kind) for kind in ("round", "small round", "oval", "square", "half-moon", "golden")
+    pytest.param(style, kind, marks=() if style == "impression" else pytest.mark.slow)
+    for kind in ("round", "small round", "oval", "square", "half-moon", "golden")
     for style in demo_styles()
     # A half-moon's flat top runs through hatched eyes; golden paint among strokes as bright.
     if kind not in ("half-moon", "golden") or style == "impression"])

@@ -21,7 +21,7 @@ import torch
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
-from lfportrait.job.batch import batch, batch_status, load_jobs
+from lfportrait.job.batch import BatchConfig, batch, batch_status, load_jobs
 from lfportrait.job.batch import driver as driver_module
 from lfportrait.job.pipeline import make
 
@@ -116,6 +116,7 @@ def wait_for(condition, seconds=120):
         time.sleep(0.02)
 
 
+@pytest.mark.slow  # workers that die: tests/runner; what is left is made: a full disk, below
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_driver_and_workers_killed_it_ends_with_the_same_files(made, anna, tmp_path):
     results = tmp_path / "results"
@@ -273,6 +274,19 @@ def test_one_batch_at_a_time(studio, copy):
 
     with locked(copy), pytest.raises(UserError, match="another batch is writing"):
         batch(studio / "jobs.toml", copy)
+
+
+def test_wrong_addresses(studio, copy):
+    (copy / "anna/ken/portrait.html").unlink()
+    with pytest.raises(UserError, match="--on takes local, ray or"):
+        batch(studio / "jobs.toml", copy, BatchConfig(on="rey"))
+
+
+def test_without_ray_it_tells_what_to_install(studio, copy, monkeypatch):
+    (copy / "anna/ken/portrait.html").unlink()
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(UserError, match=r"lfportrait\[ray\]"):
+        batch(studio / "jobs.toml", copy, BatchConfig(on="ray"))
 
 
 def test_a_painting_that_is_missing_is_told_before_anything_is_made(studio, tmp_path, capsys):

@@ -6,12 +6,13 @@ import signal
 
 import pytest
 
-from lfportrait.errors import UserError
 from lfportrait.job.batch import BatchConfig, batch
 
 from .conftest import digests, of_anna
 
 RAY = BatchConfig(on="ray")
+# To start a cluster takes longer than a batch; `test_batch` has the same with our own processes.
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -81,16 +82,3 @@ def test_a_folder_that_is_not_shared_is_told(studio, joined, copy, monkeypatch):
     monkeypatch.setattr("lfportrait.job.batch.runners.finished", lambda *_: None)
     figures = batch(studio / "jobs.toml", copy, RAY)
     assert "that all machines of the cluster share" in figures["failed"]["anna/ken/page"]
-
-
-def test_wrong_addresses(studio, copy):
-    (copy / "anna/ken/portrait.html").unlink()
-    with pytest.raises(UserError, match="--on takes local, ray or"):
-        batch(studio / "jobs.toml", copy, BatchConfig(on="rey"))
-
-
-def test_without_ray_it_tells_what_to_install(studio, copy, monkeypatch):
-    (copy / "anna/ken/portrait.html").unlink()
-    monkeypatch.setitem(__import__("sys").modules, "ray", None)
-    with pytest.raises(UserError, match=r"lfportrait\[ray\]"):
-        batch(studio / "jobs.toml", copy, RAY)

@@ -80,8 +80,10 @@ def both(field, display, **config):
 
 @pytest.mark.parametrize(("basis", "config"), [
     # All numbers of coefficients with both ways to code; the rest changes what is done before.
-    (1, {}), (4, {}), (9, {}), (1, {"method": "direct"}), (4, {"method": "direct"}),
-    (9, {"method": "direct"}), (1, {"method": "slices"}), (9, {"method": "slices", "draft": True}),
+    # The CPU has kernels of its own for each number; nine stand for four.
+    (1, {}), pytest.param(4, {}, marks=pytest.mark.slow), (9, {}), (1, {"method": "direct"}),
+    pytest.param(4, {"method": "direct"}, marks=pytest.mark.slow), (9, {"method": "direct"}),
+    (1, {"method": "slices"}), (9, {"method": "slices", "draft": True}),
     (1, {"blend": "filtered"}), (9, {"blend": "filtered"}), (1, {"turn": 75.0}),
     (9, {"turn": 75.0}), (9, {"background": 0.4, "ground": "black", "draft": True}),
     (1, {"ground": "white"}), (9, {"depth_scale": 0.6, "focus": 0.2, "shift_x": 0.2})])
@@ -90,7 +92,11 @@ def test_a_panel_is_the_cpus(basis, config):
     assert psnr(gpu, cpu) > EVEN
 
 
-@pytest.mark.parametrize("name", Display.names())
+FEW = "generic-4k", "generic-8k", "lookingglass-portrait", "lookingglass-go", "lookingglass-16"
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in Display.names()])
 def test_every_preset_at_a_reduced_and_odd_size(name):
     panel = Display.preset(name)
     share = 96 / max(panel.width, panel.height)
@@ -196,6 +202,7 @@ def test_a_lost_gpu_leaves_the_cpus_picture(adapter, monkeypatch):
     np.testing.assert_array_equal(image, encode(field, PANEL, device="cpu"))
 
 
+@pytest.mark.slow  # test_live.py has the same of pictures that go on
 def test_a_hundred_pictures_take_no_more_memory(adapter):
     code = """
 import sys

@@ -37,6 +37,7 @@ from tests.fields import head_field, shell_field
 from tests.lightfield.test_ground import analytic, checkered, nothing
 
 SHEETS = [(40, 600, "30x40mm"), (60.12, 720, "25x30mm"), (75, 1440, "25x25mm")]
+EACH = [*SHEETS[:2], pytest.param(*SHEETS[2], marks=pytest.mark.slow)]
 PLAIN = {"bleed": 0.0, "margin": 0.0}
 
 
@@ -47,7 +48,7 @@ def smooth_field():
     return field.with_sh((0.8 * field.lattice_points())[:, :, None])
 
 
-@pytest.mark.parametrize("lpi, dpi, size", SHEETS)
+@pytest.mark.parametrize("lpi, dpi, size", EACH)
 def test_the_eye_sees_the_right_view_at_nine_places(lpi, dpi, size):
     field = smooth_field()
     sheet = PrintSheet.of(PrintConfig(lpi=lpi, dpi=dpi, size=size, **PLAIN))
@@ -107,7 +108,7 @@ def test_rows_are_those_of_the_whole_picture(method, name):
         encode_rows(field, display, None, display.height - 1, 2)
 
 
-@pytest.mark.parametrize("lpi, dpi, size", SHEETS)
+@pytest.mark.parametrize("lpi, dpi, size", EACH)
 def test_the_ground_lies_at_its_depth_and_goes_on_through_the_bleed(lpi, dpi, size, tmp_path):
     field = checkered(nothing())
     sheet = PrintSheet.of(PrintConfig(lpi=lpi, dpi=dpi, size=size, bleed=2.0, margin=0.0,

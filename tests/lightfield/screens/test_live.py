@@ -307,7 +307,8 @@ def x_server():
     server.wait()
 
 
-@pytest.mark.parametrize("word", ["--live", "--simulate"])
+@pytest.mark.parametrize("word", [
+    "--live", pytest.param("--simulate", marks=pytest.mark.slow)])
 def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, word):
     done = command(saved, word, "--seconds", "0.5", "--json", "out.json", DISPLAY=x_server)
     assert done.returncode == 0, done.stderr

@@ -11,13 +11,14 @@ from lfportrait.errors import UserError
 from lfportrait.share import serve_page
 
 
-@pytest.fixture
-def served(tmp_path):
-    """The address of a served file, whose port is free again afterwards."""
-    (tmp_path / "page.html").write_text("<p>here</p>")
-    (tmp_path / "secret.txt").write_text("secret")
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    """The address of a served file, whose port is free again afterwards (that takes a while)."""
+    folder = tmp_path_factory.mktemp("served")
+    (folder / "page.html").write_text("<p>here</p>")
+    (folder / "secret.txt").write_text("secret")
     told = Queue()
-    thread = threading.Thread(target=serve_page, args=(tmp_path / "page.html",), kwargs={
+    thread = threading.Thread(target=serve_page, args=(folder / "page.html",), kwargs={
         "browse": False, "ready": lambda address, end: told.put((address, end))})
     thread.start()
     address, end = told.get(timeout=60)

@@ -254,7 +254,7 @@ class Opened:
             found = self.run(script, argument)
             if found:
                 return found
-            time.sleep(min(0.03 + 0.1 * waited, 0.3))  # to ask takes time of what is waited for
+            time.sleep(min(0.01 + 0.1 * waited, 0.3))  # to ask takes time of what is waited for
         raise AssertionError(f"{script} stays {found}; {self.complaints}")
 
     def eventually(self, condition: Callable[[], bool], seconds: float = 60.0) -> None:
@@ -262,7 +262,7 @@ class Opened:
         begun = time.monotonic()
         while not condition():
             assert time.monotonic() - begun < seconds, (self.complaints, self.open.values())
-            self.page.wait_for_timeout(50)
+            self.page.wait_for_timeout(10)
 
 
 @pytest.fixture(scope="session")

@@ -30,7 +30,8 @@ def process(gpu_child):
     return gpu_child
 
 
-@pytest.mark.parametrize("basis, density", [(9, 25.0), (4, 25.0), (1, 1.5)])
+@pytest.mark.parametrize("basis, density", [
+    (9, 25.0), pytest.param(4, 25.0, marks=pytest.mark.slow), (1, 1.5)])
 def test_slopes_equal_the_cpus(process, basis, density):
     lattice, data = random_lattice(basis, density=density), Views().pixels
     random = np.random.default_rng(1)
@@ -67,7 +68,7 @@ def on_gpu(process, kind=GpuSteps):
 
 
 @pytest.mark.parametrize("basis, kind, more", [
-    (9, GpuSteps, {}), (4, GpuSteps, {}),
+    (9, GpuSteps, {}), pytest.param(4, GpuSteps, {}, marks=pytest.mark.slow),
     # Notes that find no room and are begun again, colors in several pages.
     (9, SmallSteps, {}), (9, SmallSteps, {"lambda_tv_sh": 0.02})])
 def test_steps_equal_the_cpus(process, basis, kind, more):

@@ -120,8 +120,9 @@ def test_a_room_is_trained_as_on_the_cpu(process, monkeypatch):
     assert not any("CPU" in line for line in lines)
 
 
-@pytest.mark.parametrize("call, number", [("begin", 0), ("take", 0), ("largest", 0),
-                                          ("fetch", 1)])
+@pytest.mark.parametrize("call, number", [
+    ("begin", 0), *(pytest.param(call, 0, marks=pytest.mark.slow) for call in ("take", "largest")),
+    ("fetch", 1)])
 def test_a_lost_gpu_is_one_line_and_the_cpu_goes_on(process, on_cpu, call, number):
     fragile = Fragile(process, call, number)
     on_both, lines = trained(fragile)

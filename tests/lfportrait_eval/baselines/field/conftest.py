@@ -1,5 +1,6 @@
 """A small field of the modelled head, its capture and a painted exemplar, for all methods."""
 
+import numpy as np
 import pytest
 
 
@@ -10,6 +11,8 @@ def small_head():
     from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 
     capture = demo_capture(size=96, views=20)
+    # With as many coefficients as usual: rows of another width have kernels of their own.
     field, _ = reconstruct_with_figures(capture, ReconstructConfig(
-        resolutions=(32, 64), rays=(0.15, 0.3), batch=(4096,), sh_degree=0))
+        resolutions=(32, 64), rays=(0.15, 0.3), batch=(4096,)))
+    field = field.with_sh(np.ascontiguousarray(field.sh[..., :1]))
     return field, capture, demo_exemplar(width=240, height=320)

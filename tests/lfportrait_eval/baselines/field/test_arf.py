@@ -120,6 +120,7 @@ def test_a_head_in_arfs_manner(small_head, stylised):
     assert np.array_equal(again.sh, styled.sh)
 
 
+@pytest.mark.slow  # tests/stylize/test_stylize.py computes elsewhere, too
 def test_arf_on_another_device_gives_the_same(small_head, stylised, other_device):
     here, there = stylised, stylize_with_figures(*small_head, SMALL, device=other_device)
     assert (here[1]["device"], there[1]["device"]) == ("cpu", "gpu: Other 9 (Test)")
