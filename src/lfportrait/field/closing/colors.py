@@ -24,6 +24,10 @@ gray that it began with, and the others make up for it where photos looked. Whoe
 further aside sees the gray come back, and the others' noise grow. So the coefficients are fitted
 once more to the colors that they give in the photos' directions, with a price on all but the zeroth
 (ridge regression, Hoerl and Kennard 1970). It is linear, and the same for all points of a place.
+
+Where colors are evened for those who look from aside (`grazed`), photos' directions keep what was
+trained (`as_photographed`): harmonics of degree 2 have room for a difference that is there in an
+arc, and fades beyond it.
 """
 
 from __future__ import annotations
@@ -264,7 +268,7 @@ BLOCK = 16
 FACING = 6.0
 """Photos from the side that a place faces count up to exp(2 x this) times those from behind."""
 FADES = 3.0
-"""Weight of fading beyond an arc, over that of the photos in it. At 0.1 crowns are streaked."""
+"""Weight of fading beyond an arc, over that of the photos in it. At 1 crowns are streaked."""
 BEYOND = np.radians(np.arange(6.0, 80.0, 10.0))
 """Angles beyond the ends of an arc from which on the photos' own colors fade."""
 
