@@ -199,9 +199,11 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, 
         torn = np.False_ if shell.ears is None else shell.ears.replaced(points[near])
         well &= ~(shell.yielding(deep[near], places[:, near]) | torn)
         # What they see of a true ear is better than a fitted one, however they look at it.
-        hardly = (deep[near] > shell.fringe) | shell.by_ears(points[near])
-        hardly &= (seen > 0) & ~torn
-        density[near] = np.where(well | hardly, density[near], fresh)
+        ear = (seen > 0) & shell.by_ears(points[near]) & ~torn
+        hardly = (seen > 0) & (deep[near] > shell.fringe) & ~torn | ear
+        # What is dense enough along a surface is haze from aside.
+        density[near] = np.where(well | ear, density[near], np.where(
+            hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come
         # from around. A chin, from below, has no other ones than those.
         colored = well | hardly
