@@ -281,3 +281,33 @@ def test_what_stands_out_goes_where_it_yields():
     assert (out & left).sum() > 500 and (changed[out & left] <= 0).all()
     rest = ~(near & (deep < -2) & left)
     assert (changed[rest] == field.density[rest]).all()
+
+
+class Aslant(Sure):
+    """Photos that see all there is, but only along it."""
+
+    def seen(self, points, outwards=None, least=0.0):
+        return np.full(len(points), 9 if outwards is None else 0, np.int32)
+
+    def faced(self, points, least):
+        return np.zeros(len(points), np.int32)
+
+
+def test_what_photos_see_by_an_ear_stays():
+    field, chart = head_field(64), bust_chart(0.05)
+    shape = len(chart.axis), len(chart.angle)
+    ear = solid(*ball((0.1, 0.12, 0.1), (0.6, 0.0, 0.0)))
+    shell = Shell(chart, np.full(shape, 0.4), np.ones(shape), np.full((*shape, 3), 0.5),
+                  np.ones(shape, bool), 1 / 32, guessed=True, ears=ear)
+    points = field.lattice_points()
+    deep = shell.depth(points)[0]
+    by_ear = np.isfinite(ear.distance(points)[0])
+    changed, _ = _changed(field, shell, Aslant())
+    near = (deep > -np.inf) & (deep < 5)
+    stays = ~near | by_ear
+    assert (changed[stays] == field.density[stays]).all()
+    on = near & (deep > shell.fringe) & ~by_ear
+    assert (changed[on] >= field.density[on]).all()
+    out = near & (deep < -4) & (field.density > 8)
+    assert (out & by_ear).sum() > 50 and (out & ~by_ear).sum() > 500
+    assert (changed[out & ~by_ear] <= 0).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.field.closing.colors import with_steady_colors
+from lfportrait.field.closing.colors import as_photographed, with_steady_colors
 from lfportrait.field.kernels.march import C0, real_harmonics, sh_basis
 from tests.fields import head_field
 
@@ -73,3 +73,17 @@ def test_colors_that_are_the_same_from_all_sides_stay_to_the_bit():
     field = head_field(32)
     assert field.basis == 1
     assert with_steady_colors(field, arc(14), NOWHERE) is field
+
+
+def test_what_a_training_says_of_photos_fades_beyond_their_arc():
+    field = head_field(32)
+    even = field.with_sh(np.zeros((len(field.density), 3, 9), np.float32))
+    trained = grayed(np.full(3, 0.8))
+    found = as_photographed(even, trained.sh, arc(14), NOWHERE)
+    # How far a side goes over into what it was trained to.
+    side = field.lattice_points()[:, 0] > 0.4
+    within, beyond = ([((colors(found, turn) - 0.5) / 0.3)[side].mean() for turn in turns]
+                      for turns in ((-12, 0, 12), (40, 60)))
+    assert min(within) > 0.45 and np.mean(within) > 0.7 and np.abs(beyond).max() < 0.15
+    assert (found.density == field.density).all()
+    assert as_photographed(field, field.sh, arc(14), NOWHERE) is field

@@ -30,7 +30,7 @@ from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
-from .closing.colors import with_steady_colors
+from .closing.colors import as_photographed, with_steady_colors
 from .closing.fins import mouth_of, without_fins
 from .closing.fitted_head import FitHead
 from .closing.grazed import Grazed, with_even_colors
@@ -261,10 +261,10 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                     progress.update(progress.done, "training the closed head")
                 field = settled(trainer, field, new=None if closed.grazed is None
                                 else _new(closed.grazed, landmarks))
-                if surface is not None:
-                    field = with_steady_colors(field, cameras, middle)
                 if closed.grazed is not None:
-                    field = with_even_colors(field, closed.grazed)
+                    even = with_even_colors(with_steady_colors(field, cameras, middle),
+                                            closed.grazed)
+                    field = as_photographed(even, field.sh, cameras, middle)
     if cut is not None:
         count = len(field.density)
         field = trim(field, cut)

@@ -24,6 +24,10 @@ gray that it began with, and the others make up for it where photos looked. Whoe
 further aside sees the gray come back, and the others' noise grow. So the coefficients are fitted
 once more to the colors that they give in the photos' directions, with a price on all but the zeroth
 (ridge regression, Hoerl and Kennard 1970). It is linear, and the same for all points of a place.
+
+Where colors are evened for those who look from aside (`grazed`), photos' directions keep what was
+trained (`as_photographed`): harmonics of degree 2 have room for a difference that is there in an
+arc, and fades beyond it.
 """
 
 from __future__ import annotations
@@ -263,6 +267,10 @@ BLOCK = 16
 """Lattice points along a side of a place that is treated alike."""
 FACING = 6.0
 """Photos from the side that a place faces count up to exp(2 x this) times those from behind."""
+FADES = 3.0
+"""Weight of fading beyond an arc, over that of the photos in it. At 1 crowns are streaked."""
+BEYOND = np.radians(np.arange(6.0, 80.0, 10.0))
+"""Angles beyond the ends of an arc from which on the photos' own colors fade."""
 
 
 def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.floating],
@@ -281,6 +289,34 @@ def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.fl
     """
     if field.basis == 1:
         return field
+    return replace(field, sh=_by_place(field, field.sh, cameras, middle, price))
+
+
+def as_photographed(field: VoxelField, trained: Float32, cameras: Camera,
+                    middle: NDArray[np.floating]) -> VoxelField:
+    """A field that from its photos' directions has the colors that it was trained to.
+
+    From further aside it keeps its own: what they differ by fades beyond the photos' arc.
+
+    Parameters
+    ----------
+    field : Without a texture.
+    trained : float32 [N, 3, B], coefficients of its lattice points.
+    cameras, middle : As for `with_steady_colors`.
+
+    Returns
+    -------
+    field : The same lattice points and densities.
+    """
+    if field.basis == 1:
+        return field
+    apart = _by_place(field, trained - field.sh, cameras, middle, PRICE, fades=FADES)
+    return replace(field, sh=field.sh + apart)
+
+
+def _by_place(field: VoxelField, sh: Float32, cameras: Camera, middle: NDArray[np.floating],
+              price: float, fades: float = 0.0) -> Float32:
+    """Coefficients [N, 3, B] of a field's points, by the `_operator` of each place."""
     chosen = np.linspace(0, len(cameras) - 1, min(PHOTOS, len(cameras))).astype(int)
     positions = np.asarray(cameras.position[chosen], np.float64)
     flat = np.flatnonzero(field.links >= 0)
@@ -290,26 +326,48 @@ def with_steady_colors(field: VoxelField, cameras: Camera, middle: NDArray[np.fl
     number = np.ravel_multi_index(tuple(blocks.T), tuple(blocks.max(axis=0) + 1))
     order = np.argsort(number, kind="stable")
     since = np.flatnonzero(np.diff(number[order], prepend=-1))
-    out = field.sh.copy()
+    out = sh.copy()
 
-    def steady(part: NDArray[Any]) -> None:
+    def fit(part: NDArray[Any]) -> None:
         center = (blocks[part[0], ::-1] + 0.5) * BLOCK * field.spacing + field.bounds[0]
         there = rows[part]
-        out[there] = field.sh[there] @ _operator(center, positions, middle, field.basis, price).T
+        out[there] = sh[there] @ _operator(center, positions, middle, field.basis, price, fades).T
 
-    side_by_side(steady, np.split(order, since[1:]))
-    return replace(field, sh=out)
+    side_by_side(fit, np.split(order, since[1:]))
+    return out
 
 
 def _operator(center: Float64, positions: Float64, middle: NDArray[np.floating], basis: int,
-              price: float) -> Float32:
-    """What coefficients [B] at a place [3] are multiplied with, float32 [B, B]."""
+              price: float, fades: float = 0.0) -> Float32:
+    """What coefficients [B] at a place [3] are multiplied with, float32 [B, B].
+
+    ``fades`` : Weight of nothing beyond the photos' arc, over what is in it.
+    """
     away = center - positions
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     outwards = center - middle
     outwards /= max(float(np.linalg.norm(outwards)), 1e-9)
+    seen = _moments(away, outwards, basis)
+    priced = seen + price * np.diag(np.arange(basis) > 0)
+    if fades > 0:
+        priced += fades * _moments(_beyond(away), outwards, basis)
+    return np.asarray(np.linalg.solve(priced, seen), np.float32)
+
+
+def _moments(away: Float64, outwards: Float64, basis: int) -> Float64:
+    """Mean products [B, B] of the harmonics over directions [N, 3], by how a place faces them."""
     weight = np.exp(-FACING * away @ outwards)
     harmonics = real_harmonics(away, basis) * np.sqrt(weight / weight.sum())[:, None]
-    seen = harmonics.T @ harmonics
-    priced = seen + price * np.diag(np.arange(basis) > 0)
-    return np.asarray(np.linalg.solve(priced, seen), np.float32)
+    return np.asarray(harmonics.T @ harmonics, np.float64)
+
+
+def _beyond(away: Float64) -> Float64:
+    """Unit directions [K, 3] beyond both ends of the arc that directions [N, 3] lie on."""
+    middle = away.mean(axis=0)
+    along = np.linalg.svd(away - middle, full_matrices=False)[2][0]
+    middle /= np.linalg.norm(middle)
+    along -= (along @ middle) * middle
+    along /= np.linalg.norm(along)
+    turn = np.arctan2(away @ along, away @ middle)
+    beyond = np.concatenate([turn.max() + BEYOND, turn.min() - BEYOND])[:, None]
+    return np.asarray(np.cos(beyond) * middle + np.sin(beyond) * along, np.float64)

@@ -84,11 +84,11 @@ class Shell:
             return np.zeros(len(deep), bool)
         return np.asarray(deep < nearest_cells(self.yields, places))
 
-    def within_ears(self, points: Float64) -> Bool:
-        """Which of points [N, 3] are the ears', [N]."""
+    def by_ears(self, points: Float64, voxels: float = np.inf) -> Bool:
+        """Which of points [N, 3] lie less far outside ears, by default as far as is known, [N]."""
         if self.ears is None:
             return np.zeros(len(points), bool)
-        return np.asarray(self.ears.distance(points)[0] < 0.5 * self.voxel)
+        return np.asarray(self.ears.distance(points)[0] < voxels * self.voxel)
 
     def cells(self, field: VoxelField, outwards: float) -> Int64:
         """Empty lattice points (x, y, z) that may be part of it, int64 [N, 3].
@@ -163,7 +163,7 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
     points = _points(field, cells)
     kept = ~photos.past(points, nearly=not shell.guessed) | (deep < 0)
     # Mattes of single photos lack parts of ears.
-    kept |= shell.within_ears(points)
+    kept |= shell.by_ears(points, 0.5)
     # Points beside those that stay are empty, but have colors: between a point and none at all a
     # ray would see gray.
     beside = ~kept & _beside(field.links.shape, cells, kept)
@@ -196,10 +196,13 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, 
         outwards = shell.normals(points[near], places[:, near])
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
         well |= photos.faced(points[near], FACED) >= SURELY
-        torn = shell.ears is not None and shell.ears.replaced(points[near])
+        torn = np.False_ if shell.ears is None else shell.ears.replaced(points[near])
         well &= ~(shell.yielding(deep[near], places[:, near]) | torn)
-        hardly = (seen > 0) & (deep[near] > shell.fringe) & ~torn
-        density[near] = np.where(well, density[near], np.where(
+        # What they see of a true ear is better than a fitted one, however they look at it.
+        ear = (seen > 0) & shell.by_ears(points[near]) & ~torn
+        hardly = (seen > 0) & (deep[near] > shell.fringe) & ~torn | ear
+        # What is dense enough along a surface is haze from aside.
+        density[near] = np.where(well | ear, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come
         # from around. A chin, from below, has no other ones than those.
