@@ -35,7 +35,7 @@ CRUMB = 0.01
 """What is apart from all else and smaller than this part of it is no person."""
 APART = 4
 """Points of that lattice between the two, at least."""
-BLADE, NECK = 0.035, 0.35
+BLADE, NECK = 0.03, 0.35
 """What of a body is thinner than twice this is none, up to so far above and below its neck's end,
 portrait units."""
 STEEP = 4.0
@@ -211,15 +211,25 @@ def _without_blades(distance: Float32, body: Bools, neck: Float64, first: Float6
 
     Where a photo shows a collar beside a jaw, the neck cuts most of it away: a blade is left.
     """
-    solid = distance < 0
-    reach = max(1, round(BLADE / step))
-    away = ndimage.distance_transform_edt(solid) > reach
-    thin = solid & body & (ndimage.distance_transform_edt(~away) > reach + 1)
+    # Heights of the rows over the neck's end, where it lies in the middle.
+    height = first[1] + step * np.arange(distance.shape[1]) - neck[3] / neck[1]
+    rows = np.flatnonzero(np.abs(height) < 2 * NECK)
+    if not len(rows):
+        return distance
+    part = np.s_[:, rows[0]:rows[-1] + 1]
+    solid, reach = distance[part] < 0, max(1, round(BLADE / step))
+    # Opened with a cube: what is left of the person is thick.
+    thick = _grown(~_grown(~solid, reach), reach)
+    pieces = ndimage.label(solid & body[part] & ~thick)[0]
+    # The thin edge of a shoulder stays; a blade stands out farther.
+    out = np.unique(pieces[~_grown(thick, 2 * reach)])
+    thin = np.isin(pieces, out[out > 0])
     at = np.nonzero(thin)
-    high = _places(first, step, at) @ neck[:3] - neck[3]
+    high = _places(first + step * np.array([0, rows[0], 0]), step, at) @ neck[:3] - neck[3]
     thin[at] = np.abs(high) < NECK
-    gone = _grown(thin, 3) & (distance > -2 * reach * step)
-    return np.where(gone, np.float32(3 * step), distance)
+    found = distance.copy()
+    found[part][_grown(thin, reach + 2) & ~thick] = 3 * step
+    return found
 
 
 def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple[Places, Float64]:
