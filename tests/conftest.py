@@ -40,7 +40,7 @@ def pytest_collection_finish() -> None:
 
     Garbage is looked for among what tests make, and more seldom than by default: Numba compiles two
     hundred functions here, and makes little. Memory is kept, as by a command. Of two processes each
-    has one thread for kernels, as it has one core: to wake a second takes a tenth of its time. In
+    has half of the threads for kernels: on two cores to wake a second takes a tenth of its time. In
     continuous integration it has all, so that a kernel whose result depends on them is found out.
     """
     import numba
@@ -49,7 +49,8 @@ def pytest_collection_finish() -> None:
 
     keep_memory()
     if "PYTEST_XDIST_WORKER" in os.environ and os.environ.get("LFPORTRAIT_SLOW") != "1":
-        numba.set_num_threads(1)
+        workers = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        numba.set_num_threads(max(1, numba.get_num_threads() // workers))
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
@@ -176,7 +177,7 @@ def no_pauses():
 
 
 @pytest.fixture(autouse=True)
-def kept(tmp_path_factory, request):
+def kept_folder(tmp_path_factory, request):
     """A folder for what the user's cache would keep: what was found in a picture serves all tests.
 
     A test that changes anything, or looks into the folder, has a new one: none believes what
@@ -186,7 +187,7 @@ def kept(tmp_path_factory, request):
     from lfportrait.cache import user_cache
 
     folder = tmp_path_factory.getbasetemp()
-    if {"monkeypatch", "other_device"} & set(request.fixturenames) or "kept" in (
+    if {"monkeypatch", "other_device"} & set(request.fixturenames) or "kept_folder" in (
             inspect.signature(request.function).parameters):
         folder /= f"kept/{abs(hash(request.node.nodeid))}"
     else:

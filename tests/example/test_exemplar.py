@@ -26,10 +26,10 @@ def found(monkeypatch):
     return looked
 
 
-def test_what_networks_see_in_a_painting_is_kept(found, monkeypatch, kept):
+def test_what_networks_see_in_a_painting_is_kept(found, monkeypatch, kept_folder):
     face = drawn_face(96, 72)
     first, again = face.regions(), drawn_face(96, 72).regions()
-    assert len(found) == 1 and len(list((kept / "regions").iterdir())) == 1
+    assert len(found) == 1 and len(list((kept_folder / "regions").iterdir())) == 1
     assert np.array_equal(first.person, again.person) and np.array_equal(first.hair, again.hair)
     whole = module.find_regions(face.image, face.landmarks, face.mask)
     assert np.abs(first.person - whole.person).max() < 1e-5
@@ -43,7 +43,7 @@ def test_what_networks_see_in_a_painting_is_kept(found, monkeypatch, kept):
     assert len(found) == 5
 
 
-def test_the_pose_of_a_painted_face_is_kept(monkeypatch, kept):
+def test_the_pose_of_a_painted_face_is_kept(monkeypatch, kept_folder):
     face = drawn_face(96, 72)
     wanted = face_pose(face.landmarks)
     first = face.pose()
@@ -61,12 +61,12 @@ def test_a_painting_whose_hair_is_not_told_has_none(found, monkeypatch):
     assert face.regions().hair is None and face.regions().hair is None
 
 
-def test_without_networks_nothing_is_written(found, monkeypatch, kept):
+def test_without_networks_nothing_is_written(found, monkeypatch, kept_folder):
     monkeypatch.setattr(models, "in_use", lambda names: [])
     face = drawn_face(96, 72)
     face.regions()
     face.regions()
-    assert len(found) == 2 and not kept.exists()
+    assert len(found) == 2 and not kept_folder.exists()
 
 
 def test_the_face_of_a_painting_is_looked_for_once(monkeypatch, tmp_path):

@@ -224,7 +224,7 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
         "it is the sitter's picture, too")
     job = page.wait(page.do("POST", f"{versions}/{first['id']}/fine")["id"])
     assert job["state"] == "done", job
-    # The same by the command, which goes on from the studio's head.
+    # The same by `make`, which goes on from the studio's head.
     folder = page.desk.projects.get(project).folder
     panel = page.desk.displays.of(page.desk.projects.get(project)).source
     run = make(folder / "photos", folder / "paintings/Ken.png", folder / "portrait", panel, SMALL,

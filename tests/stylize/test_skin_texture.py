@@ -100,12 +100,12 @@ def test_maps_of_previews_are_kept_for_the_same_density(looked_up, painting):
     assert chart_lattice(looked_up, skin, 1) is not chart_lattice(looked_up, skin, 1)
 
 
-def test_maps_of_previews_come_back_from_the_cache(looked_up, painting, kept, monkeypatch):
+def test_maps_of_previews_come_back_from_the_cache(looked_up, painting, kept_folder, monkeypatch):
     """Those of a skin from a file, which knows what it was made of."""
     picture = np.ascontiguousarray(painting.color[::2, ::2])
     colors = np.asarray(C0 * looked_up.sh[:, :, 0] + 0.5, np.float32)
     made = chart_lattice(looked_up, replace(painting.skin, kept={}), 2)
-    assert not (kept / "lattices").exists()
+    assert not (kept_folder / "lattices").exists()
     first = chart_lattice(looked_up, replace(painting.skin, kept={"key": "head"}), 2)
     monkeypatch.setattr(ChartLattice, "arrays", None)  # nothing is written again
     skin = replace(painting.skin, kept={"key": "head"})

@@ -225,7 +225,7 @@ def _set_up() -> None:
 
 
 def keep_memory() -> None:
-    """Use the memory of freed arrays again (`MEMORY`), unless the user's environment says how."""
+    """Keep freed arrays' memory for later ones (`MEMORY`), unless the environment says how."""
     if any(name.startswith("MALLOC_") for name in os.environ):
         return
     with suppress(OSError, AttributeError, TypeError):  # another C library

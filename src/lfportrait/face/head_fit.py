@@ -64,7 +64,7 @@ HAIR = 0.008
 """Metres that hair is thick at least where it is the outline."""
 _FLIP = np.diag([1.0, -1.0, -1.0])
 """From a head to a camera that looks at it from the front."""
-ALONG = 0.7
+RUNS_ALIKE = 0.7
 """Cosine of the angle between the model's outline and the matte's from which on these may be the
 same."""
 _WATCHED = 0.15
@@ -424,7 +424,7 @@ class _Solver:
         good = np.abs(away) < _WATCHED * picture.eyes
         # A matte that takes ground for the person has an outline, too, which runs elsewhere.
         outward = normals[rim] @ view.rotation[:2].T
-        good &= -(outward * slope).sum(axis=1) > ALONG * np.linalg.norm(outward, axis=1)
+        good &= -(outward * slope).sum(axis=1) > RUNS_ALIKE * np.linalg.norm(outward, axis=1)
         rim, away, slope, hair = rim[good], away[good], slope[good], hair[good]
         count = len(rim)
         # Hair may be thicker, but the skull lies within it.

@@ -94,14 +94,18 @@ def test_no_blade_stands_beside_a_neck():
     block = np.maximum(np.maximum(np.abs(x - 30), np.abs(z - 30)) - 20, y - 30)
     blade = np.maximum(np.maximum(np.abs(x - 45) - 1.5, np.abs(z - 30) - 6), np.abs(y - 30) - 10)
     away = (step * np.minimum(block, blade)).astype(np.float32)
-    body, neck = np.ones(away.shape, bool), np.array([0.0, 1.0, 0.0, 30 * step])
+    lock = np.maximum(np.maximum(np.abs(x - 51) - 1.5, np.abs(z - 30) - 3), np.abs(y - 33) - 12)
+    away = np.minimum(away, step * lock).astype(np.float32)
+    up = np.array([0.0, 1.0, 0.0])
+    body, neck = lock > 1, lattice._Collar(30 * step * np.ones(3), 0.2, up)
     found = lattice._without_blades(away, body, neck, first, step)
+    assert (found[lock < 0] == away[lock < 0]).all(), "what is beside it stays"
     above = (blade < 0) & (y > 34)
     assert above.any() and found[above].min() > 0
     deep = block < -6
     assert np.array_equal(found[deep], away[deep])
-    assert np.array_equal(lattice._without_blades(away, ~body, neck, first, step), away)
-    elsewhere = neck + np.array([0, 0, 0, 1.0])
+    assert np.array_equal(lattice._without_blades(away, body & False, neck, first, step), away)
+    elsewhere = neck._replace(middle=neck.middle + up)
     assert np.array_equal(lattice._without_blades(away, body, elsewhere, first, step), away)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo import lattice
 from lfportrait.face.one_photo.hair import Neck
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import EDGE, METRES, Piece
@@ -102,3 +103,17 @@ def test_shoulders_may_reach_to_the_ears(bust):
     assert not _raised(replace(parts, inside=higher), near, place)[:, column:].any(), "a chair"
     inside[int(place.jaw):] = -9.0
     assert not _raised(replace(parts, inside=inside), near, place).any(), "no body holds them"
+
+
+def test_shoulders_without_a_collar_lose_nothing(bust, monkeypatch):
+    taken = []
+
+    def counted(distance, *rest):
+        out = without_blades(distance, *rest)
+        taken.append(int((out != distance).sum()))
+        return out
+
+    without_blades = lattice._without_blades
+    monkeypatch.setattr(lattice, "_without_blades", counted)
+    lattice.shell_of(bust, 128)
+    assert taken == [0]

@@ -12,6 +12,7 @@ changes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -29,6 +30,8 @@ __all__ = ["sitter_alone"]
 
 FINE = 90.0
 """Pixels of a face's width where a matte is parted."""
+MOST = 4e5
+"""Pixels of that picture, at most: of a large photo with a small face it is coarser."""
 REACH = np.array([(-1.4, 0.0, 0.4), (-1.2, 0.0, 0.5), (-0.6, 0.45, 0.8), (0.0, 0.62, 1.0),
                   (0.6, 0.6, 1.05), (0.8, 0.75, 1.7), (1.2, 1.2, 2.2), (2.2, 1.5, 2.4)])
 """By how far below the eyes, how far to either side many sitters reach, and few do; in widths of a
@@ -136,6 +139,8 @@ def sitter_alone(image: UInt8, soft: Float32, hair: Float32, landmarks: list[Flo
         return None
     apart = _apart(scene, sitter)
     others, faces, blurred = _others(scene, sitter, apart, image)
+    if not (others | apart).any():
+        return None
     share = np.where(apart, 0.0, 1.0)
     if others.any():
         share = _walked(scene, sitter, apart, others, faces, blurred)
@@ -161,7 +166,7 @@ def sitter_alone(image: UInt8, soft: Float32, hair: Float32, landmarks: list[Flo
 
 def _scene(image: UInt8, soft: Float32, hair: Float32, faces: list[Float64]) -> _Scene:
     """A photo in small, with a second look at its sitter."""
-    factor = min(1.0, FINE / ear_to_ear(faces[0]))
+    factor = min(1.0, FINE / ear_to_ear(faces[0]), (MOST / soft.size) ** 0.5)
     size = max(2, round(factor * soft.shape[1])), max(2, round(factor * soft.shape[0]))
     person, curls, look, sharp, rough = (
         np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_AREA), np.float32)
@@ -176,9 +181,8 @@ def _second_look(image: UInt8, face: Float64) -> Float32:
     eyes, width = 0.5 * (face[36:42].mean(axis=0) + face[42:48].mean(axis=0)), ear_to_ear(face)
     out = np.ones(image.shape[:2], np.float32)
     for wide in LOOKS:
-        low = np.maximum(eyes - width * np.array([0.5 * wide, ABOVE]), 0).astype(int)
-        high = np.minimum(eyes + width * np.array([0.5 * wide, wide - ABOVE]),
-                          image.shape[1::-1]).astype(int)
+        low, high = (np.clip(eyes + width * np.array(end), 0, image.shape[1::-1]).astype(int)
+                     for end in ((-0.5 * wide, -ABOVE), (0.5 * wide, wide - ABOVE)))
         part = np.s_[low[1]:high[1], low[0]:high[0]]
         if out[part].size:
             out[part] = np.minimum(out[part], person_matte(np.ascontiguousarray(image[part])))
@@ -198,10 +202,10 @@ def _edges(image: UInt8, face: Float64) -> list[Float32]:
         for sigma in (1.0, 3.0)]
 
 
-def _pieces(mask: Bool) -> list[Bool]:
+def _pieces(mask: Bool) -> Iterator[Bool]:
     """The connected pieces of a mask."""
     count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
-    return [labels == one for one in range(1, count)]
+    return (labels == one for one in range(1, count))
 
 
 def _apart(scene: _Scene, sitter: Bool) -> Bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -9,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ...field import VoxelField
 from ...measure import usable_cores
-from .solid import BODY, HEAD, WORN, Solid, ear_light, scalp
+from .solid import BODY, HEAD, NECK_END, WORN, Solid, ear_light, scalp
 from .wires import Wires
 
 __all__ = ["Shell", "shell_of"]
@@ -35,9 +37,10 @@ CRUMB = 0.01
 """What is apart from all else and smaller than this part of it is no person."""
 APART = 4
 """Points of that lattice between the two, at least."""
-BLADE, NECK = 0.03, 0.35
-"""What of a body is thinner than twice this is none, up to so far above and below its neck's end,
-portrait units."""
+BLADE = 0.03
+"""What of a body is thinner than twice this beside a neck is none, portrait units."""
+BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
+"""How far beside a neck, and below and above its end, a collar may stand, portrait units."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -68,7 +71,7 @@ class Shell:
         first, coarse = _coarse(distance, half, step)
         first, coarse = _cropped(first, _closed(coarse)[0], step)
         middle, owner = _finer(distance, first, coarse, step)
-        middle = _without_blades(middle, owner == BODY, solid.neck, first, 0.5 * step)
+        middle = _without_blades(middle, owner == BODY, _Collar.of(solid), first, 0.5 * step)
         middle = _without_crumbs(middle, owner == WORN, owner == HEAD, 1.5 * step)
         self._fill(distance, first, *_closed(middle), owner)
         self.scalp = self.owner == HEAD
@@ -205,15 +208,36 @@ def _without_crumbs(distance: Float32, worn: Bools, head: Bools, away: float) ->
     return np.where(crumbs, np.float32(away), distance)
 
 
-def _without_blades(distance: Float32, body: Bools, neck: Float64, first: Float64, step: float,
+class _Collar(NamedTuple):
+    """Where a collar may stand: around the end of a neck, portrait units."""
+
+    middle: Float64  # float64 [3].
+    radius: float
+    normal: Float64  # float64 [3], up the neck.
+
+    @staticmethod
+    def of(solid: Solid) -> _Collar:
+        """The one of a person."""
+        ring = solid.head.points[np.abs(solid.head.rest[:, 1] - NECK_END) < 0.0015]
+        middle = 0.5 * (ring.min(axis=0) + ring.max(axis=0))
+        radius = float(np.linalg.norm((ring - middle)[:, ::2], axis=1).max())
+        return _Collar(middle, radius, solid.neck[:3])
+
+    def holds(self, points: Float64) -> Bools:
+        """Whether points [N, 3] lie beside the neck or over its end."""
+        to = points - self.middle
+        return np.asarray((np.linalg.norm(to[:, ::2], axis=1) < self.radius + BESIDE)
+                          & (to @ self.normal > -LOWER) & (to @ self.normal < HIGHER))
+
+
+def _without_blades(distance: Float32, body: Bools, collar: _Collar, first: Float64, step: float,
                     ) -> Float32:
-    """Distances [z, y, x] without what is thin of a body around its neck, [4] (`Solid.neck`).
+    """Distances [z, y, x] without what is thin of a body around its neck.
 
     Where a photo shows a collar beside a jaw, the neck cuts most of it away: a blade is left.
     """
-    # Heights of the rows over the neck's end, where it lies in the middle.
-    height = first[1] + step * np.arange(distance.shape[1]) - neck[3] / neck[1]
-    rows = np.flatnonzero(np.abs(height) < 2 * NECK)
+    height = first[1] + step * np.arange(distance.shape[1]) - collar.middle[1]
+    rows = np.flatnonzero(np.abs(height) < 2 * HIGHER)
     if not len(rows):
         return distance
     part = np.s_[:, rows[0]:rows[-1] + 1]
@@ -225,10 +249,12 @@ def _without_blades(distance: Float32, body: Bools, neck: Float64, first: Float6
     out = np.unique(pieces[~_grown(thick, 2 * reach)])
     thin = np.isin(pieces, out[out > 0])
     at = np.nonzero(thin)
-    high = _places(first + step * np.array([0, rows[0], 0]), step, at) @ neck[:3] - neck[3]
-    thin[at] = np.abs(high) < NECK
+    thin[at] = collar.holds(_places(first + step * np.array([0, rows[0], 0]), step, at))
+    if not thin.any():
+        return distance
+    other = solid & ~_grown(thin, 1)
     found = distance.copy()
-    found[part][_grown(thin, reach + 2) & ~thick] = 3 * step
+    found[part][_grown(thin, reach + 2) & ~_grown(other, 1)] = 3 * step
     return found
 
 

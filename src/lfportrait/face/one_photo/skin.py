@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Camera
+from ..head_fit import ear_to_ear
 from .samples import MeshSamples
 from .solid import STANDS, standing_out
 
@@ -125,22 +126,23 @@ def clothes(image: NDArray[np.uint8], hair: NDArray[np.floating], landmarks: Flo
     landmarks : float64 [68, 2] in pixels.
     """
     height, width = hair.shape
-    factor = min(1.0, FACE / float(np.linalg.norm(landmarks[16] - landmarks[0])))
+    factor = min(1.0, FACE / ear_to_ear(landmarks))
     size = (max(1, round(factor * width)), max(1, round(factor * height)))
     reduced = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     lab = np.asarray(cv2.cvtColor(reduced.astype(np.float32) / np.float32(255),
                                   cv2.COLOR_RGB2LAB), np.float32)
     lab[..., 0] *= LIGHTNESS
     places = landmarks * factor
-    like = np.zeros(size[::-1], bool)
+    like, known = np.zeros(size[::-1], bool), False
     for corners in ((31, 2, 41), (35, 14, 46), (48, 4, 6, 57), (54, 12, 10, 57)):
         part = np.zeros(size[::-1], np.uint8)
         cv2.fillConvexPoly(part, np.rint(places[list(corners)]).astype(np.int32), 1)
         if part.any():
             like |= _unlike(lab, np.median(lab[part > 0], axis=0)) < FAR
+            known = True
     down = places[8] - places[27]
-    along = np.stack(np.meshgrid(*map(np.arange, size)), axis=-1) @ down
-    out = ~like & (along > 0.5 * ((places[2] + places[14]) @ down))
+    along = down[0] * np.arange(size[0]) + down[1] * np.arange(size[1])[:, None]
+    out = ~like & known & (along > 0.5 * ((places[2] + places[14]) @ down))
     whole = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
     return np.asarray((whole > 0) & (hair < 0.5))
 

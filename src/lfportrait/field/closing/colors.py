@@ -365,9 +365,9 @@ def _beyond(away: Float64) -> Float64:
     """Unit directions [K, 3] beyond both ends of the arc that directions [N, 3] lie on."""
     middle = away.mean(axis=0)
     along = np.linalg.svd(away - middle, full_matrices=False)[2][0]
-    middle /= np.linalg.norm(middle)
+    middle /= max(float(np.linalg.norm(middle)), 1e-9)
     along -= (along @ middle) * middle
-    along /= np.linalg.norm(along)
+    along /= max(float(np.linalg.norm(along)), 1e-9)
     turn = np.arctan2(away @ along, away @ middle)
     beyond = np.concatenate([turn.max() + BEYOND, turn.min() - BEYOND])[:, None]
     return np.asarray(np.cos(beyond) * middle + np.sin(beyond) * along, np.float64)
