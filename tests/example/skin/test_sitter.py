@@ -10,7 +10,7 @@ from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.filters import grey, skin_distance
 from lfportrait.example.skin.hair import _classified_hair, settled_hair
-from lfportrait.example.skin.sitter import Skin, _clothes
+from lfportrait.example.skin.sitter import Skin, _clothes, _depth
 from lfportrait.field.surface import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
@@ -310,3 +310,11 @@ def test_distance_from_the_skin_s_colors():
     assert np.median(away[:200]) < 2
     assert away[200:250].max() < 0.5 * away[250:].min()
     assert not skin_distance(colors, face & (np.arange(300) < 30)).any()
+
+
+def test_shoulders_may_be_higher_than_a_chin(skin):
+    places = np.float32([(0, CHIN, 0.5), (0.4, CHIN + 0.1, 0), (0.55, CHIN + 0.1, -0.3),
+                         (-0.55, CHIN + 0.1, -0.3), (0.55, skin.plane.origin[1], 0)])
+    middle, jaw, *shoulders, brows = _depth(skin.plane, places, True)
+    assert middle == pytest.approx(1, abs=0.05) and jaw < 1 and min(shoulders) > 1.3 and brows < 1
+    assert np.allclose(_depth(skin.plane, places, False)[2:4], jaw)

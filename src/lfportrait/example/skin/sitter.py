@@ -54,6 +54,9 @@ from .hair import (
 
 SIDE = 512
 """Side in pixels of the picture that the features are drawn in."""
+RAISED, SIDES = 0.6, (0.42, 0.50)
+"""Shoulders beside the head reach higher than the chin by so much; farther to the side than ears,
+in portrait units."""
 COLLAR = 1.4
 """Down to here (brows 0, chin 1) a chin throws its shade; what is worn there goes on below."""
 
@@ -200,7 +203,7 @@ class Skin:
         if hair is None:
             known = network_hair(atlas, index) if networks else None
             hair = _found_hair(plane, points, colors, flat, seen, ears, contours, known)
-        depth = (plane.origin[1] - points[:, 1]) / plane.height
+        depth = _depth(plane, points, field.hair is not None)
         clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
         # What photos saw at a graze is grain and smears: painted it would be stipple.
         return Skin(atlas, plane, pixels, index, tone, detail * clear, appearance * clear,
@@ -302,6 +305,17 @@ def _found_hair(plane: HeadPlane, points: Float32, colors: Float32, flat: Float3
     if hair is None or seen.min() >= 1:
         return hair
     return settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
+
+
+def _depth(plane: HeadPlane, points: Float32, shoulders: bool) -> Float64:
+    """How far down points [N, 3] lie: 0 at the brows, 1 at the chin, [N].
+
+    ``shoulders`` : Whether what is beside the ears is one; else it may be hair.
+    """
+    depth = (plane.origin[1] - points[:, 1]) / plane.height
+    if shoulders:
+        depth = depth + RAISED * _ramp(np.abs(points[:, 0]), SIDES)
+    return np.asarray(depth, np.float64)
 
 
 def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, seen: Float32,
