@@ -64,7 +64,7 @@ HAIR = 0.008
 """Metres that hair is thick at least where it is the outline."""
 _FLIP = np.diag([1.0, -1.0, -1.0])
 """From a head to a camera that looks at it from the front."""
-RUNS_ALIKE = 0.7
+ALIKE_ENOUGH = 0.7
 """Cosine of the angle between the model's outline and the matte's from which on these may be the
 same."""
 _WATCHED = 0.15
@@ -423,8 +423,7 @@ class _Solver:
         away, slope, hair = outline_errors(picture, places, view)
         good = np.abs(away) < _WATCHED * picture.eyes
         # A matte that takes ground for the person has an outline, too, which runs elsewhere.
-        outward = normals[rim] @ view.rotation[:2].T
-        good &= -(outward * slope).sum(axis=1) > RUNS_ALIKE * np.linalg.norm(outward, axis=1)
+        good &= run_alike(view, normals[rim], slope, ALIKE_ENOUGH)
         rim, away, slope, hair = rim[good], away[good], slope[good], hair[good]
         count = len(rim)
         # Hair may be thicker, but the skull lies within it.
@@ -499,6 +498,19 @@ def outline_errors(picture: Picture, places: Float64, view: View,
     # Beyond the picture nothing is known.
     known = ((places > 2) & (places < np.array([width - 2, height - 2]))).all(axis=1)
     return np.where(known, away, 1e9), slope.astype(np.float64), hair
+
+
+def run_alike(view: View, normals: Float64, slope: Float64, least: float) -> Bool:
+    """Where a head's outline runs as a matte's does, bool [N].
+
+    Parameters
+    ----------
+    normals : float64 [N, 3], of the outline's vertices, in the model's frame.
+    slope : float64 [N, 2], directions into the matte there (`outline_errors`).
+    least : Cosine of the angle between the two.
+    """
+    outward = normals @ view.rotation[:2].T
+    return np.asarray(-(outward * slope).sum(axis=1) > least * np.linalg.norm(outward, axis=1))
 
 
 def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,

@@ -226,8 +226,8 @@ class _Collar(NamedTuple):
     def holds(self, points: Float64) -> Bools:
         """Whether points [N, 3] lie beside the neck or over its end."""
         to = points - self.middle
-        return np.asarray((np.linalg.norm(to[:, ::2], axis=1) < self.radius + BESIDE)
-                          & (to @ self.normal > -LOWER) & (to @ self.normal < HIGHER))
+        beside, above = np.linalg.norm(to[:, ::2], axis=1), to @ self.normal
+        return np.asarray((beside < self.radius + BESIDE) & (above > -LOWER) & (above < HIGHER))
 
 
 def _without_blades(distance: Float32, body: Bools, collar: _Collar, first: Float64, step: float,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...capture import Camera
 
-__all__ = ["FUZZ", "Parts", "clean_colors", "clean_hair", "ground_in_hair", "parts_of",
+__all__ = ["FUZZ", "Parts", "clean_colors", "clean_hair", "ground_in_hair", "opened", "parts_of",
            "signed_distance", "thin"]
 
 Float32 = NDArray[np.float32]
@@ -167,12 +167,17 @@ def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Floa
 
 def thin(rest: Bools, hair: Bools, reach: float) -> Bools:
     """What of the rest [h, w] lies beside hair and is less than twice ``reach`` cells wide."""
-    def far(part: Bools) -> Float32:
-        return np.asarray(cv2.distanceTransform((~part).astype(np.uint8), cv2.DIST_L2, 5),
-                          np.float32)
+    return np.asarray(rest & ~opened(rest, reach) & (_away(hair) <= 2 * reach))
 
-    broad = far(far(~rest) > reach) <= reach + 1
-    return np.asarray(rest & ~broad & (far(hair) <= 2 * reach))
+
+def opened(part: Bools, reach: float) -> Bools:
+    """What of a part [h, w] is twice ``reach`` cells wide or more."""
+    return np.asarray(part & (_away(_away(~part) > reach) <= reach + 1))
+
+
+def _away(part: Bools) -> Float32:
+    """How far cells [h, w] are from a part."""
+    return np.asarray(cv2.distanceTransform((~part).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
 
 
 def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
@@ -189,11 +194,11 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
     if not curls.any():
         return curls
     deep = signed_distance(matte) / np.float32(width)
-    # A narrow strip between hair and the outline is hair, or ground.
-    strips = thin((deep > 0) & ~curls, curls, 0.25 * width) & (deep < 0.5)
     within = curls & ((deep <= 0) | (deep >= 1))
     if within.sum() < LONG * curls.sum():
         return np.zeros_like(curls)
+    # A narrow strip between hair and the outline is hair, or ground.
+    strips = thin((deep > 0) & ~curls, curls, 0.25 * width) & (deep < 0.5)
     near = (curls & (deep > 0) & (deep < 1)) | strips
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     size = tuple(max(2, round(side * min(1.0, 4.0 / width))) for side in near.shape[::-1])

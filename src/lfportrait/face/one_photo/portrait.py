@@ -136,19 +136,15 @@ class _Seen:
         self.photo = photo
         self.image = np.ascontiguousarray(photo.image[..., :3])
         alpha = photo.image[..., 3] if photo.image.shape[2] == 4 else None
-        shown = self.image
+        shown, given = self.image, None
         if alpha is not None and alpha.min() < 255:
             share = alpha[..., None].astype(np.float32) / np.float32(255)
             shown = np.rint(self.image * share + _GROUND * (1 - share)).astype(np.uint8)
-            self.matte: Float32 = np.asarray(share[..., 0], np.float32)
-            self.given = True
-        else:
-            self.matte = np.zeros(shown.shape[:2], np.float32)
-            self.given = False
+            given = np.asarray(share[..., 0], np.float32)
         faces = detect_faces(shown)
         landmarks = check_faces(faces, photo.name)
-        if not self.given:
-            self.matte = _matte_of(shown, faces, photo.name)
+        self.given = given is not None
+        self.matte = _matte_of(shown, faces, photo.name) if given is None else given
         self.shown = shown
         self.hair = _hair_of(shown, self.matte, landmarks)
         height, width = self.matte.shape

@@ -18,7 +18,7 @@ from skimage.morphology import convex_hull_image
 
 from .depth import Sensed, hair_before, middle_behind
 from .hair import Neck, hair_piece, with_rims
-from .parts import Parts
+from .parts import Parts, opened
 from .piece import METRES, Piece, outside
 from .relief import inflated
 from .samples import MeshSamples, depth_maps
@@ -257,10 +257,8 @@ def _raised(parts: Parts, near: Float64, neck: Neck) -> Bools:
     ``near`` is the head's depth, NaN where it is not.
     """
     beside = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
-    far = cv2.distanceTransform(beside.astype(np.uint8), cv2.DIST_L2, 5) > BROAD / parts.cell
-    away = cv2.distanceTransform((~far).astype(np.uint8), cv2.DIST_L2, 5)
     ears, end = (int(np.clip(row, 0, len(near) - 1)) for row in (neck.ears, neck.end))
-    high = beside & (away <= BROAD / parts.cell + 1)
+    high = opened(beside, BROAD / parts.cell)
     high[:ears], high[end + 1:] = False, False
     pieces = ndimage.label(high)[0]
     # What is higher than ears is no shoulder, but somebody else's, or a chair.

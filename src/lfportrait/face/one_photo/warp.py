@@ -20,6 +20,7 @@ from ..head_fit import (
     jaw_vertices,
     outline_errors,
     outline_vertices,
+    run_alike,
 )
 from ..head_prior import EYES, HeadPrior, with_normals
 from .solid import STANDS, standing_out
@@ -155,8 +156,7 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
         away, slope, hair = outline_errors(picture, seen[rim], view)
         good = (np.abs(away) < FARTHEST * picture.eyes) & ~((hair > 0.5) & (away > 0))
         # Beside a jaw or a neck the matte's outline may be that of a collar or a shoulder.
-        outward = normals[rim] @ view.rotation[:2].T
-        good &= -(outward * slope).sum(axis=1) > ALONG * np.linalg.norm(outward, axis=1)
+        good &= run_alike(view, normals[rim], slope, ALONG)
         rim, away, slope = rim[good], away[good], slope[good]
         head = np.flatnonzero(~ears[rim])
         chosen = head[_spread(seen[rim[head]], OUTLINES)]

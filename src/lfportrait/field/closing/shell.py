@@ -201,7 +201,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, 
         # What they see of a true ear is better than a fitted one, however they look at it.
         ear = (seen > 0) & shell.by_ears(points[near]) & ~torn
         hardly = (seen > 0) & (deep[near] > shell.fringe) & ~torn | ear
-        # What is dense enough along a surface is haze from aside.
+        # What photos look along they see as solid however thin it is: from aside it is haze.
         density[near] = np.where(well | ear, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come
