@@ -13,13 +13,7 @@ import webbrowser
 
 
 def open_browser(address: str) -> threading.Thread:
-    """Open an address in the user's browser; returns at once.
-
-    Returns
-    -------
-    opening : The thread that waits for the browser. It is a daemon: it holds up no program that
-        ends.
-    """
+    """Open an address in the user's browser, at once; the daemon thread that waits for it."""
     def opened() -> None:
         with contextlib.suppress(OSError, webbrowser.Error):  # the address is printed as well
             webbrowser.open(address)

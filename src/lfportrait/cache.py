@@ -71,15 +71,9 @@ def key_of(maker: str, *parts: Any) -> str:
 
 @functools.cache
 def code_of(package: str) -> str:
-    """Hash of all files of our package, and of another one that makes a result with it.
+    """Hash of all files of our package, and of another one, or a single module, that works with it.
 
-    Parameters
-    ----------
-    package : Name of an installed package, or of a module that is a single file.
-
-    Raises
-    ------
-    KeyError : If there is no such package.
+    Raises `KeyError` if there is no such package.
     """
     own = Path(__file__).parent
     return hash_of([_tree_hash(place) for place in dict.fromkeys((own, _place(package)))])

@@ -59,11 +59,9 @@ _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367],
 
 
 def primaries_to_srgb(primaries: tuple[float, ...]) -> Float64:
-    """The matrix [3, 3] from linear RGB with other primaries to sRGB's.
+    """The matrix [3, 3] from linear RGB with other primaries (as `SRGB`) to sRGB's.
 
-    Parameters
-    ----------
-    primaries : Chromaticities as in `SRGB`. Another white is adapted to sRGB's (Bradford).
+    Another white is adapted to sRGB's (Bradford).
     """
     def cone(values: tuple[float, ...]) -> Float64:
         x, y = values[6:8]

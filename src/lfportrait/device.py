@@ -40,9 +40,7 @@ class TorchDevice:
 def checked_choice(choice: str) -> str:
     """The user's choice of ``--device``, as it is.
 
-    Raises
-    ------
-    UserError : If it is none of ``"auto"``, ``"cpu"``, ``"gpu"`` and ``"gpu:NAME"``.
+    Raises `UserError` if it is none of ``"auto"``, ``"cpu"``, ``"gpu"`` and ``"gpu:NAME"``.
     """
     if choice in ("auto", "cpu", "gpu") or (choice.startswith("gpu:") and choice != "gpu:"):
         return choice
@@ -64,6 +62,8 @@ def check_device(choice: str) -> None:
 def gpu_adapter(choice: str = "auto") -> Adapter | None:
     """The WebGPU adapter for a choice of ``--device``.
 
+    Raises `UserError` if the choice is none of these, or names what is not here.
+
     Parameters
     ----------
     choice : ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best
@@ -73,10 +73,6 @@ def gpu_adapter(choice: str = "auto") -> Adapter | None:
     Returns
     -------
     adapter : None: compute on the CPU.
-
-    Raises
-    ------
-    UserError : If the choice is none of these, or names what is not here.
     """
     if checked_choice(choice) == "cpu" or (
             choice == "auto" and not (gpu_in_sight() and find_spec("wgpu"))):
@@ -138,6 +134,8 @@ def torch_devices() -> tuple[TorchDevice, ...]:
 def torch_device(choice: str = "auto") -> TorchDevice:
     """Where torch computes for a choice of ``--device``.
 
+    Raises `UserError` if the choice is none of these, or names what is not here.
+
     Parameters
     ----------
     choice : ``"auto"`` and ``"gpu"``: on its first GPU, if it has any. ``"cpu"``: on the CPU.
@@ -147,10 +145,6 @@ def torch_device(choice: str = "auto") -> TorchDevice:
     -------
     device : The CPU, with a warning, also where the chosen GPU is one that WebGPU can use and
         torch, as installed, can't.
-
-    Raises
-    ------
-    UserError : If the choice is none of these, or names what is not here.
     """
     if checked_choice(choice) == "cpu":
         return TorchDevice()

@@ -68,6 +68,9 @@ def download(url: str, target: str | Path, sha256: str, size: int = 0, *,
              quiet: bool = False) -> Path:
     """Download a file and check it.
 
+    Raises `UserError` if it can't be had: one line with the file, the reason and what to do.
+    Nothing is left under the final name then.
+
     Parameters
     ----------
     url : Its address, http or https.
@@ -75,11 +78,6 @@ def download(url: str, target: str | Path, sha256: str, size: int = 0, *,
     sha256 : Its SHA-256 in hex, or the first digits of it.
     size : Its size in bytes, for the progress line and error messages; 0 if unknown.
     quiet : Draw no progress line.
-
-    Raises
-    ------
-    UserError : If it can't be had: one line with the file, the reason and what to do. Nothing is
-        left under the final name then.
     """
     target = Path(target)
     try:

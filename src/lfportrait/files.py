@@ -62,10 +62,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside ``path`` that is renamed to it if the block succeeds.
 
     The temporary name keeps the suffix, so that writers which look at it choose the right format.
-
-    Raises
-    ------
-    UserError : If the folder can't be made or written to (no permission, disk full).
+    Raises `UserError` if the folder can't be made or written to (no permission, disk full).
     """
     path = Path(path)
     sweep_once(path.parent)
@@ -93,10 +90,7 @@ def fresh_folder(path: Path) -> Iterator[Path]:
     """Yield a new, empty folder beside ``path`` that takes its place if the block succeeds.
 
     At no time is there a folder with half of its files; an older one is moved away in one step.
-
-    Raises
-    ------
-    OSError : If it can't be made or moved.
+    Raises `OSError` if it can't be made or moved.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with part_folder(path) as temporary:
@@ -151,17 +145,9 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 def lock(path: Path, wait: float = 0.0) -> BaseFileLock:
     """Lock a file, made if missing, until ``release()`` is called or the process ends.
 
-    Network drives that know no locks leave it unlocked.
-
-    Parameters
-    ----------
-    path : The file; it stays.
-    wait : Seconds to wait for another process that has it; below 0 as long as it takes.
-
-    Raises
-    ------
-    filelock.Timeout : If another process still has it.
-    OSError : If the file can't be written.
+    Another process that has it is waited for, ``wait`` seconds; below 0 as long as it takes.
+    Network drives that know no locks leave it unlocked. Raises `filelock.Timeout` if another
+    process still has it, `OSError` if the file can't be written.
     """
     from filelock import FileLock
 
@@ -228,12 +214,7 @@ def script_json(data: Any) -> str:
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """Read a JSON file.
-
-    Raises
-    ------
-    UserError : If the file is missing or not JSON.
-    """
+    """Read a JSON file; `UserError` if the file is missing or not JSON."""
     try:
         return json.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -247,9 +228,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 def picture_format(path: str | os.PathLike[str]) -> str:
     """Pillow's name for the format of a picture's file, by its ending.
 
-    Raises
-    ------
-    UserError : If there is none: to be asked before hours of work.
+    Raises `UserError` if there is none: to be asked before hours of work.
     """
     suffix = Path(path).suffix.lower()
     formats = Image.registered_extensions()
@@ -356,11 +335,8 @@ def write_mappable(stream: BinaryIO, arrays: dict[str, Any]) -> None:
 def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an uncompressed ``.npz`` by name, memory-mapped: read only on access.
 
-    What is written to them stays in memory.
-
-    Raises
-    ------
-    UNREADABLE_ARRAYS : If there is no such file, or it is damaged or no such archive.
+    What is written to them stays in memory. Raises `UNREADABLE_ARRAYS` if there is no such file, or
+    it is damaged or no such archive.
     """
     with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:
         memory = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY)
@@ -394,9 +370,7 @@ _SOON = 2_000_000_000
 def file_state(path: Path) -> tuple[int, int, int, int]:
     """Size in bytes, times of change of contents and of anything (ns), and number of a file.
 
-    Raises
-    ------
-    OSError : If there is none.
+    Raises `OSError` if there is none.
     """
     return _state(path.stat())
 

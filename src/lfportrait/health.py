@@ -45,16 +45,7 @@ class Fact(NamedTuple):
 
 
 def examine(folder: str | os.PathLike[str] = ".") -> list[Fact]:
-    """Check this machine and the installation.
-
-    Parameters
-    ----------
-    folder : Where results would be written.
-
-    Returns
-    -------
-    facts : Those of a group one after the other.
-    """
+    """Check this machine, the installation, and the folder that results would be written to."""
     return [*_versions(), *_computing(), _memory(free_memory_bytes()), *_disks(Path(folder)),
             *_libraries(), *_screen(), *_networks()]
 

@@ -44,9 +44,7 @@ MOST = 4.0
 def members(name: str, known: Sequence[str]) -> tuple[str, ...]:
     """The labels among ``known`` that a label or a group of them means.
 
-    Raises
-    ------
-    UserError : If ``name`` is neither, with those that there are.
+    Raises `UserError` if ``name`` is neither, with those that there are.
     """
     if name in known:
         return (name,)
@@ -71,9 +69,7 @@ class RegionStyle:
 def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
     """Values by the names of regions, from words ``REGION=VALUE``; the last on a region counts.
 
-    Raises
-    ------
-    UserError : If a word has no sign.
+    Raises `UserError` if a word has no sign.
     """
     found: dict[str, str] = {}
     for text in (text for part in words for text in part):
@@ -90,6 +86,9 @@ def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
 def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = None) -> RegionStyle:
     """Parse a region's value.
 
+    Raises `UserError` if the value is none of these, the style unknown, or the strength out of
+    range.
+
     Parameters
     ----------
     region : Its name.
@@ -100,10 +99,6 @@ def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = N
     Returns
     -------
     region_style : Without a style of its own, that of the whole is meant.
-
-    Raises
-    ------
-    UserError : If the value is none of these, the style unknown, or the strength out of range.
     """
     what = f"the strength of {region}"
     if isinstance(value, str):
@@ -132,9 +127,7 @@ def _style(name: Any, styles: Sequence[str] | None) -> str:
 def one_of(name: Any, kind: str, names: Sequence[str]) -> str:
     """The name, which must be one of those that a field has.
 
-    Raises
-    ------
-    UserError : If it is not, with the names that there are; ``kind`` says what it names.
+    Raises `UserError` if it is not, with the names that there are; ``kind`` says what it names.
     """
     if name not in names:
         raise UserError(f"there is no {kind} {name!r} in this field; it has "
@@ -143,12 +136,7 @@ def one_of(name: Any, kind: str, names: Sequence[str]) -> str:
 
 
 def number(value: Any, what: str, most: float) -> float:
-    """A number from 0 to ``most``.
-
-    Raises
-    ------
-    UserError : If it is none, naming ``what`` it was meant for.
-    """
+    """A number from 0 to ``most``; `UserError` if it is none, naming ``what`` it was meant for."""
     try:
         found = float(value)
     except (TypeError, ValueError):

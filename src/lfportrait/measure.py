@@ -99,12 +99,7 @@ def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
 
 
 def free_memory_bytes(system: Path = Path("/")) -> int | None:
-    """Memory that a process can still get, in bytes; None if the system does not report it.
-
-    Parameters
-    ----------
-    system : Root of the file system in which Linux keeps its accounts.
-    """
+    """Memory that a process can still get, in bytes; None if the system does not report it."""
     try:
         rows = (system / "proc/meminfo").read_text("utf-8").splitlines()
         free = next(int(row.split()[1]) * 1024 for row in rows if row.startswith("MemAvailable:"))
@@ -138,12 +133,7 @@ def machine() -> dict[str, str | int]:
 
 
 def usable_cores(system: Path = Path("/")) -> int:
-    """Cores that this process may use: those it may run on, or fewer where its time is limited.
-
-    Parameters
-    ----------
-    system : Root of the file system in which Linux keeps its accounts.
-    """
+    """Cores that this process may use: those it may run on, or fewer where its time is limited."""
     quota = core_quota(system)
     return _cores_to_run_on() if quota is None else min(_cores_to_run_on(), quota)
 
@@ -165,15 +155,10 @@ def give_back_memory() -> None:
 
 
 def limit_threads(environment: MutableMapping[str, str], system: Path = Path("/")) -> None:
-    """Let libraries start as many threads as there are usable cores.
+    """Let libraries start as many threads as there are usable cores, by changing their environment.
 
     They know the cores of the machine and not the time that a container gets. Nothing is set where
     that is the same, nor what the user has set.
-
-    Parameters
-    ----------
-    environment : Variables that libraries read when they are loaded; changed.
-    system : As for `usable_cores`.
     """
     cores = usable_cores(system)
     if cores < _cores_to_run_on():
@@ -187,12 +172,7 @@ _USUAL = "/sys/fs/cgroup"
 
 
 def free_in_groups(system: Path) -> int | None:
-    """Memory that the process's groups still allow, in bytes; None where they set no limit.
-
-    Parameters
-    ----------
-    system : Root of the file system in which Linux keeps its accounts.
-    """
+    """Memory that the process's groups still allow, in bytes; None where they set no limit."""
     left = [*(_left(group, ("memory.max", "memory.high"), "memory.current", "inactive_file")
               for group in _groups(system, "")),
             *(_left(group, ("memory.limit_in_bytes",), "memory.usage_in_bytes",
@@ -251,10 +231,7 @@ def _statistic(path: Path, name: str) -> int:
 def _groups(system: Path, controller: str) -> Iterator[Path]:
     """Folders of the process's group and of those around it, as far as they are seen here.
 
-    Parameters
-    ----------
-    system : Root of the file system.
-    controller : Of version 1; "" for version 2.
+    ``controller`` is version 1's; "" for version 2.
     """
     own = _own_group(system, controller)
     for root, mount in _mounts(system, controller):

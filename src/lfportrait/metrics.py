@@ -16,10 +16,7 @@ _WINDOW = 11
 def psnr(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None) -> float:
     """Peak signal-to-noise ratio in dB of two pictures in [0, 1]; infinite if they are equal.
 
-    Parameters
-    ----------
-    a, b : [H, W] or [H, W, C], float in [0, 1].
-    mask : bool [H, W]: the pixels that count; all by default.
+    They are [H, W] or [H, W, C]; ``mask`` bool [H, W] has the pixels that count, by default all.
     """
     if a.shape != b.shape:
         raise ValueError(f"pictures of different shape: {a.shape} and {b.shape}")
@@ -34,11 +31,8 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     """Structural similarity of two pictures in [0, 1] (Wang et al. 2004).
 
     Gaussian window of 11 pixels, sigma 1.5, constants 0.01 and 0.03, mean over the channels and
-    over the pixels whose window lies inside the picture.
-
-    Parameters
-    ----------
-    a, b : [H, W] or [H, W, C], float in [0, 1], at least 11 pixels each way.
+    over the pixels whose window lies inside the picture, [H, W] or [H, W, C], at least 11 pixels
+    each way.
     """
     if a.shape != b.shape:
         raise ValueError(f"pictures of different shape: {a.shape} and {b.shape}")

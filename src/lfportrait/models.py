@@ -158,6 +158,10 @@ def fetchable(name: str) -> bool:
 def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
     """Path of a network's weights; they are downloaded if missing.
 
+    Raises `UserError` if the name is unknown, a file's SHA-256 is wrong, or it is not there and
+    can't be downloaded: the message says what it is, where it comes from, its licence and where to
+    put it.
+
     Parameters
     ----------
     name : Name in the registry.
@@ -168,12 +172,6 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
     Returns
     -------
     path : The file, its SHA-256 checked.
-
-    Raises
-    ------
-    UserError : If the name is unknown, a file's SHA-256 is wrong, or it is not there and can't
-        be downloaded: the message says what it is, where it comes from, its licence and where
-        to put it.
     """
     found = _local(name)
     if found is not None:
@@ -190,9 +188,7 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
 def expand(names: Iterable[str]) -> list[str]:
     """Names of networks and groups (`GROUPS`) as names of networks, each once.
 
-    Raises
-    ------
-    UserError : If a name is neither.
+    Raises `UserError` if a name is neither.
     """
     found: dict[str, None] = {}
     for name in names:
@@ -205,11 +201,8 @@ def expand(names: Iterable[str]) -> list[str]:
 def missing(names: Iterable[str]) -> list[str]:
     """The networks, of the named ones and groups, that are not on this machine.
 
-    A network is not missing where another one that does its work is here.
-
-    Raises
-    ------
-    UserError : If a name is unknown.
+    A network is not missing where another one that does its work is here. Raises `UserError` if a
+    name is unknown.
     """
     return [name for name in expand(names) if not available(_used(name))]
 
@@ -230,6 +223,10 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
             quiet: bool = False) -> None:
     """Ensure that networks are installed and intact, before long work starts.
 
+    Raises `UserError` if some are missing and not to be downloaded (or can't be): one line with
+    each of them, the size of all, and the command that gets them. If a file is damaged, or a
+    download fails.
+
     Parameters
     ----------
     names : Networks or groups (`GROUPS`).
@@ -237,12 +234,6 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
         checks.
     purpose : What they are for, the subject of the message.
     quiet : Draw no progress lines.
-
-    Raises
-    ------
-    UserError : If some are missing and not to be downloaded (or can't be): one line with each of
-        them, the size of all, and the command that gets them. If a file is damaged, or a
-        download fails.
     """
     names = expand(names)
     wanted = missing(names)
@@ -292,15 +283,9 @@ def _how_to_get(name: str) -> str:
 
 
 def add(path: str | Path) -> Path:
-    """Copy a file of weights into the user's cache, if its SHA-256 is one of the registry's.
+    """Copy a file of weights into the user's cache, if its SHA-256 is in the registry.
 
-    Returns
-    -------
-    target : Where it was put.
-
-    Raises
-    ------
-    UserError : If the file is missing or matches no entry.
+    Raises `UserError` if the file is missing or matches no entry.
     """
     path = Path(path)
     if not path.is_file():

@@ -60,12 +60,7 @@ def check(data: UInt8) -> None:
 
 
 def unpack(data: UInt8) -> NDArray[Any]:
-    """The array that was packed.
-
-    Raises
-    ------
-    ValueError : If the bytes are damaged.
-    """
+    """The array that was packed; `ValueError` if the bytes are damaged."""
     data = np.ascontiguousarray(data, np.uint8)
     check(data)
     begin = _WORD + int.from_bytes(data[:_WORD].tobytes(), "little")

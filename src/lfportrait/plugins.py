@@ -90,9 +90,7 @@ def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[st
 def blamed(thing: object) -> Iterator[None]:
     """Whatever fails in another package's ``thing`` becomes one line; our own faults stay ours.
 
-    Raises
-    ------
-    UserError : In place of any other exception.
+    Raises `UserError` in place of any other exception.
     """
     package = type(thing).__module__.partition(".")[0]
     try:
@@ -111,9 +109,7 @@ def _line(error: Exception) -> str:
 def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
     """The entry point of a name.
 
-    Raises
-    ------
-    UserError : If nobody offers it; ``own`` are the names that need nobody.
+    Raises `UserError` if nobody offers it; ``own`` are the names that need nobody.
     """
     found = offered(group)
     if name not in found:
@@ -131,15 +127,13 @@ def provided_styles() -> dict[str, Callable[[], Any]]:
 def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
     """Photos with landmarks from installed packages.
 
+    Raises `UserError` if nobody offers any.
+
     Parameters
     ----------
     count : Number of photos.
     height : Of a photo in pixels.
     seed : Of all choices.
-
-    Raises
-    ------
-    UserError : If nobody offers any.
     """
     for make in offered("lfportrait.sittings").values():
         found: list[Sitting] = make(count, height, seed)

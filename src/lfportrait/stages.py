@@ -51,12 +51,7 @@ def check_writable(folder: Path) -> None:
 
 def finished_record(folder: Path, name: str, key: str, outputs: Iterable[str],
                     ) -> dict[str, Any] | None:
-    """The figures of a stage that was done from the same inputs; None where it is to be done.
-
-    Parameters
-    ----------
-    name, key, outputs : As for `StageFolder.run`.
-    """
+    """The figures of a stage that was done from the same inputs; None where it is to be done."""
     try:
         data = json.loads((folder / _RECORDS / f"{name}.json").read_text("utf-8"))
         figures, same = dict(data["figures"]), data["key"] == key

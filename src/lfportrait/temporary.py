@@ -47,14 +47,8 @@ _ADVICE = "free some space there, or set TMPDIR to a folder with more room"
 def temporary_folder(room: int = _ROOM) -> Iterator[Path]:
     """A new folder that is removed after the block; what a killed process left goes, too.
 
-    Parameters
-    ----------
-    room : Bytes that the block writes at the least.
-
-    Raises
-    ------
-    UserError : If there is no such folder, it has not that room, or it is full before the block
-        has ended.
+    The block writes ``room`` bytes at the least. Raises `UserError` if there is no such folder, it
+    has not that room, or it is full before the block has ended.
     """
     home = temporary_place()
     sweep_once(home)
@@ -81,12 +75,7 @@ def temporary_folder(room: int = _ROOM) -> Iterator[Path]:
 
 
 def temporary_place() -> Path:
-    """Where temporary folders go.
-
-    Raises
-    ------
-    UserError : If there is none that can be written to.
-    """
+    """Where temporary folders go; `UserError` if there is none that can be written to."""
     try:
         return Path(tempfile.gettempdir())
     except FileNotFoundError as error:  # none of all that are tried
@@ -139,12 +128,7 @@ _LOCK = threading.Lock()
 
 
 def part_name(path: Path, *, hidden: bool = True) -> Path:
-    """A new temporary name beside a path, with its suffix; nothing is made.
-
-    Parameters
-    ----------
-    hidden : Begin with a dot.
-    """
+    """A new temporary name beside a path, with its suffix, begun with a dot if ``hidden``."""
     number = os.getpid()
     mark = f".{number}-{_started(number)}-{_host()}-{secrets.token_hex(4)}.part"
     stem, room = path.stem, _LONGEST - len(os.fsencode(f".{mark}{path.suffix}"))
@@ -182,15 +166,11 @@ def remove_part(path: Path) -> None:
 
 
 def sweep(folder: Path) -> list[str]:
-    """Remove what processes that are gone have left in a folder, none in its folders.
+    """Remove what processes that are gone have left in a folder, none in its folders; its names.
 
     What a living process writes stays, and so does what was begun on another host (a network drive)
     or in another container, until nothing of it has changed for a day. A file that was moved out of
     the way and whose place is empty goes back.
-
-    Returns
-    -------
-    names : Of what was removed.
     """
     removed = []
     try:

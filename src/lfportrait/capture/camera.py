@@ -357,12 +357,10 @@ def _looked_at(cameras: Camera, far: Float64) -> Float64:
 
 
 def pose_corrections(given: Camera, found: Camera) -> tuple[Float64, Float64]:
-    """How far two batches of V cameras are apart.
+    """How far two batches of V cameras are apart, float64 [V] each.
 
-    Returns
-    -------
-    degrees, shares : float64 [V] each: the angle between them, and the distance between their
-        centres as a share of that to the origin.
+    The angle between them in degrees, and the distance between their centres as a share of that to
+    the origin.
     """
     from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
 

@@ -143,14 +143,9 @@ Picture = TypeVar("Picture")
 
 
 class LatePictures(Sequence[Picture]):
-    """Pictures, uint8 [H, W, 3] or [H, W] each, made when one of them is first asked for.
+    """Pictures, or what belongs to them, made all at once when one is first asked for.
 
-    Or what belongs to pictures, as their depth does.
-
-    Parameters
-    ----------
-    count : How many there will be.
-    decode : Makes them, once.
+    They are uint8 [H, W, 3] or [H, W] each, or depth; there will be ``count`` of them.
     """
 
     def __init__(self, count: int, decode: Callable[[], Sequence[Picture]]) -> None:

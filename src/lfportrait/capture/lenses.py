@@ -220,15 +220,11 @@ def some_depth(depths: Sequence[DepthMap | None]) -> list[DepthMap | None] | Non
 
 
 def straightened(depth: DepthMap, lens: Lens) -> DepthMap:
-    """A depth map as it lies over the picture that `undistort` makes of its photo.
+    """The map of an upright photo's depth as it lies over the picture that `undistort` makes of it.
 
     The numbers are moved alone: z along the axis and the distance along the ray are of a point, not
     of the lens. Between pixels they are blended from those that are known; unknown is what lies
     nearer to an unknown one, or outside the photo.
-
-    Parameters
-    ----------
-    depth : Over the upright photo.
     """
     if not lens.distorts:
         return depth

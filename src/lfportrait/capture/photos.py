@@ -104,11 +104,8 @@ def _reduced(picture: Image.Image, times: int) -> Image.Image:
 def photo_listing(folder: Path) -> Listing:
     """The pictures of a folder, or of its subfolder ``images``, or of the only one with pictures.
 
-    Cameras keep photos in ``DCIM/100NAME``. Several folders are several people, or an error.
-
-    Raises
-    ------
-    UserError : If several folders in it have photos.
+    Cameras keep photos in ``DCIM/100NAME``. Several folders are several people, or an error. Raises
+    `UserError` if several folders in it have photos.
     """
     first = Listing([])
     for place in (folder, folder / "images"):
@@ -129,14 +126,12 @@ def photo_listing(folder: Path) -> Listing:
 def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
     """The pictures of a folder of photos in the order of their names, none of them read.
 
+    Raises `UserError` if the folder is missing or holds none.
+
     Parameters
     ----------
     folder : Folder with pictures, or with a subfolder ``images``; or one picture.
     say : Whether a warning says which other files are left out, and why.
-
-    Raises
-    ------
-    UserError : If the folder is missing or holds none.
     """
     if not folder.exists():
         raise UserError(f"there is no folder {folder}; name the folder of your photos")
@@ -161,6 +156,8 @@ def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
 def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     """Read the photos of a folder in the order of their names.
 
+    Raises `UserError` if the folder is missing, or holds no picture that can be read.
+
     Parameters
     ----------
     folder : Folder with pictures, or with a subfolder ``images``.
@@ -169,10 +166,6 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     Returns
     -------
     photos : Those that could be read; for each other one a warning says why.
-
-    Raises
-    ------
-    UserError : If the folder is missing, or holds no picture that can be read.
     """
     files = picture_files(folder)
     # Decoding lets other threads run.

@@ -126,6 +126,8 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
                spacing: Literal["parallax", "time"] = "parallax") -> list[Photo]:
     """Take sharp frames from a video.
 
+    Raises `UserError` if the file is missing or is no video that can be decoded.
+
     Parameters
     ----------
     path : Video file.
@@ -133,10 +135,6 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
         fewer.
     max_side : Frames are reduced to this many pixels on their longer side; 0 keeps them.
     spacing : At even distances by how much the picture moves (``"parallax"``), or at even time.
-
-    Raises
-    ------
-    UserError : If the file is missing or is no video that can be decoded.
     """
     import av
 
@@ -164,10 +162,8 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
 def video_frames(path: Path) -> tuple[float, Iterator[UInt8]]:
     """Frames per second of a video, and its upright frames (uint8 [H, W, 3]) one at a time.
 
-    Raises
-    ------
-    UserError : If the file is missing or is no video; while the frames are taken, if it is
-        damaged.
+    Raises `UserError` if the file is missing or is no video; while the frames are taken, if it is
+    damaged.
     """
     import av
 
@@ -281,15 +277,13 @@ def upright_frame(frame: Any, max_side: int, aspect: float) -> UInt8:
 def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:
     """Photos of a folder, or frames of a video (`read_photos`, `read_video`).
 
+    Raises `UserError` if there is nothing that can be read.
+
     Parameters
     ----------
     path : Folder or video file.
     max_side : Pictures are reduced to this many pixels on their longer side; 0 keeps them.
     frames : How many frames of a video.
-
-    Raises
-    ------
-    UserError : If there is nothing that can be read.
     """
     return (read_video(path, frames, max_side) if is_video(path)
             else read_photos(path, max_side))

@@ -131,12 +131,7 @@ class Common:
         return compiling_progress(title, total, not self.quiet, outlook)
 
     def run(self) -> dict[str, Any]:
-        """Do it.
-
-        Returns
-        -------
-        figures : What ``--json`` writes.
-        """
+        """Do it; the figures that ``--json`` writes."""
         raise NotImplementedError
 
     def exit_code(self, figures: dict[str, Any]) -> int:

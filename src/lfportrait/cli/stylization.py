@@ -125,9 +125,7 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
                     choices: Sequence[RegionStyle], progress: Progress) -> dict[str, Any]:
     """Paint all photos of a folder into another; those without a face are named and left out.
 
-    Raises
-    ------
-    UserError : If there are no pictures, or no face in any.
+    Raises `UserError` if there are no pictures, or no face in any.
     """
     if out.suffix:
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")

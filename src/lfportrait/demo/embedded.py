@@ -25,12 +25,9 @@ DATA = Path(__file__).parent / "data"
 
 
 def resized(picture: NDArray[Any], width: int, height: int) -> NDArray[Any]:
-    """A picture at another size; colors of an alpha picture count by their alpha.
+    """A picture [H, W], [H, W, 3] or [H, W, 4] at another size in pixels.
 
-    Parameters
-    ----------
-    picture : [H, W], [H, W, 3] or, with straight alpha, [H, W, 4].
-    width, height : Of the result in pixels.
+    Alpha is straight, and colors count by it.
     """
     if picture.shape[:2] == (height, width):
         return picture
@@ -95,9 +92,7 @@ HEAD = DATA / "head.npz"
 def demo_head() -> VoxelField:
     """The head of the embedded capture as a field of degree 0, made of its exact distances.
 
-    Returns
-    -------
-    field : In the portrait frame: a shell of five layers of voxels, the outermost clear.
+    In the portrait frame: a shell of five layers of voxels, the outermost clear.
     """
     with np.load(HEAD, allow_pickle=False) as data:
         side = int(data["side"])
@@ -114,6 +109,8 @@ def demo_head() -> VoxelField:
 def demo_exemplar(name: str = "", width: int = 768, height: int = 1024) -> Exemplar:
     """A painted portrait with its 68 landmarks.
 
+    Raises `UserError` if there is no such style.
+
     Parameters
     ----------
     name : One of `lfportrait.demo.demo_styles`; empty = the first.
@@ -122,10 +119,6 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024) -> Exemp
     Returns
     -------
     exemplar : Picture, landmarks (projected from the model) and the mask of the person.
-
-    Raises
-    ------
-    UserError : If there is no such style.
     """
     names = demo_styles()
     name = name or names[0]
@@ -149,15 +142,10 @@ def _portrait(path: Path, height: int) -> tuple[UInt8, Float64]:
 
 
 def demo_photo(height: int = 1024) -> tuple[UInt8, Float64]:
-    """The head of the embedded capture, seen from eight degrees to its left.
+    """The head of the embedded capture, seen from eight degrees to its left; with its landmarks.
 
-    Parameters
-    ----------
-    height : Of the photo in pixels, of which it has 1024; it is three quarters as wide.
-
-    Returns
-    -------
-    photo, landmarks : uint8 [H, W, 4] with straight alpha; float64 [68, 2], in pixels.
+    The photo is uint8 [H, W, 4] with straight alpha, of 1024 rows at first, and three quarters as
+    wide; landmarks are float64 [68, 2], in pixels.
     """
     return _portrait(DATA / "people" / "sitter.webp", height)
 

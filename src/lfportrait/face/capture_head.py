@@ -68,15 +68,9 @@ def fit_to_surface(landmarks: Float64, points: Float64, normals: Float64, trust:
 
 
 def proportion(prior: HeadPrior, points: Float64) -> tuple[float, float]:
-    """Length and breadth of a skull above its brows, without ears.
+    """Length and breadth of a skull above its brows, without ears, in the unit of the points.
 
-    Parameters
-    ----------
-    points : float64 [N, 3], the model's vertices in its own frame, or moved and scaled.
-
-    Returns
-    -------
-    length, breadth : In the points' unit.
+    ``points`` are the model's vertices, float64 [N, 3], in its own frame, or moved and scaled.
     """
     breadth, _, length = np.ptp(points[_skull(prior)], axis=0)
     return float(length), float(breadth)

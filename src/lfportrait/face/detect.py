@@ -51,16 +51,10 @@ def _landmarker(path: str, faces: int) -> Any:
 
 
 def face_mesh(image: UInt8) -> Float64 | None:
-    """All points of MediaPipe's mesh of the surest face in a picture.
+    """All points of MediaPipe's mesh of the surest face in a picture, or None without a face.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB, of one face.
-
-    Returns
-    -------
-    points : float64 [478, 2] in pixels, in MediaPipe's order (468 to 472 the iris on the
-        picture's left, 473 to 477 the other one), or None if no face was found.
+    The picture is uint8 [H, W, 3], sRGB, of one face; the points are float64 [478, 2] in pixels, in
+    MediaPipe's order (468 to 472 the iris on the picture's left, 473 to 477 the other one).
     """
     found = _landmarker(str(models.fetch("face-landmarker")), 1).detect(picture(image))
     if not found.face_landmarks:
@@ -326,10 +320,7 @@ def detect_face(image: UInt8, least: float = 0.4,
                 ) -> tuple[Float64, float] | None:
     """The box (x, y, width, height) of the most certain face, with its score, or None.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3].
-    least : Score below which a box is no face.
+    In a picture uint8 [H, W, 3]; a box of a score below ``least`` is no face.
     """
     weights = _weights("face-detector")
     height, width = image.shape[:2]

@@ -74,15 +74,9 @@ def centred(points: Float64) -> Float64:
 
 
 def read_landmarks(path: str | Path) -> Float64:
-    """Read 68 landmarks, ``x y`` a line, in pixels.
+    """Read 68 landmarks, ``x y`` a line, in pixels: float64 [68, 2] (x right, y down).
 
-    Returns
-    -------
-    points : float64 [68, 2] (x right, y down).
-
-    Raises
-    ------
-    UserError : If the file is missing or does not hold 68 pairs of numbers.
+    Raises `UserError` if the file is missing or does not hold 68 pairs of numbers.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -215,9 +209,7 @@ class FacePose:
 def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
     """The pose of a face by its landmarks [68, 2], pixels (x right, y down); NaN rows are unknown.
 
-    Raises
-    ------
-    ValueError : If fewer than 20 are known.
+    Raises `ValueError` if fewer than 20 are known.
     """
     # Here: they take a tenth of a second to import, and most poses are known (`Exemplar.pose`).
     from scipy.optimize import least_squares

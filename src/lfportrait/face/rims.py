@@ -113,11 +113,8 @@ def upright(image: UInt8, landmarks: Float64, pose: FacePose) -> UprightFace:
 def ridges(face: UprightFace) -> Float32:
     """How much a place is a thin line across each direction.
 
-    Returns
-    -------
-    float32 [2, DIRECTIONS, h, w] in [0, 1]: dark lines and light ones, by the direction of
-        their normal (n / DIRECTIONS of half a turn from x towards y), against the lines around
-        them.
+    float32 [2, DIRECTIONS, h, w] in [0, 1]: Dark lines and light ones, by the direction of their
+    normal (n / DIRECTIONS of half a turn from x towards y), against the lines around them.
     """
     found = np.zeros((2, DIRECTIONS, *SHAPE), np.float32)
     for away, sigma in WIDTHS:
@@ -445,16 +442,9 @@ def _courses(lines: Sequence[Float32], middles: Float64, points: Float64, room: 
 
 
 def ways(gain: Float64) -> NDArray[np.int_]:
-    """The ways with the most gain through several tables at once.
+    """The ways with the most gain through several tables [K, n, m] at once: columns, int [K, n].
 
-    Parameters
-    ----------
-    gain : float64 [K, n, m].
-
-    Returns
-    -------
-    columns : int [K, n], of each row; at most one aside of the row before, which costs `STIFF`.
-        Of equal ways the straight one.
+    At most one aside of the row before, which costs `STIFF`. Of equal ways the straight one.
     """
     tables, rows, width = gain.shape
     came = np.zeros(gain.shape, np.int8)

@@ -144,6 +144,8 @@ def _full_size(mask: Float32, shape: tuple[int, ...], turns: int) -> Float32:
 def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     """How much of each pixel is the person.
 
+    Raises `UserError` if the network's weights are missing.
+
     Parameters
     ----------
     image : uint8 [H, W, 3], sRGB.
@@ -153,10 +155,6 @@ def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     Returns
     -------
     matte : float32 [H, W] in [0, 1], of the network's 256x256 resolution.
-
-    Raises
-    ------
-    UserError : If the network's weights are missing.
     """
     return _person(image, _quarter_turns(up))
 
@@ -188,21 +186,10 @@ def parts(image: UInt8, up: NDArray[Any] | None = None,
           ) -> dict[str, Float32]:
     """How much of each pixel is each part of a person, by the network of six parts.
 
-    This is written against the network's documented input and outputs, and tested with a stand-in
-    of the same shapes: its file was not at hand.
-
-    Parameters
-    ----------
-    image, up : As for `person_matte`.
-
-    Returns
-    -------
-    maps : float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1.
-
-    Raises
-    ------
-    UserError : If the network (``multiclass-segmentation``) is missing, or its file has other
-        outputs.
+    float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1. The arguments are those of
+    `person_matte`. This is written against the network's documented input and outputs, and tested
+    with a stand-in of the same shapes: its file was not at hand. Raises `UserError` if the network
+    (``multiclass-segmentation``) is missing, or its file has other outputs.
     """
     turns = _quarter_turns(up)
     shares, shape = _shares(image, turns)
@@ -251,13 +238,7 @@ _LOCK = threading.Lock()
 
 
 def made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
-    """A task and its first run, with nothing on standard error.
-
-    Parameters
-    ----------
-    make : Makes the task.
-    first : Runs it once: some of the chatter comes only then.
-    """
+    """A task that is made, and its first run, with none of the chatter on standard error."""
     _import_mediapipe()
     with _LOCK:
         return _made(make, first)

@@ -77,6 +77,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
                              fit_head: FitHead | None = None) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
+    Raises `UserError` if nothing is left to train on.
+
     Parameters
     ----------
     capture : Views with their cameras in the portrait frame; held-out views are only tested on.
@@ -105,10 +107,6 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         with ``refine_poses`` also ``cameras`` (`PoseRefiner.figures`) and
         ``test.psnr_at_given_cameras`` (dB); where mattes were recomputed, also
         ``test.psnr_at_given_mattes``.
-
-    Raises
-    ------
-    UserError : If nothing is left to train on.
     """
     distance = float(np.linalg.norm(capture.cameras.position, axis=1).min())
     config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,

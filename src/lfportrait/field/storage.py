@@ -91,16 +91,14 @@ def check_field_path(path: Any) -> None:
 def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), **more: Any) -> None:
     """Write a field; coefficients are rounded to float16, as svox2 does.
 
+    Raises `UserError` if the file has another ending or can't be written.
+
     Parameters
     ----------
     field : What the file is to hold.
     path : File name, ending in ``.npz``.
     more : Further arrays, by the names that they get in the file.
     deflated : Which of these are worth compressing.
-
-    Raises
-    ------
-    UserError : If the file has another ending or can't be written.
     """
     texture = field.texture
     values = () if texture is None else (texture.texels, texture.projections, texture.charts,
@@ -169,9 +167,7 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
 def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
     """Read the named arrays that a field's file has; others are not read.
 
-    Raises
-    ------
-    UserError : If the file is missing or damaged.
+    Raises `UserError` if the file is missing or damaged.
     """
     path = Path(path)
     try:
@@ -190,9 +186,7 @@ def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
 def load_field(path: Any) -> Loaded:
     """Read a field: what `VoxelField` is made of, in its order.
 
-    Raises
-    ------
-    UserError : If the file is missing, damaged, or not a field.
+    Raises `UserError` if the file is missing, damaged, or not a field.
     """
     path = Path(path)
     arrays = read_arrays(path, (*_READ, *_TEXTURE, *_BACKDROP))
@@ -378,9 +372,7 @@ class _Deflater:
 def read_array(path: Path, name: str) -> NDArray[Any]:
     """One array of a file, inflated on all cores if it was written so.
 
-    Raises
-    ------
-    UNREADABLE_ARRAYS : If it is damaged (`lfportrait.files`).
+    Raises `UNREADABLE_ARRAYS` if it is damaged (`lfportrait.files`).
     """
     # Threads that share one open archive read each other's bytes.
     with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:

@@ -63,15 +63,13 @@ def _unit(vectors: NDArray[Any], instead: NDArray[Any]) -> NDArray[Any]:
 def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -> PointCloud:
     """The lattice points whose voxel takes at least ``opacity`` of the light.
 
+    Raises `UserError` if there are none.
+
     Parameters
     ----------
     opacity : See above, 0 to 1.
     color : ``"mean"``: the coefficient of degree 0, a point's mean over all directions.
         ``"seen"``: its color in the direction from which it is looked at (`_gaze`).
-
-    Raises
-    ------
-    UserError : If there are none.
     """
     size = np.array(field.links.shape[::-1])
     spacing = 2.0 * field.radius / size
@@ -152,6 +150,8 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
                smooth: float = 1.5, least: float = 0.05) -> Mesh:
     """The surface of a field by marching cubes, with the colors seen there.
 
+    Raises `UserError` if the field has no such surface.
+
     Parameters
     ----------
     level : Opacity at the surface, 0 to 1: of all that light passes on its way there from
@@ -162,10 +162,6 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
         field with a background, as walls of a room would hide all else.
     smooth : Standard deviation in voxels by which the opacity is smoothed first; 0 does not.
     least : Connected pieces with fewer faces than this part of the largest one's are dropped.
-
-    Raises
-    ------
-    UserError : If the field has no such surface.
     """
     from skimage.measure import marching_cubes
 
@@ -266,12 +262,9 @@ class SurfaceGraph:
         return SurfaceGraph(cell, count.astype(np.float64), edges, LEAST + (1 - LEAST) * ease)
 
     def decided(self, votes: NDArray[np.floating], trust: NDArray[np.floating]) -> Float32:
-        """What places are, float32 [N] in [0, 1], from votes.
+        """What places are, float32 [N] in [0, 1], from votes [N] in [0, 1].
 
-        Parameters
-        ----------
-        votes : [N] in [0, 1].
-        trust : [N], their weight over that of a step within one color; somewhere above 0.
+        ``trust`` [N] is their weight over that of a step within one color; somewhere above 0.
         """
         cells = len(self.count)
         weight = np.bincount(self.cell, trust, cells) / self.count

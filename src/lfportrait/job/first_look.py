@@ -111,17 +111,10 @@ class FirstLook(ABC):
 
     def offer(self, progress: Progress, capture: Capture, make: Callable[[], VoxelField], *,
               wait: bool = False) -> None:
-        """Take the look, unless it was taken or its kernels are not there.
+        """Take the look, unless it was taken or its kernels are missing: ``wait`` waits for these.
 
-        Parameters
-        ----------
-        make : Gives the field; called only for the look.
-        wait : Wait for the kernels.
-
-        Raises
-        ------
-        LookTaken : If the job is to end with it.
-        UserError : If the job is to end with it and it can't be made.
+        ``make`` gives the field, for the look alone. Raises `LookTaken` if the job is to end with
+        it, `UserError` if the job is to end with it and it can't be made.
         """
         if self.over or not self.wanted():
             return

@@ -95,9 +95,7 @@ _KINDS: dict[type, str] = {
 def inspect(path: Path) -> Inspection:
     """Look at a file or a folder; what is damaged is told in the result.
 
-    Raises
-    ------
-    UserError : If there is no such file or folder.
+    Raises `UserError` if there is no such file or folder.
     """
     if not path.exists():
         raise UserError(f"there is no file or folder {path}; check the name")

@@ -81,16 +81,14 @@ def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, 
                  quiet: bool) -> None:
     """Check or download a job's networks, and report optional ones that are missing.
 
+    Raises `UserError` if one that is needed is missing and not to be had: one line with all of
+    them, their size and the command that gets them.
+
     Parameters
     ----------
     photos, painting, keep_background : As for `networks_of`.
     offline : Download nothing.
     quiet : Say nothing that is no error.
-
-    Raises
-    ------
-    UserError : If one that is needed is missing and not to be had: one line with all of them,
-        their size and the command that gets them.
     """
     needed, better = networks_of(photos, painting, keep_background)
     if models.missing(needed):

@@ -64,9 +64,7 @@ _MANY = 10
 class NotTogether(Exception):
     """A few photos that can't be placed together: a head is to be fitted to the face.
 
-    Parameters
-    ----------
-    error : What is said where that fails, too.
+    ``error`` is said where that fails, too.
     """
 
     def __init__(self, error: UserError) -> None:
@@ -84,15 +82,15 @@ def _photo_count(photos: Path) -> int:
 def is_few(photos: Path) -> bool:
     """Whether these are one photo to nine without cameras.
 
-    Raises
-    ------
-    UserError : If several folders have photos.
+    Raises `UserError` if several folders have photos.
     """
     return 0 < _photo_count(photos) < _MANY
 
 
 def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"]:
     """How photos, a video or a calibrated data set become a head.
+
+    Raises `UserError` if a head is to be fitted to what has cameras already, or is a video.
 
     Parameters
     ----------
@@ -102,10 +100,6 @@ def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"
     Returns
     -------
     way : ``"either"``: by what they share, and if they can't be placed together, by the face.
-
-    Raises
-    ------
-    UserError : If a head is to be fitted to what has cameras already, or is a video.
     """
     count = _photo_count(photos)
     if made_from == "face":
@@ -138,15 +132,13 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
                 why: str = "", keep_background: bool = False) -> tuple[Capture, dict[str, Any]]:
     """Photos -> a capture with a head that is fitted to the face; figures.
 
+    Raises `UserError` as `lfportrait.face.portrait_capture`.
+
     Parameters
     ----------
     photos : A photo, or a folder of some.
     why : A reason for this way, for the line that says so.
     keep_background : Warn that the room behind the person is not kept.
-
-    Raises
-    ------
-    UserError : As `lfportrait.face.portrait_capture`.
     """
     from ..face import portrait_capture
 
@@ -456,20 +448,7 @@ def _can_see_faces() -> bool:
 
 
 def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoCheck:
-    """Check photos or a video.
-
-    Parameters
-    ----------
-    path : Folder of photos, or a video file.
-
-    Returns
-    -------
-    check : Facts and advice.
-
-    Raises
-    ------
-    UserError : If there is nothing that can be read.
-    """
+    """Check a folder of photos, or a video; `UserError` if there is nothing that can be read."""
     path = Path(path)
     if progress is not None:
         progress.update(0, "reading photos")
@@ -597,12 +576,10 @@ def wrapped(draw: ImageDraw.ImageDraw, text: str, width: float, size: int) -> li
 
 
 def check_picture(check: PhotoCheck) -> UInt8:
-    """Draw what `check_photos` found.
+    """Draw what `check_photos` found, uint8 [H, W, 3].
 
-    Returns
-    -------
-    picture : uint8 [H, W, 3]: from above on the left, advice on the right, all photos below,
-        those of no use crossed out in red, those that could be better framed in yellow.
+    From above on the left, advice on the right, all photos below, those of no use crossed out in
+    red, those that could be better framed in yellow.
     """
     top = Image.new("RGB", (_WIDTH, _HEIGHT), PAPER)
     draw = ImageDraw.Draw(top, "RGBA")

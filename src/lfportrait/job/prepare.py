@@ -60,18 +60,11 @@ def find_face(capture: Capture, progress: Progress | None = None, *,
               reframe: bool = False) -> Capture:
     """A calibrated capture with the landmarks of its face, if it shows one.
 
-    With them a reconstruction closes the back of a head and trims its frayed end. Nothing is
+    It is turned into the frame of its face if ``reframe`` says so; else its frame is kept. With the
+    landmarks a reconstruction closes the back of a head and trims its frayed end. Nothing is
     downloaded for that: without the network for landmarks the capture stays as it is, and a warning
-    says so.
-
-    Parameters
-    ----------
-    capture : In its own frame.
-    reframe : Turn it into the frame of the face that it shows; else its frame is kept.
-
-    Raises
-    ------
-    UserError : If it is to be turned and shows no face, or the network for landmarks is missing.
+    says so. Raises `UserError` if it is to be turned and shows no face, or the network for
+    landmarks is missing.
     """
     if capture.landmarks is not None:
         points = np.asarray(capture.landmarks, np.float64)
@@ -326,10 +319,8 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
             ) -> tuple[Capture, dict[str, Any]]:
     """A capture by what photos, a video or a data set share.
 
-    Raises
-    ------
-    NotTogether : If photos are ``few`` and the cameras of too many of them are not found, or are
-        wrong.
+    Raises `NotTogether` if photos are ``few`` and the cameras of too many of them are not found, or
+    are wrong.
     """
     if is_calibrated(photos):
         capture = Capture.load(photos)
@@ -384,6 +375,8 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
                  network: Network | None = None) -> list[Float32]:
     """A network's mattes of each photo separately.
 
+    Raises `UserError` if the network's weights are missing.
+
     Parameters
     ----------
     capture : Photos in the portrait frame.
@@ -393,10 +386,6 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
     Returns
     -------
     mattes : V times float32 [H, W] in [0, 1].
-
-    Raises
-    ------
-    UserError : If the network's weights are missing.
     """
     from ..face import person_matte
 
@@ -418,7 +407,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     (`lfportrait.field.geometry.clean_plates`), or else made consistent over the views and freed of
     what the photos' depth puts elsewhere, and sharpened along the photos' edges. Where they do not
     agree, as with a sculpture, the object that the cameras look at, cut out by its geometry
-    (`lfportrait.field.geometry.mattes`).
+    (`lfportrait.field.geometry.mattes`). Raises `UserError` if the network's weights are missing.
 
     Parameters
     ----------
@@ -431,10 +420,6 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     capture, how : The capture with mattes, or the same if nothing was found; ``"network"``,
         ``"geometry"`` or why there are none. The capture's figures contain the first two as
         ``mattes``.
-
-    Raises
-    ------
-    UserError : If the network's weights are missing.
     """
     from ..field.geometry import cut_out
 
@@ -498,18 +483,9 @@ _CAMERA = ("pose", "focal", "center", "width", "height")
 def capture_of_face(photos: Path) -> Capture:
     """Photos, a video or a calibrated data set as a capture with the landmarks of its face.
 
-    Parameters
-    ----------
-    photos : Folder, video file or data set.
-
-    Returns
-    -------
-    capture : `prepare_capture`'s, the room behind the person included; of a calibrated data set
-        that was read before, with `LatePictures`.
-
-    Raises
-    ------
-    UserError : If there is no such capture, it is damaged, or no face was found.
+    It is `prepare_capture`'s, the room behind the person included; of a calibrated data set that
+    was read before, with `LatePictures`. Raises `UserError` if there is no such capture, it is
+    damaged, or no face was found.
     """
     if not photos.exists() or not is_calibrated(photos):
         return _read(photos)

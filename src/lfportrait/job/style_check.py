@@ -93,9 +93,7 @@ def _coarse(points: Float64, rows: int) -> Finding | None:
 def oval_frame(image: UInt8) -> tuple[int, int, int, int] | None:
     """Box (left, top, right, bottom) of an oval or round frame with plain corners, or None.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3].
+    In a picture uint8 [H, W, 3].
     """
     height, width = image.shape[:2]
     factor = max(1, round(max(height, width) / 500))
@@ -256,16 +254,14 @@ def chosen_face(path: Path, image: UInt8, face: int = 0,
                 ) -> tuple[Float64, list[Float64]]:
     """Landmarks of the one face of a picture that is meant, and of all that were found.
 
+    Raises `UserError` if there is no such face.
+
     Parameters
     ----------
     path : The picture, for messages.
     image : uint8 [H, W, 3].
     face : Number of the face, the largest is 1; 0 is the largest.
     at : A place (x, y) in pixels on the face.
-
-    Raises
-    ------
-    UserError : If there is no such face.
     """
     faces = detect_faces(image, at)
     if not faces:
@@ -284,16 +280,14 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
                 preview: bool = True) -> StyleCheck:
     """Check a painting.
 
+    Raises `UserError` if the picture can't be read or there is no such face.
+
     Parameters
     ----------
     style : The picture; landmarks beside it are used, unless a face is chosen. Or the name of a
         built-in exemplar.
     face, at : As `chosen_face`.
     preview : Paint the embedded head.
-
-    Raises
-    ------
-    UserError : If the picture can't be read or there is no such face.
     """
     path = Path(style)
     faces: list[Float64] = []
@@ -440,13 +434,10 @@ def _fitted(image: UInt8, width: float) -> tuple[Image.Image, float]:
 
 
 def style_picture(check: StyleCheck) -> UInt8:
-    """Draw what `check_style` found.
+    """Draw what `check_style` found, uint8 [H, W, 3].
 
-    Returns
-    -------
-    picture : uint8 [H, W, 3]: the painting with the mesh of its pose; for a turned face the
-        frontal picture, mirrored places tinted; what is to be said; the embedded head in the
-        painting's manner.
+    The painting with the mesh of its pose; for a turned face the frontal picture, mirrored places
+    tinted; what is to be said; the embedded head in the painting's manner.
     """
     columns = 2 if check.frontal is not None else 1
     each = (_WIDTH * 0.68 - _GAP * (columns + 1)) / columns if columns > 1 else _WIDTH * 0.42
@@ -490,19 +481,10 @@ _CLOSED = {36, 42, 48, 60}
 def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) -> dict[str, Any]:
     """Landmarks of a painting: found and written beside it, or read from there; and drawn.
 
-    Parameters
-    ----------
-    face, at : Which face, as `chosen_face` takes them.
-
-    Returns
-    -------
-    figures : ``image``, ``landmarks`` and ``picture`` (the files), ``pose``, ``faces`` (how many
-        were found) and ``said``: lines for the user.
-
-    Raises
-    ------
-    UserError : If there is no such face, or landmarks are there already and another face is
-        asked for.
+    Which face, `chosen_face` knows. The figures are ``image``, ``landmarks`` and ``picture`` (the
+    files), ``pose``, ``faces`` (how many were found) and ``said``: lines for the user. Raises
+    `UserError` if there is no such face, or landmarks are there already and another face is asked
+    for.
     """
     image = np.ascontiguousarray(read_image(path)[..., :3])
     beside, drawn = path.with_suffix(".landmarks.txt"), path.with_suffix(".landmarks.png")

@@ -57,12 +57,7 @@ def send(stream: IO[bytes], value: Any) -> None:
 
 
 def receive(stream: IO[bytes]) -> Any:
-    """Read an object that `send` wrote.
-
-    Raises
-    ------
-    EOFError : If the other side is gone.
-    """
+    """Read an object that `send` wrote; `EOFError` if the other side is gone."""
     (count,) = struct.unpack("<Q", _exactly(stream, 8))
     sizes = struct.unpack(f"<{count}Q", _exactly(stream, 8 * count))
     head = _exactly(stream, sizes[0])
@@ -137,21 +132,11 @@ class Child:
         return self._process.pid
 
     def send(self, message: Any) -> None:
-        """Send it a message.
-
-        Raises
-        ------
-        OSError : If it has ended.
-        """
+        """Send it a message; `OSError` if it has ended."""
         send(self._stdin, message)
 
     def receive(self) -> Any:
-        """Its next message.
-
-        Raises
-        ------
-        EOFError : When it has ended.
-        """
+        """Its next message; `EOFError` when it has ended."""
         return receive(self._stdout)
 
     def listen(self, heard: Callable[[Any], None]) -> None:
@@ -168,9 +153,7 @@ class Child:
     def pause(self, paused: bool) -> None:
         """Stop it where it is, with its group, or let it go on; its memory stays.
 
-        Raises
-        ------
-        UserError : On systems that can't.
+        Raises `UserError` on systems that can't.
         """
         if not CAN_PAUSE:
             raise UserError("this system can't pause a process; cancel the job instead: it goes on "
@@ -262,10 +245,8 @@ def serve(work: Callable[[Any, Callable[..., None]], Any],
           read: Callable[[BaseException], Failure] = failure_of) -> None:
     """Do what is asked for, one request after the other, until the parent ends.
 
-    Parameters
-    ----------
-    work : Does a request: it is given that, and what tells the parent a message in between.
-    read : Reads an error.
+    ``work`` is given a request, and what tells the parent a message in between; ``read`` reads an
+    error.
     """
     pipe = Pipe()
     while True:

@@ -97,13 +97,7 @@ class Need:
 
 
 class Costs:
-    """Means of what each kind of work took.
-
-    Parameters
-    ----------
-    usual : What kinds take before any was measured.
-    file : Keeps what is learnt, if given.
-    """
+    """Means of what each kind of work took, kept in ``file`` if given; else what is ``usual``."""
 
     def __init__(self, usual: Mapping[str, Need] | None = None, file: Path | None = None) -> None:
         self.usual, self._file = dict(usual or {}), file
@@ -228,9 +222,7 @@ class Runner(Protocol[Given]):
 class Here(Runner[AnyTask]):
     """Tasks in this process, one after the other, done where they are given out.
 
-    Parameters
-    ----------
-    work : Does a task, and returns its outcome; what it raises ends the run.
+    ``work`` does a task, and returns its outcome; what it raises ends the run.
     """
 
     slots = 1

@@ -179,9 +179,7 @@ def id_of(name: str) -> str:
 def clean_name(name: str) -> str:
     """A name that can be a folder's or a file's on every system.
 
-    Raises
-    ------
-    Refusal : If it can't: it is empty, hidden, a device's, or holds what paths are made of.
+    Raises `Refusal` if it can't: it is empty, hidden, a device's, or holds what paths are made of.
     """
     name = unicodedata.normalize("NFC", name).strip()
     stem = name.partition(".")[0].strip().lower()
@@ -196,9 +194,7 @@ def clean_name(name: str) -> str:
 def folder_name(title: str) -> str:
     """A folder's name for a title: what no name may hold becomes a dash, also signs without form.
 
-    Raises
-    ------
-    Refusal : If nothing is left of it.
+    Raises `Refusal` if nothing is left of it.
     """
     name = _FORBIDDEN.sub("-", unicodedata.normalize("NFC", title))
     name = "".join("-" if unicodedata.category(sign) in _FORMLESS else sign for sign in name)

@@ -61,13 +61,7 @@ def _files() -> dict[str, bytes]:
 
 
 def application(desk: Desk, keys: Keys, **guard: Any) -> Guard:
-    """The studio as an ASGI application, behind its guard.
-
-    Parameters
-    ----------
-    desk, keys : The studio, and the keys of the run.
-    guard : Other arguments of `Guard`.
-    """
+    """The studio as an ASGI application, behind its `Guard`."""
     files = _files()
 
     def static(request: Request) -> Response:
@@ -145,16 +139,14 @@ def run(folder: Path, port: int = 0, *, browse: bool = True, quiet: bool = False
         ready: Callable[[str], None] | None = None) -> None:
     """Serve a studio until it is ended.
 
+    Raises `UserError` if the port is taken, or the folder can't be used.
+
     Parameters
     ----------
     port : On the loopback address; 0 takes a free one.
     browse : Open the browser.
     quiet : Do not print the address, but where the browser is not opened.
     ready : Called with the address, once it can be reached.
-
-    Raises
-    ------
-    UserError : If the port is taken, or the folder can't be used.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere this would let others take the port over
@@ -227,10 +219,7 @@ PATIENCE = 20.0
 class Keys:
     """The token of a run, and the cookie that it is exchanged for.
 
-    Parameters
-    ----------
-    port : That the server listens on: browsers give a machine's cookies to all its ports, so
-        that two studios need two names.
+    The cookie is named by the port: browsers give a machine's cookies to all its ports.
     """
 
     def __init__(self, port: int) -> None:
@@ -254,10 +243,7 @@ class Keys:
 class Guard:
     """The middleware that refuses.
 
-    Parameters
-    ----------
-    app : What is guarded.
-    patience : Seconds in which JSON must be there, and in which an upload must go on.
+    JSON must be there within ``patience`` seconds, and an upload must go on within them.
     """
 
     def __init__(self, app: ASGIApp, keys: Keys, patience: float = PATIENCE) -> None:

@@ -61,15 +61,10 @@ def _table(kind: str, **entries: Any) -> str:
 def batch_file(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     """Write a jobs file (`lfportrait.job.batch`) of a selection.
 
-    Parameters
-    ----------
-    data : ``projects``, ``styles`` and ``displays``, ids each; ``versions``: sitters in the
-        style of a version, in its strength and with the regions that it keeps.
-
-    Returns
-    -------
-    answer : ``file``, its ``text``, the ``command`` that takes it, the folder ``out`` of its
-        results, and ``notes``: what of the versions a batch can't do.
+    ``data`` has ``projects``, ``styles`` and ``displays``, ids each, and ``versions``: sitters in
+    the style of a version, in its strength and with the regions that it keeps. The answer has
+    ``file``, its ``text``, the ``command`` that takes it, the folder ``out`` of its results, and
+    ``notes``: what of the versions a batch can't do.
     """
     folder = desk.projects.folder
     projects = {one: desk.projects.get(one) for one in _words(data, "projects")}
@@ -166,13 +161,8 @@ def _free(folder: Path, stem: str, suffix: str) -> Path:
 def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     """The command that compares versions in a study: those that are fine have the videos for it.
 
-    Parameters
-    ----------
-    data : ``versions``: pairs of a project and a version; ``title``.
-
-    Returns
-    -------
-    answer : ``file``, its ``text``, which is the ``command``, and the ``page`` that it makes.
+    ``data`` has ``versions``, pairs of a project and a version, and ``title``; the answer ``file``,
+    its ``text``, which is the ``command``, and the ``page`` that it makes.
     """
     pairs = _versions(desk, data)
     if len(pairs) < 2:

@@ -199,12 +199,7 @@ def one_kind(project: Project, name: str) -> None:
 
 
 def photo_picture(project: Project, path: Path, size: int) -> Path:
-    """A small JPEG of a photo, made once.
-
-    Raises
-    ------
-    Refusal : If the photo can't be read, or is a video.
-    """
+    """A small JPEG of a photo, made once; `Refusal` if the photo can't be read, or is a video."""
     if size not in _SIDES:
         raise Refusal("bad_request", f"size must be one of {_SIDES}", field="size")
     state = path.stat()

@@ -51,13 +51,7 @@ class _Question:
 
 
 class Previews:
-    """The resident process of a studio.
-
-    Parameters
-    ----------
-    log : File for what it prints.
-    events : Told when it was lost.
-    """
+    """The resident process of a studio; ``events`` are told when it was lost."""
 
     def __init__(self, log: Path, events: Events) -> None:
         self._log, self._events = log, events

@@ -168,15 +168,9 @@ class Project:
 
 
 class Projects:
-    """All projects in one folder, which one studio has open at a time.
+    """All projects in one folder, made if missing, which one studio has open at a time.
 
-    Parameters
-    ----------
-    folder : The folder; made if it does not exist.
-
-    Raises
-    ------
-    UserError : If it can't be written to, or another studio has it open.
+    Raises `UserError` if it can't be written to, or another studio has it open.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -255,13 +255,7 @@ def write_picture(source: Path | UInt8, size: int, target: Path) -> None:
 
 
 def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
-    """Write a picture of regions beside a painting, checked.
-
-    Parameters
-    ----------
-    data : A PNG whose values are places in `BY_HAND`.
-    size : Width and height that it must have.
-    """
+    """Write a picture of regions, a PNG of places in `BY_HAND`, beside a painting of this size."""
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
             if picture.size != size:

@@ -155,12 +155,7 @@ _KNOWN = ("strength", "identity", "regions", "keep_colors", "keep")
 
 
 def checked_mix(mix: Any) -> dict[str, Any]:
-    """A mix without what is as usual.
-
-    Raises
-    ------
-    Refusal : If it is none.
-    """
+    """A mix without what is as usual; `Refusal` if it is none."""
     if mix is None:
         return {}
     if not isinstance(mix, dict) or not set(mix) <= {*_KNOWN}:

@@ -76,12 +76,7 @@ class FieldMethod:
 
 
 def field_method(name: str) -> FieldMethod:
-    """A method of another package.
-
-    Raises
-    ------
-    UserError : If no installed package has it.
-    """
+    """A method of another package; `UserError` if no installed package has it."""
     found: FieldMethod = chosen(GROUP, name, OWN)
     return found
 

@@ -138,10 +138,7 @@ _TOGETHER = 8192
 class ColorModel:
     """One color, the same in all directions, for every lattice row.
 
-    Parameters
-    ----------
-    field : Its densities; its mean color is where the fit starts.
-    background : Grey level behind the field.
+    At first it is the field's mean; ``background`` is the grey level behind the field.
     """
 
     def __init__(self, field: VoxelField, background: float) -> None:
@@ -203,12 +200,7 @@ class ColorModel:
         return field.with_sh((colors[:, :, None] - np.float32(0.5)) * np.float32(1 / C0))
 
     def fill_unseen(self) -> float:
-        """Color rows that no view sees by the affine map that the seen ones underwent.
-
-        Returns
-        -------
-        share : Share of the rows that no view sees.
-        """
+        """Color rows that no view sees by the affine map of the seen ones; the share of them."""
         seen = self.seen > 1e-2
         if seen.sum() > 100:
             matrix, offset = affine_color_map(self.original[seen], self.colors[seen],
@@ -236,10 +228,7 @@ def _trust(view: StyleView) -> Float32:
 def affine_color_map(source: Float32, target: Float32, weight: Float32) -> tuple[Float64, Float64]:
     """The affine map of colors, target ~ matrix source + offset, by weighted least squares.
 
-    Parameters
-    ----------
-    source, target : float32 [N, 3].
-    weight : float32 [N].
+    Of colors float32 [N, 3] each, and weights [N].
     """
     moments, wanted = np.zeros((4, 4)), np.zeros((4, 3))
     for since in range(0, len(source), _TOGETHER):

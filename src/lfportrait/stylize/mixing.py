@@ -62,17 +62,10 @@ def tone_histogram(values: Float32, weights: Float32) -> Float64:
 
 
 def matching_curve(source: Float64, target: Float64) -> Float32:
-    """The rising curve that gives values of one histogram the distribution of another.
+    """The rising curve that gives values of one `tone_histogram` the distribution of another.
 
-    Parameters
-    ----------
-    source, target : `tone_histogram` of the values as they are and of those that they are to be
-        like.
-
-    Returns
-    -------
-    float32 [BINS]: What values at the middle of each bin become, for `toned`; the values
-        themselves where one of the histograms is empty.
+    float32 [BINS], for `toned`: what values at the middle of each bin become; the values themselves
+    where one of the histograms is empty.
     """
     middles = (np.arange(BINS) + 0.5) / BINS
     if source.sum() <= 0 or target.sum() <= 0:
@@ -186,9 +179,7 @@ class MixConfig:
     def arguments(self) -> dict[str, Any]:
         """The same as arguments of `StyledField.mix`.
 
-        Raises
-        ------
-        UserError : If a region is not of the form NAME=VALUE.
+        Raises `UserError` if a region is not of the form NAME=VALUE.
         """
         regions: dict[str, RegionValue] = dict(read_regions(self.region))
         return {"strength": self.strength, "identity": self.identity, "regions": regions,
@@ -489,6 +480,8 @@ class StyledField(VoxelField):
 def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
     """Read a field with all its colors, where it has any to mix.
 
+    Raises `UserError` if the file is missing, damaged or not a field.
+
     Parameters
     ----------
     path : The file.
@@ -498,10 +491,6 @@ def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
     Returns
     -------
     field : A `StyledField`, or a plain `VoxelField` where the file holds one.
-
-    Raises
-    ------
-    UserError : If the file is missing, damaged or not a field.
     """
     plain_field = VoxelField.load(path) if shown is None else shown
     mixable = "painted" in read_arrays(path, ("painted",))

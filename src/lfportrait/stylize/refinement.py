@@ -312,13 +312,9 @@ def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: St
 
 
 def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
-    """Run through a stylisation on the skin, the painting of the face left out.
+    """Run through a stylisation on the skin of a tiny capture, the painting of the face left out.
 
     The face's kernels are those of the transfer, which can be compiled at the same time elsewhere.
-
-    Parameters
-    ----------
-    field, capture, exemplar : As small as can be; the capture has landmarks.
     """
     assert capture.landmarks is not None
     skin = Skin.of(field, capture.landmarks, capture.cameras, pixels=64.0, networks=False)

@@ -47,7 +47,8 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
 
     Its file, ``NAME.skin.npz``, lies beside the field's; where it is missing, or was made of
     another field, other landmarks or at another resolution, the skin is computed and written. If
-    nothing can be written there, it is computed each time.
+    nothing can be written there, it is computed each time. Raises `UserError` if the capture has no
+    landmarks, or ``pixels`` is out of range.
 
     Parameters
     ----------
@@ -55,10 +56,6 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     capture : Its capture, with landmarks.
     pixels : Pixels per world unit.
     kept : The skin's file, where it is not to lie beside the field's.
-
-    Raises
-    ------
-    UserError : If the capture has no landmarks, or ``pixels`` is out of range.
     """
     if capture.landmarks is None:
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
@@ -90,13 +87,7 @@ scanned head in three manners this is where neighbouring views agree best for th
 
 
 def for_lattice(painting: Painting, field: VoxelField) -> Painting:
-    """A painting low-passed to the field's lattice; finer detail is left to the texture.
-
-    Parameters
-    ----------
-    painting : On the field's skin.
-    field : Its lattice's spacing decides.
-    """
+    """A painting on a skin, low-passed to a field's lattice; the texture has the finer detail."""
     atlas, step = painting.skin.atlas, painting.step
     sigma = SMOOTH * float(field.spacing.mean()) * painting.skin.pixels / step
     height, width = painting.color.shape[:2]
@@ -139,10 +130,7 @@ def _row_labels(skin: Skin) -> tuple[UInt8, tuple[str, ...]]:
 def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1) -> list[StyleView]:
     """The charts as views of a fit, and the lattice rows behind each pixel.
 
-    Parameters
-    ----------
-    background : Grey level behind the head.
-    step : Use every ``step``-th pixel; a power of two up to 16.
+    Every ``step``-th pixel is used, a power of two up to 16, on a grey ``background``.
     """
     atlas = skin.atlas
     own = atlas.own

@@ -96,13 +96,7 @@ def _reduced(exemplar: Exemplar, face: float, preview: bool) -> float:
 
 
 class Sitter:
-    """A field to be painted: its skin, and data shared by all its paintings.
-
-    Parameters
-    ----------
-    field, capture : The real field, and its capture with landmarks.
-    skin : Of the field; None computes it.
-    """
+    """A field to be painted: its capture with landmarks, its skin, and what all paintings share."""
 
     def __init__(self, field: VoxelField, capture: Capture, config: StylizeConfig,
                  skin: Skin | None) -> None:
@@ -186,12 +180,8 @@ class Painters:
 class NearbyPainters(Painters):
     """Painters of a painting while its landmarks are moved, for previews.
 
-    One that was prepared for landmarks close by serves others as well (`SkinPainter.moved`): what
-    is found in a picture takes longer than to paint by it.
-
-    Parameters
-    ----------
-    kept : Painters that may serve, too.
+    One that was prepared for landmarks close by, or is ``kept`` elsewhere, serves others as well
+    (`SkinPainter.moved`): what is found in a picture takes longer than to paint by it.
     """
 
     MOST = 1
@@ -378,6 +368,9 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
                          painters: Painters | None = None) -> tuple[StyledField, dict[str, Any]]:
     """Stylise a field by one or more exemplars.
 
+    Raises `UserError` if the capture has no landmarks, a region to keep is unknown, or weights of
+    networks are missing.
+
     Parameters
     ----------
     field : The real radiance field.
@@ -397,11 +390,6 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
         gradient norms, networks, ``device`` (where the networks computed; painting and fit are
         on the CPU), ``vignette`` (where the bust is cut off: below, left, right), ``seconds``,
         ``notices`` on what sitter and exemplar do not share.
-
-    Raises
-    ------
-    UserError : If the capture has no landmarks, a region to keep is unknown, or weights of
-        networks are missing.
     """
     config = config or StylizeConfig()
     exemplars = [exemplar] if isinstance(exemplar, Exemplar) else list(exemplar)

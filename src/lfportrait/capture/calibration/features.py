@@ -100,13 +100,7 @@ def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] |
 def match_features(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> Matches:
     """Pairs of descriptors that are each other's nearest, clearly before the second.
 
-    Parameters
-    ----------
-    one, other : uint8 [K, 128] and [L, 128], descriptors of two photos.
-
-    Returns
-    -------
-    matches : uint32 [M, 2], indices into both.
+    Of uint8 [K, 128] and [L, 128] of two photos; uint32 [M, 2], indices into both.
     """
     if len(one) < 2 or len(other) < 2:
         return np.zeros((0, 2), np.uint32)
@@ -224,22 +218,14 @@ def _plenty(alike: NDArray[np.int64]) -> bool:
 
 
 def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The photos of a dense sweep that are enough: the others lie between them.
+    """The photos, int64 [K] in order, of a dense sweep that are enough: others lie between them.
 
     In a sweep of 96 frames over 28 degrees before a wall full of things, each photo is at least
-    half as like 35 others as to the one that it is most like. Fields of 56 of them, or of 42, are
-    as good, inside the arc and beyond it, as fields of all. Photos from all around a head have 10
-    such others, of an arc with 1.75 degrees between two photos 13: all of these count. So do all of
-    a sweep before a plain wall: with few features each photo helps to find the focal length.
-
-    Parameters
-    ----------
-    alike : int64 [V, V], `likeness`.
-
-    Returns
-    -------
-    kept : int64 [K], in order. One after the other, that photo is taken which is least like
-        those taken before.
+    half as like (`likeness`) 35 others as to the one that it is most like. Fields of 56 of them, or
+    of 42, are as good, inside the arc and beyond it, as fields of all. Photos from all around a
+    head have 10 such others, of an arc with 1.75 degrees between two photos 13: all of these count.
+    So do all of a sweep before a plain wall: with few features each photo helps to find the focal
+    length. One after the other, that photo is taken which is least like those taken before.
     """
     count = len(alike)
     if not _plenty(alike):
@@ -260,16 +246,7 @@ def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def likely_pairs(alike: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Pairs of photos that may show the same: by their largest features.
-
-    Parameters
-    ----------
-    alike : int64 [V, V], `likeness`.
-
-    Returns
-    -------
-    pairs : Indices (i, j), i < j, in order.
-    """
+    """Pairs (i, j), i < j, of photos that may show the same, by their `likeness`; in order."""
     count = len(alike)
     chosen = (alike >= _ALIKE) & ~_plenty(alike)
     for i in range(count):

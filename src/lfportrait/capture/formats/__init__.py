@@ -79,9 +79,7 @@ def is_calibrated(path: Path) -> bool:
 def load_views(path: Path, holdout: int) -> Views:
     """Read any calibrated data set (see `Capture.load`).
 
-    Raises
-    ------
-    UserError : If ``path`` is no data set, or a damaged one.
+    Raises `UserError` if ``path`` is no data set, or a damaged one.
     """
     with blamed(found := _known(path)):
         return found.load(path, holdout)
@@ -108,15 +106,9 @@ def written_views(views: Views, path: Path) -> Views:
 
 
 def find_views(path: Path) -> DataSet:
-    """The shots of any calibrated data set; no picture is decoded.
+    """The shots of any calibrated data set (as in `Capture.load`); no picture is decoded.
 
-    Parameters
-    ----------
-    path : As in `Capture.load`.
-
-    Raises
-    ------
-    UserError : If ``path`` is no data set, or a damaged one.
+    Raises `UserError` if ``path`` is no data set, or a damaged one.
     """
     with blamed(found := _known(path)):
         return found.read(path, 0)

@@ -57,6 +57,8 @@ def calibrated_turns(upright: tuple[int, int], turns: int, size: tuple[int, int]
                      name: str) -> int:
     """Quarter turns (counter-clockwise) from the upright picture to the calibrated one, 0 to 3.
 
+    Raises `UserError` if the picture fits neither way.
+
     Parameters
     ----------
     upright : Width and height of the upright picture.
@@ -64,10 +66,6 @@ def calibrated_turns(upright: tuple[int, int], turns: int, size: tuple[int, int]
     size : Width and height that were calibrated, or None where the program does not say; a
         picture may be a reduced copy.
     name : Of the picture, for the message.
-
-    Raises
-    ------
-    UserError : If the picture fits neither way.
     """
     stored = upright[::-1] if turns % 2 else upright
     if size is None or same_shape(size, stored):
@@ -100,17 +98,14 @@ def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
 
     A mask of another size, for a reduced picture, is resized. One that lies as the stored pixels do
     is turned with them. Where sizes and notes leave more than one way, or the photo lost its note,
-    that is taken on whose outline the picture changes most.
+    that is taken on whose outline the picture changes most. Raises `UserError` if the mask is of
+    another shape, or can't be read.
 
     Parameters
     ----------
     picture : uint8 [H, W, C], upright.
     place : The mask's file; white is kept.
     turns : What the photo's file notes: see `noted_turns`.
-
-    Raises
-    ------
-    UserError : If the mask is of another shape, or can't be read.
     """
     mask = read_mask(place)
     height, width = picture.shape[:2]
@@ -239,6 +234,7 @@ def assemble(poses: Float64, lenses: list[Lens],
     photo had an alpha channel. An alpha channel is a photo's matte (opaque is the person) where all
     photos have one and any of them is transparent anywhere: screenshots and many programs write
     channels that are opaque throughout. A data set that is normalised already keeps its frame.
+    Raises `UserError` if a pose or a lens makes no sense.
 
     Parameters
     ----------
@@ -249,10 +245,6 @@ def assemble(poses: Float64, lenses: list[Lens],
     box : float64 [2, 3], lowest and highest corner of the subject in the source's world, where
         known.
     depths : One or None a view, upright; straightened as the photos are.
-
-    Raises
-    ------
-    UserError : If a pose or a lens makes no sense.
     """
     poses = _rigid(poses, names)
     images: list[UInt8] = []
@@ -289,17 +281,10 @@ def assemble(poses: Float64, lenses: list[Lens],
 def read_shots(found: DataSet, holdout: int) -> Views:
     """Views of a program's shots: pictures are read, turned upright and given their masks.
 
-    A picture that can't be read is left out with a warning.
+    A picture that can't be read is left out with a warning. Raises `UserError` if no picture can be
+    read, a picture and its camera are of different shapes, or a pose or lens makes no sense.
 
-    Parameters
-    ----------
-    holdout : As in `assemble`; every ``holdout``-th view is held out unless all shots say
-        whether they are.
-
-    Raises
-    ------
-    UserError : If no picture can be read, a picture and its camera are of different shapes, or a
-        pose or lens makes no sense.
+    Every ``holdout``-th view is held out unless all shots say whether they are.
     """
     shots, source = found.shots, found.source
     poses, lenses, pictures, depths, kept = [], [], [], [], []
@@ -377,15 +362,13 @@ class CaptureFormat(ABC):
     def read(self, path: Path, holdout: int) -> DataSet:
         """The shots of a data set; no picture is decoded.
 
+        Raises `UserError` if it is damaged.
+
         Parameters
         ----------
         path : A folder or file that is recognised.
         holdout : Every ``holdout``-th picture becomes a test view where the format's custom says
             which; 0 holds out none.
-
-        Raises
-        ------
-        UserError : If it is damaged.
         """
 
     def load(self, path: Path, holdout: int) -> Views:
@@ -395,9 +378,7 @@ class CaptureFormat(ABC):
     def write(self, capture: Views, path: Path) -> None:
         """Write a capture; it appears under its name when it is whole.
 
-        Raises
-        ------
-        UserError : If this format is only read, or ``path`` can't be written.
+        Raises `UserError` if this format is only read, or ``path`` can't be written.
         """
         raise UserError(f"captures are not written as {self.name}")
 

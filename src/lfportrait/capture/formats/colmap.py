@@ -50,17 +50,15 @@ class ColmapImage:
 def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) -> Lens:
     """A COLMAP camera as a lens.
 
+    Raises `UserError` if the parameters make no sense, or the model is none of SIMPLE_PINHOLE,
+    PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE,
+    OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
+
     Parameters
     ----------
     model : COLMAP's name of the camera model.
     width, height : Picture size in pixels.
     parameters : In COLMAP's order for that model.
-
-    Raises
-    ------
-    UserError : If the parameters make no sense, or the model is none of SIMPLE_PINHOLE, PINHOLE,
-        SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE,
-        OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
     """
     if min(width, height) < 1:
         raise UserError(f"a COLMAP camera has pictures of {width} x {height} pixels; export the "
@@ -195,19 +193,10 @@ def _image_of(line: str) -> ColmapImage:
 
 
 def read_model(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
-    """Read a COLMAP model.
+    """Read a COLMAP model: its cameras by their id, and its registered photos sorted by name.
 
-    Parameters
-    ----------
-    folder : Holds ``cameras.bin`` and ``images.bin``, or both as ``.txt``.
-
-    Returns
-    -------
-    lenses, images : The cameras by their id, and the registered photos sorted by name.
-
-    Raises
-    ------
-    UserError : If the model is missing, damaged or uses a camera model that is not supported.
+    The folder holds ``cameras.bin`` and ``images.bin``, or both as ``.txt``. Raises `UserError` if
+    the model is missing, damaged or uses a camera model that is not supported.
     """
     try:
         binary = (folder / "cameras.bin").is_file()

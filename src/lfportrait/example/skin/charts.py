@@ -156,16 +156,9 @@ class _Chart:
 
 
 def draw_atlas(field: VoxelField, pixels: float) -> Atlas:
-    """Look at a field from all around.
+    """Look at a field in the portrait frame from all around: ``pixels`` of a chart a world unit.
 
-    Parameters
-    ----------
-    field : In the portrait frame.
-    pixels : Pixels of a chart per world unit.
-
-    Raises
-    ------
-    UserError : If the field shows no surface.
+    Raises `UserError` if the field shows no surface.
     """
     charts = [chart for yaw, pitch in DIRECTIONS
               if (chart := _draw(field, yaw, pitch, pixels)) is not None]

@@ -243,9 +243,7 @@ def plausible_hair(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
 def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
     """Where hair is on most heads, float32 [N]: around the forehead, down to ears and nape.
 
-    Parameters
-    ----------
-    plane, flat : The head's unwrapping, and places [N, 2] in it.
+    Of places ``flat`` [N, 2] in the head's unwrapping.
     """
     up, angle = -flat[:, 1] / plane.height, _angle(plane, flat)
     # A superellipse: round at the temples, then down to the sideburns.

@@ -279,17 +279,10 @@ class SkinPainter:
     def moved(self, landmarks: NDArray[np.floating]) -> SkinPainter | None:
         """The painter of the same painting with landmarks a little beside, for previews.
 
-        What lies in the painting - where is hair, what was taken off, its frontal picture - stays
-        as it was found by the landmarks before; the guides are those of the new ones.
-
-        Parameters
-        ----------
-        landmarks : [68, 2] in pixels of the painting that was given.
-
-        Returns
-        -------
-        painter : None if they lie too far from those that the painting was prepared by
-            (`NEARBY`).
+        The landmarks are [68, 2] in pixels of the painting that was given; None if they lie too far
+        from those that it was prepared by (`NEARBY`). What lies in the painting - where is hair,
+        what was taken off, its frontal picture - stays as it was found by the landmarks before; the
+        guides are those of the new ones.
         """
         first = self._first or self
         painted = first.given.landmarks
@@ -321,12 +314,7 @@ class SkinPainter:
         self._face = CopiedFace(self.transfer, self._hair, self._strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
-        """Paint a skin.
-
-        Parameters
-        ----------
-        step : Pixels of the atlas per painted pixel: 1, or 2 for a preview.
-        """
+        """Paint a skin, a pixel for ``step`` of the atlas: 1, or 2 for a preview."""
         with ThreadPoolExecutor(2) as aside:
             return self._painted(skin, step, aside)
 

@@ -148,11 +148,7 @@ def start_person(capture: Capture, views: Int64, resolution: int, width: int,
     """The visual hull of the mattes, each voxel of which takes ``opacity`` of the light.
 
     With a ``surface`` the hull only bounds: what lies before the surface is clear but for a thin
-    layer, what lies behind it is dense.
-
-    Raises
-    ------
-    UserError : If the mattes have no common volume.
+    layer, what lies behind it is dense. Raises `UserError` if the mattes have no common volume.
     """
     assert capture.alphas is not None
     cameras, mattes = capture.cameras[views], [capture.alphas[view] for view in views]

@@ -29,12 +29,7 @@ from ..texture import SurfaceTexture, TextureRows
 
 @functools.cache
 def shader(*files: str) -> str:
-    """Sources one after the other: WGSL has no include.
-
-    Parameters
-    ----------
-    files : ``"package/file.wgsl"`` below `lfportrait`.
-    """
+    """Sources ``"package/file.wgsl"`` one after the other: WGSL has no include."""
     texts = []
     for file in files:
         package, _, name = file.rpartition("/")
@@ -219,12 +214,7 @@ class Atlas:
                 self._others.append(self._device.buffer(part))
 
     def shade(self, eyes: Float64) -> None:
-        """Evaluate the colors of all points as eyes see them.
-
-        Parameters
-        ----------
-        eyes : float64 [layers, 3], in the field's world.
-        """
+        """Evaluate the colors of all points for eyes, float64 [layers, 3] in the field's world."""
         device = self._device
         steps = []
         for layer, eye in enumerate(eyes[:self.layers]):
@@ -346,16 +336,10 @@ class ViewJob:
 
 
 def render_views(device: Device, keys: tuple[str, str], job: ViewJob) -> Any:
-    """Render views, one after the other.
+    """Render views, one after the other, of a field and its texture of these names on the device.
 
-    Parameters
-    ----------
-    device, keys : The device, and the names of the field and its texture there.
-
-    Returns
-    -------
-    pictures : uint8 [V, H, W, 3] if ``job.eight_bit``; else colors float32 [V, H, W, 3],
-        opacities and depths [V, H, W], without a background.
+    uint8 [V, H, W, 3] if ``job.eight_bit``; else colors float32 [V, H, W, 3], opacities and depths
+    [V, H, W], without a background.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     viewer = _Viewer(device, atlas, device.kept["textures"][keys[1]], job)

@@ -61,12 +61,7 @@ def _widen(since, until, lines, bits, out):
 
 
 def halves(values: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
-    """Numbers in half precision, as NumPy rounds them; those beyond 60000 become that.
-
-    Parameters
-    ----------
-    values : Of any shape, without NaN.
-    """
+    """Numbers, none NaN, in half precision as NumPy rounds them; those beyond 60000 become that."""
     flat = np.ascontiguousarray(values, np.float32).reshape(-1)
     out, whole = np.empty(len(flat), np.uint16), len(flat) // 16 * 16
     _round(-(-whole // _LINE), flat[:whole], np.float32(_LARGEST), out[:whole])

@@ -16,10 +16,7 @@ from ...simd.threads import shared
 def fill_neighbours(since, until, links, found):
     """Fill int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one.
 
-    Parameters
-    ----------
-    links : int32 [Z, Y, X], row of each lattice point or -1.
-    found : Written.
+    ``links`` int32 [Z, Y, X] has the row of each lattice point, or -1.
     """
     depth, height, width = links.shape
     for z in range(since, until):
@@ -153,13 +150,7 @@ def put_means(since, until, sums, columns, count, rows, first):
 @shared("sums")
 @lean_kernel
 def add_rows(since, until, sums, rows):
-    """Add the first columns of rows to sums.
-
-    Parameters
-    ----------
-    sums : float32 [N, columns], written.
-    rows : float32 [N, width], at least as wide.
-    """
+    """Add the first columns of rows, float32 [N, width], to sums, float32 [N, columns]."""
     for row in range(since, until):
         for column in range(sums.shape[1]):
             sums[row, column] += rows[row, column]

@@ -91,12 +91,7 @@ def _value(data, rows, weights, channel):
 @shared("rays")
 @lean_kernel
 def shells_mark(since, until, rays, layers, seen):
-    """Mark the map pixels (uint8 [2 R, R]) that rays look up.
-
-    Parameters
-    ----------
-    rays : float32 [K, 6], origin and unit direction in the cube's coordinates.
-    """
+    """Mark the map pixels (uint8 [2 R, R]) that rays (as `shells_forward`'s) look up."""
     wide, high = seen.shape
     steps = layers + 2
     for ray in range(since, until):
@@ -217,10 +212,8 @@ def shells_backward(since, until, rays, links, data, layers, background, stop, c
 def shells_step(since, until, data, gradients, mean_square, rate_color, rate_density, decay):
     """One RMSProp step on values with a gradient; gradients are set to zero.
 
-    Parameters
-    ----------
-    data, mean_square : float32 [N * layers, 4].
-    gradients : float32 [workers, N * layers, 4].
+    ``data`` and ``mean_square`` are float32 [N * layers, 4], ``gradients`` [workers, N * layers,
+    4].
     """
     workers = len(gradients)
     rest = np.float32(1.0) - decay

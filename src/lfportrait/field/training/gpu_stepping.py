@@ -121,7 +121,8 @@ class GpuSteps:
     """Steps on a GPU.
 
     While the device works on some steps, the next ones are planned here. Until `sync` the lattice
-    here is the one that the level began with.
+    here is the one that the level began with. Raises `GpuLostError` from every method, if the
+    device is lost or too small.
 
     Parameters
     ----------
@@ -132,10 +133,6 @@ class GpuSteps:
     behind : What trains the spheres behind the lattice, if there are any.
     average : Sums to go on with.
     table : Table of bricks to go on with, by `look_again`.
-
-    Raises
-    ------
-    GpuLostError : From every method, if the device is lost or too small.
     """
 
     def __init__(self, process: GpuProcess, lattice: Lattice, data: TrainingPixels,

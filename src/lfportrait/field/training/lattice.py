@@ -262,9 +262,7 @@ class Average:
     def restored(state: dict[str, Any], lattice: Lattice) -> Average | None:
         """From a checkpoint, None where it has none.
 
-        Raises
-        ------
-        ValueError : If it belongs to another lattice.
+        Raises `ValueError` if it belongs to another lattice.
         """
         if "average_count" not in state:
             return None

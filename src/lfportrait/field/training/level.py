@@ -77,12 +77,7 @@ class Training(State, Protocol):
 
 
 class Level:
-    """The level that a trainer is at.
-
-    Parameters
-    ----------
-    trainer : Its state is read, and is up to date after each step.
-    """
+    """The level that a trainer is at, whose state is up to date after each step."""
 
     def __init__(self, trainer: Training) -> None:
         self.trainer = trainer

@@ -45,15 +45,9 @@ class CurvePoint(TypedDict):
 class CurveFile:
     """A table (CSV) of the curves: a row a point, the columns as in `CurvePoint`.
 
-    Every row is on the disk when `write` returns, so that curves can be watched as they grow.
-
-    Parameters
-    ----------
-    path : The file. A run that goes on from a checkpoint adds its rows to those that are there.
-
-    Raises
-    ------
-    UserError : If the file can't be written.
+    Every row is on the disk when `write` returns, so that curves can be watched as they grow. A run
+    that goes on from a checkpoint adds its rows to those that are there. Raises `UserError` if the
+    file can't be written.
     """
 
     def __init__(self, path: Path) -> None:

@@ -75,10 +75,8 @@ class TrainingPixels:
     def showing(self, points: Float64, outwards: Float64) -> Int32:
         """The tiles that show places of a surface, or its outline there: [T, 3], as `tiles`.
 
-        Parameters
-        ----------
-        points, outwards : float64 [N, 3] each, places and the surface's unit normals there. What
-            hides them is not asked for.
+        Places and the surface's unit normals there are float64 [N, 3] each; what hides them is not
+        asked for.
         """
         found = []
         for view, camera in enumerate(self.cameras):

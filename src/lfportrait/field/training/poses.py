@@ -186,13 +186,7 @@ of which belongs to the colors."""
 
 
 class PoseRefiner:
-    """The cameras of a reconstruction that corrects them.
-
-    Parameters
-    ----------
-    capture : The photos with the cameras as given.
-    views : The training views.
-    """
+    """The cameras of a reconstruction that corrects those of its training views."""
 
     def __init__(self, capture: Capture, views: Int64) -> None:
         self.given, self.views, self.names = capture.cameras, views, capture.names
@@ -261,9 +255,7 @@ class PoseRefiner:
     def restore(self, state: dict[str, Any], capture: Capture) -> Capture:
         """Go on from a checkpoint; returns the capture with its cameras.
 
-        Raises
-        ------
-        KeyError : If the checkpoint has no cameras.
+        Raises `KeyError` if the checkpoint has no cameras.
         """
         self.found = replace(self.found, pose=state["poses"])
         self.level, self.rounds = (int(count) for count in state["pose_rounds"])

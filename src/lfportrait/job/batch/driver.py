@@ -57,6 +57,9 @@ def prepare_batch(path: Path, results: Path, *, made_from: MadeFrom = "auto",
                   offline: bool = False, quiet: bool = True) -> Batch:
     """Read a jobs file, plan its tasks and find the finished ones; nothing is written.
 
+    Raises `UserError` if the file, a painting or a display can't be used. A sitter's photos are
+    another matter: they are in ``plan.refused``.
+
     Parameters
     ----------
     path : The file (`load_jobs`).
@@ -64,11 +67,6 @@ def prepare_batch(path: Path, results: Path, *, made_from: MadeFrom = "auto",
     made_from : As `BatchConfig.made_from`.
     offline : Download no networks.
     quiet : Print no progress.
-
-    Raises
-    ------
-    UserError : If the file, a painting or a display can't be used. A sitter's photos are another
-        matter: they are in ``plan.refused``.
     """
     jobs = load_jobs(path)
     if jobs.config.made_from == "auto":
@@ -234,16 +232,7 @@ def _plan_rows(plan: Plan[Task]) -> dict[str, Any]:
 
 
 def write_index(batch: Batch) -> str:
-    """The page of a batch.
-
-    Parameters
-    ----------
-    batch : The batch as it is now.
-
-    Returns
-    -------
-    text : HTML.
-    """
+    """The page, HTML, of a batch as it is now."""
     template = Template((resources.files(__package__) / "index.html").read_text("utf-8"))
     failures = batch.failures()
     sitters = [_sitter(batch, name) for name in batch.jobs.sitters if name not in

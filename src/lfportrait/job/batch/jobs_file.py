@@ -68,16 +68,14 @@ def unknown_key(where: str, key: str, known: typing.Iterable[str]) -> UserError:
 def checked(value: Any, kind: Any, where: str) -> Any:
     """A value of a TOML file as a field of type ``kind`` takes it.
 
+    Raises `UserError` if the value is of another type.
+
     Parameters
     ----------
     value : As `tomllib` read it.
     kind : ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or
         None.
     where : File and entry, for the message.
-
-    Raises
-    ------
-    UserError : If the value is of another type.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin is typing.Annotated:
@@ -116,14 +114,8 @@ def _types(kind: Any) -> dict[str, Any]:
 def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
     """A data class of parameters with a table's entries in place of its own.
 
-    Parameters
-    ----------
-    table : Entries by the fields' names; fields that are data classes have tables of their own.
-    where : File and table, for messages.
-
-    Raises
-    ------
-    UserError : If an entry is unknown or of the wrong type.
+    Fields that are data classes have tables of their own; ``where`` is file and table, for
+    messages. Raises `UserError` if an entry is unknown or of the wrong type.
     """
     if not table:
         return config
@@ -224,10 +216,8 @@ class Jobs:
 def load_jobs(path: Path) -> Jobs:
     """Read a file of jobs.
 
-    Raises
-    ------
-    UserError : If it is missing, no TOML, or asks for what does not exist: one line with file
-        and entry.
+    Raises `UserError` if it is missing, no TOML, or asks for what does not exist: one line with
+    file and entry.
     """
     try:
         data = tomllib.loads(path.read_text("utf-8"))

@@ -37,13 +37,7 @@ Watcher = Callable[[Event], None]
 
 
 class Journal:
-    """Sends events to watchers and keeps them in a file.
-
-    Parameters
-    ----------
-    results : Folder of all results.
-    watchers : Called with each event.
-    """
+    """Sends events to watchers and keeps them in a file in the folder of all results."""
 
     def __init__(self, results: Path, watchers: list[Watcher]) -> None:
         self._watchers = watchers
@@ -98,9 +92,7 @@ def locked_file(path: Path) -> Iterator[None]:
 def locked(results: Path) -> Iterator[None]:
     """The results' folder for one batch at a time; the lock goes with the process.
 
-    Raises
-    ------
-    UserError : If another batch writes there, or the folder can't be written to.
+    Raises `UserError` if another batch writes there, or the folder can't be written to.
     """
     try:
         (results / FOLDER).mkdir(parents=True, exist_ok=True)
@@ -240,13 +232,7 @@ def _bytes(count: int) -> str:
 
 
 def dry_table(figures: dict[str, Any], slots: int) -> str:
-    """Summary of a batch before it runs: the graph and its estimated needs.
-
-    Parameters
-    ----------
-    figures : Of `lfportrait.job.batch.dry_figures`.
-    slots : Cores that work at once.
-    """
+    """Summary of a batch (`dry_figures`) before it runs on ``slots`` cores: graph and needs."""
     lines = [f"{figures['sitters']} sitters, {figures['styles']} styles, "
              f"{figures['displays']} displays: {figures['tasks']} tasks, "
              f"{figures['to_do']} to do"]
@@ -267,15 +253,9 @@ def dry_table(figures: dict[str, Any], slots: int) -> str:
 
 
 def batch_status(results: Path) -> tuple[str, dict[str, Any]]:
-    """Progress of a batch, read from its folder, while it runs or later.
+    """Progress of a batch, read from its folder, while it runs or later: text, and ``--json``.
 
-    Returns
-    -------
-    text, figures : For people, and for ``--json``.
-
-    Raises
-    ------
-    UserError : If no batch was ever run into this folder.
+    Raises `UserError` if no batch was ever run into this folder.
     """
     path = results / FOLDER / "plan.json"
     if not path.is_file():

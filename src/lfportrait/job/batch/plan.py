@@ -185,13 +185,7 @@ class _Portraits:
 
 
 class Fingerprints:
-    """Hash of a sitter's photos, from the file of those that are known or computed.
-
-    Parameters
-    ----------
-    file : Where they are kept.
-    compute : The hash of a folder or file by its contents.
-    """
+    """Hash of a sitter's photos, from a file of known ones or computed by their contents."""
 
     def __init__(self, file: Path, compute: Callable[[Path], str]) -> None:
         self._file, self._compute = file, compute
@@ -200,12 +194,7 @@ class Fingerprints:
             self._known = dict(json.loads(file.read_text(encoding="utf-8")))
 
     def __call__(self, source: Path) -> str:
-        """The hash of a sitter's photos.
-
-        Raises
-        ------
-        UserError : If one can't be read.
-        """
+        """The hash of a sitter's photos; `UserError` if one can't be read."""
         try:
             states = [(str(path), file_state(path)) for path in sorted(source_files(source))]
         except OSError as error:

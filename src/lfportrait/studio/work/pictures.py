@@ -65,10 +65,7 @@ class Teller:
               ) -> Iterator[Progress]:
         """A stage of the work, with its progress, its warnings and its time.
 
-        Parameters
-        ----------
-        name : Of the stage.
-        draw : Draws an intermediate result.
+        ``draw`` draws an intermediate result.
         """
         begun = time.perf_counter()
         self.tell("begin", name)
@@ -179,12 +176,7 @@ def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-4
 
 
 def cameras_picture(capture: Capture, size: int = 480) -> UInt8:
-    """The placed cameras from above, beside the photos of some of them.
-
-    Returns
-    -------
-    picture : uint8 [size, 2 * size, 3].
-    """
+    """The placed cameras from above, beside photos of some of them: uint8 [size, 2 * size, 3]."""
     sheet = Image.new("RGB", (2 * size, size), _PAPER)
     draw = ImageDraw.Draw(sheet)
     places = capture.cameras.position
@@ -266,15 +258,9 @@ _EVERY = 1.0
 
 
 class EarlyPicture(FirstLook):
-    """The first look as the picture of the stage to come, until that has one of its own.
-
-    And as a page that turns.
+    """The first look as a page, and as the picture of the stage to come until that has its own.
 
     A painting is often chosen while the head is being made: the look waits for that.
-
-    Parameters
-    ----------
-    teller : Sends the picture.
     """
 
     STAGE = "surface"

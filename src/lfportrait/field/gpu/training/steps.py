@@ -56,6 +56,8 @@ class DeviceLattice:
     def of(device: Device, given: dict[str, Any]) -> DeviceLattice:
         """Copy a lattice to the device.
 
+        Raises `GpuLostError` if a part is larger than what a shader can see.
+
         Parameters
         ----------
         device : Where to.
@@ -63,10 +65,6 @@ class DeviceLattice:
             `lfportrait.field.kernels.bricks.brick_table`; ``density`` float32 [N + 1]; and to
             train it ``rows`` float32 [N + 1, width], whose last two values are its states,
             ``neighbours`` int32 [N, 6] and ``basis``.
-
-        Raises
-        ------
-        GpuLostError : If a part is larger than what a shader can see.
         """
         table, links, density = given["table"], given["links"], given["density"]
         count, basis = len(density) - 1, int(given.get("basis", 1))
@@ -136,16 +134,14 @@ class Notes:
     def of(device: Device, tiles: int, blocks: int, block_room: int, record_room: int) -> Notes:
         """Make room.
 
+        Raises `GpuLostError` if it would be more than a shader can see.
+
         Parameters
         ----------
         device : Where.
         tiles : Packets of a step.
         blocks : Most blocks of a packet (`blocks_of_a_packet`).
         block_room, record_room : Blocks and records of a step.
-
-        Raises
-        ------
-        GpuLostError : If it would be more than a shader can see.
         """
         notes = Notes(tiles, _LIST + blocks, block_room, record_room)
         sizes = {"packets": 4 * tiles * notes.packet,
@@ -191,15 +187,13 @@ class Shells:
     def of(device: Device, links: Int32, data: Float32, mean_square: Float32) -> Shells:
         """Copy a background to the device.
 
+        Raises `GpuLostError` if it is larger than what a shader can see.
+
         Parameters
         ----------
         device : Where to.
         links : int32 [2 R, R].
         data, mean_square : float32 [N, layers, 4] and [N * layers, 4].
-
-        Raises
-        ------
-        GpuLostError : If it is larger than what a shader can see.
         """
         if max(links.nbytes, data.nbytes) > BINDING:
             raise GpuLostError(f"the background is too large for {device.adapter.title}")
