@@ -14,7 +14,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Collection, Mapping
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from starlette.responses import JSONResponse, Response
@@ -219,3 +219,14 @@ def free_name(name: str, taken: Collection[str]) -> str:
         count += 1
         found = f"{path.stem}-{count}{path.suffix}"
     return found
+
+
+def free_place(folder: Path, name: str) -> Path:
+    """Where a thing of this name goes in a folder, which is made if missing (`free_name`)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / free_name(name, [path.name for path in folder.iterdir()])
+
+
+def stamp_of(state: Any, digits: int = 16) -> str:
+    """Changes when a state does, which is compared as it is printed."""
+    return hashlib.sha256(repr(state).encode()).hexdigest()[:digits]

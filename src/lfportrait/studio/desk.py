@@ -104,10 +104,8 @@ class Desk:
 
     def version_entry(self, project: Project, version: Version) -> dict[str, Any]:
         """A version with its job."""
-        job = next((job.id for job in self.jobs.jobs.values()
-                    if job.project == project.id and job.version == version.id and not job.over
-                    and job.kind == "fine"), None)
-        return Versions(project).entry(version, job)
+        job = self._making(project, version)
+        return Versions(project).entry(version, None if job is None else job.id)
 
     def tell_project(self, project: Project, *more: str) -> None:
         """Tell the pages that a project has changed, and what of it."""
@@ -234,13 +232,17 @@ class Desk:
         return Order("fine", **choices, style=style.source, style_id=style.id,
                      version=version.folder, mix=mix, more={"styles": others})
 
+    def _making(self, project: Project, version: Version) -> JobState | None:
+        """The job that makes a version fine."""
+        return next((job for job in self.jobs.jobs.values()
+                     if job.kind == "fine" and job.project == project.id
+                     and job.version == version.id and not job.over), None)
+
     def fine(self, project: Project, version: Version) -> JobState:
         """Make a version fine; the job that does."""
-        running = next((job for job in self.jobs.jobs.values()
-                        if job.kind == "fine" and job.project == project.id
-                        and job.version == version.id and not job.over), None)
-        return running or self.jobs.add("fine", project.id, project.name, version=version.id,
-                                        order={"wanted": version.wanted(), "title": version.name})
+        return self._making(project, version) or self.jobs.add(
+            "fine", project.id, project.name, version=version.id,
+            order={"wanted": version.wanted(), "title": version.name})
 
     def export(self, project: Project, version: Version, choices: dict[str, Any]) -> JobState:
         """Export a version; the job that does.

@@ -15,7 +15,7 @@ from typing import Any
 from ..errors import UserError
 from ..files import atomic_write
 from ..lightfield import Display
-from .answers import Refusal, choice, folder_name, free_name, id_of, number, text, truth, whole
+from .answers import Refusal, choice, folder_name, free_place, id_of, number, truth, whole
 from .projects import Project, Projects
 
 KINDS = ("views", "slant", "fringe", "depth")
@@ -89,10 +89,7 @@ class Displays:
 
     def add(self, name: str, display: Display) -> Panel:
         """A new file."""
-        stem = folder_name(name)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        target = self.folder / free_name(f"{stem}.toml",
-                                         [path.name for path in self.folder.iterdir()])
+        target = free_place(self.folder, f"{folder_name(name)}.toml")
         display = replace(display, name=target.stem)
         display.save(target)
         return Panel(f"own-{id_of(target.stem)}", "file", display, target)
@@ -124,7 +121,7 @@ class Displays:
 
     def change(self, panel: Panel, data: dict[str, Any]) -> Panel:
         """A panel with other numbers, written."""
-        _editable(panel)
+        file_of(panel)
         found: dict[str, Any] = {}
         for field, low, high in (("pitch", 1, 2e5), ("slant", -1.55, 1.55), ("offset", -1e6, 1e6),
                                  ("cone", 1e-3, 170), ("distance", 0.1, 1e4)):
@@ -140,21 +137,19 @@ class Displays:
 
     def write(self, panel: Panel, display: Display) -> Panel:
         """A panel with other parameters, written."""
-        _editable(panel)
-        assert panel.path is not None
-        display.save(panel.path)
+        display.save(file_of(panel))
         return replace(panel, display=display)
 
     def remove(self, panel: Panel) -> None:
         """Delete a panel's file."""
-        _editable(panel)
-        assert panel.path is not None
-        panel.path.unlink(missing_ok=True)
+        file_of(panel).unlink(missing_ok=True)
 
 
-def _editable(panel: Panel) -> None:
+def file_of(panel: Panel) -> Path:
+    """The file of a panel; a preset, which can't be changed, has none."""
     if panel.path is None:
         raise Refusal("exists", "a preset can't be changed: make a copy of it first")
+    return panel.path
 
 
 def wizard_steps() -> list[dict[str, Any]]:
@@ -278,8 +273,3 @@ def _by_views(display: Display, answer: dict[str, Any],
     if abs(off) < 0.75:
         return display, "fringe", "The middle view is seen from the middle.", {}
     return found, "views", f"The offset is {found.offset:.3f} now; look again.", {}
-
-
-def named(data: dict[str, Any]) -> str:
-    """The name in a request; empty where there is none."""
-    return text(data, "name", "")

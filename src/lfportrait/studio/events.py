@@ -68,11 +68,9 @@ class Events:
             return [line for count, line in self._kept if count > number]
 
     async def stream(self, number: int | None) -> AsyncIterator[str]:
-        """The lines for one page, as long as it listens.
+        """The lines after a number for one page, as long as it listens.
 
-        Parameters
-        ----------
-        number : Of the last line that it has seen; None where it has just asked for the state.
+        The number is that of the last line that it has seen; None: it has just asked for the state.
         """
         page: asyncio.Queue[str | None] = asyncio.Queue()
         with self._lock:
@@ -102,13 +100,9 @@ class Events:
 
 
 class Child(runner.Child):
-    """A process that has a group of its own: it is paused and ended with all that it has started.
+    """A process with a group of its own: it is paused and ended with all that it has started.
 
-    Parameters
-    ----------
-    entry : Module and function, ``"lfportrait.studio.work.jobs:serve"``.
-    log : File for what it prints.
-    offline : Whether it may ask no network for anything.
+    It runs ``entry`` (``"module:serve"``); what it prints goes to ``log``.
     """
 
     def __init__(self, entry: str, log: Path, *, offline: bool = True) -> None:

@@ -29,13 +29,12 @@ from typing import Any
 from PIL import Image
 from starlette.concurrency import run_in_threadpool
 
-from ..errors import UserError
-from ..files import file_state, read_json, write_image
+from ..files import file_state, write_image
 from ..measure import free_disk_bytes
 from ..media.kinds import PHOTOS, RAW, VIDEOS
 from ..media.pictures import file_of, open_picture
-from .answers import Refusal, failed, file_name, free_name, id_of
-from .projects import Project
+from .answers import Refusal, failed, file_name, free_name, free_place, id_of, stamp_of
+from .projects import Project, record_in
 
 _SIDES = (240, 1280)
 VIDEO_FRAME = "video.jpg"
@@ -53,22 +52,14 @@ def find_photo(project: Project, photo: str) -> Path:
 
 def check_key(project: Project) -> str:
     """Changes whenever the photos that are used do."""
-    states = [(path.name, path.stat().st_size, path.stat().st_mtime_ns)
-              for path in project.files()]
-    return hashlib.sha256(repr(states).encode()).hexdigest()[:16]
+    return stamp_of([(path.name, path.stat().st_size, path.stat().st_mtime_ns)
+                     for path in project.files()])
 
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        found = read_json(path)
-    except UserError:
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _placed(project: Project) -> dict[str, dict[str, float]] | None:
     """Where each photo was taken from, by its name without ending; None before it is known."""
-    data = _read(project.job / "capture" / "transforms.json")
+    data = record_in(project.job / "capture" / "transforms.json") or {}
     found = {}
     try:
         for frame in data["frames"]:
@@ -102,7 +93,7 @@ def photo_entry(project: Project, path: Path, check: dict[str, Any] | None = Non
                 placed: dict[str, dict[str, float]] | None = None, checked: bool = False,
                 ) -> dict[str, Any]:
     """A photo as the page sees it."""
-    check = _read(project.own / "check.json") if check is None else check
+    check = record_in(project.own / "check.json") or {} if check is None else check
     video, out = path.suffix.lower() in VIDEOS, path.parent == project.left_out
     facts = None if video else check.get("facts", {}).get(path.name)
     place = None if placed is None else placed.get(path.stem)
@@ -123,7 +114,7 @@ def photo_entry(project: Project, path: Path, check: dict[str, Any] | None = Non
 
 def sheet(project: Project) -> dict[str, Any]:
     """The whole contact sheet."""
-    check = _read(project.own / "check.json")
+    check = record_in(project.own / "check.json") or {}
     checked = bool(check) and check.get("key") == check_key(project)
     known = _placed(project) if checked else None
     # Cameras of other photos than these say nothing; those of a video are its frames'.
@@ -165,9 +156,7 @@ def leave_out(project: Project, path: Path, out: bool) -> Path:
         raise Refusal("exists", "these photos are a calibrated data set: none can be left out")
     if not out:
         one_kind(project, path.name)
-    target = project.left_out if out else project.photos
-    target.mkdir(exist_ok=True)
-    place = target / free_name(path.name, [other.name for other in target.iterdir()])
+    place = free_place(project.left_out if out else project.photos, path.name)
     os.replace(path, place)
     return place
 
@@ -176,9 +165,7 @@ def remove_photo(project: Project, path: Path) -> None:
     """Move a photo into the project's trash."""
     if project.calibrated:
         raise Refusal("exists", "these photos are a calibrated data set: none can be removed")
-    trash = project.own / "trash"
-    trash.mkdir(parents=True, exist_ok=True)
-    shutil.move(path, trash / free_name(path.name, [other.name for other in trash.iterdir()]))
+    shutil.move(path, free_place(project.own / "trash", path.name))
 
 
 def _frame(project: Project, video: Path) -> Path | None:

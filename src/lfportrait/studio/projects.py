@@ -37,7 +37,7 @@ from ..files import lock, read_json, write_json
 from ..media.folders import visible
 from ..media.kinds import PHOTOS, VIDEOS
 from ..temporary import sweep_below
-from .answers import Refusal, folder_name, free_name, id_of, is_id
+from .answers import Refusal, folder_name, free_place, id_of, is_id
 
 OWN = ".studio"
 """Folder of the studio's own files, in the projects' folder and in each project."""
@@ -106,11 +106,7 @@ class Project:
 
     def settings(self) -> dict[str, Any]:
         """What was last chosen."""
-        try:
-            found = read_json(self.folder / "studio.json")
-        except UserError:
-            return {}
-        return found if isinstance(found, dict) else {}
+        return record_in(self.folder / "studio.json") or {}
 
     def change(self, **entries: Any) -> None:
         """Keep choices."""
@@ -227,11 +223,9 @@ class Projects:
 
     def remove(self, project: Project) -> str:
         """Move a project into the trash; its name there."""
-        trash = self.folder / ".trash"
-        trash.mkdir(exist_ok=True)
-        target = free_name(project.folder.name, [path.name for path in trash.iterdir()])
-        shutil.move(project.folder, trash / target)
-        return target
+        target = free_place(self.folder / ".trash", project.folder.name)
+        shutil.move(project.folder, target)
+        return target.name
 
     def restore(self, name: str) -> Project:
         """Take a project out of the trash again, by its name there."""
@@ -239,9 +233,9 @@ class Projects:
         found = [path for path in trash.iterdir() if path.name == name] if trash.is_dir() else []
         if not found:
             raise Refusal("not_found", "this sitter is not in .trash any more")
-        target = free_name(name, [path.name for path in self.folder.iterdir()])
-        shutil.move(found[0], self.folder / target)
-        return Project(self.folder / target)
+        target = free_place(self.folder, name)
+        shutil.move(found[0], target)
+        return Project(target)
 
 
 _WRITING = threading.RLock()

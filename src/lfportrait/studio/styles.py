@@ -6,10 +6,10 @@ and ``NAME.regions.png`` with what was painted over by hand.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import os
 import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from ..labels import BY_HAND
 from ..media.folders import visible
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
-from .answers import Refusal, file_name, folder_name, free_name, id_of
+from .answers import Refusal, file_name, folder_name, free_name, free_place, id_of, stamp_of
 from .projects import OWN, Project, Projects, record_in
 
 LARGEST = 128 << 20
@@ -69,13 +69,7 @@ class Style:
 
     def stamp(self) -> str:
         """Changes when the painting or a file beside it does."""
-        if self.path is None:
-            return "0"
-        files = (self.path, *(self.path.with_suffix(f".{ending}") for ending in (
-            "landmarks.txt", "mask.png", "regions.png")))
-        states = [file_state(path) if path.is_file() else None
-                  for path in files]
-        return hashlib.sha256(repr(states).encode()).hexdigest()[:12]
+        return "0" if self.path is None else stamp_of(file_states(sources(self.path)), 12)
 
 
 class Styles:
@@ -91,12 +85,8 @@ class Styles:
     def all(self, project: Project | None) -> list[Style]:
         """All styles: the built-in ones, the user's, the project's."""
         found = [Style(f"builtin-{id_of(name)}", "builtin", name) for name in _built_in()]
-        places = [("mine", "mine", self.folder(None))]
-        if project is not None:
-            places.append(("own", "project", self.folder(project)))
-        for word, kind, folder in places:
-            found += [Style(f"{word}-{id_of(path.stem)}", kind, path.stem, path)
-                      for path in _paintings(folder)]
+        for owner in (None,) if project is None else (None, project):
+            found += [self._of(path, owner) for path in _paintings(self.folder(owner))]
         return found
 
     def get(self, style: str, project: Project | None) -> Style:
@@ -146,9 +136,8 @@ class Styles:
         if style.path is None:
             raise Refusal("exists", "a built-in style can't be removed")
         trash = style.path.parent.parent / OWN / "trash"
-        trash.mkdir(parents=True, exist_ok=True)
         for path in _with_files(style.path):
-            shutil.move(path, trash / free_name(path.name, [one.name for one in trash.iterdir()]))
+            shutil.move(path, free_place(trash, path.name))
 
     def own(self, project: Project | None) -> Path:
         """Folder for what is found in paintings."""
@@ -180,6 +169,17 @@ class Styles:
                 "regions": style.path is not None
                 and style.path.with_suffix(".regions.png").is_file(), "preview": preview}
 
+
+
+def sources(path: Path) -> list[Path]:
+    """A painting's picture, and the files beside it that say what lies in it."""
+    return [path, *(path.with_suffix(f".{ending}")
+                    for ending in ("landmarks.txt", "mask.png", "regions.png"))]
+
+
+def file_states(paths: Iterable[Path]) -> list[tuple[int, ...] | None]:
+    """The states of files; None of those that are not there."""
+    return [file_state(path) if path.is_file() else None for path in paths]
 
 def preview_file(project: Project, style: Style) -> Path:
     """Where the picture of a sitter in a style is kept."""

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..files import write_json
 from ..labels import GROUPS, MOST, SURFACE_LABELS
-from .answers import Refusal, folder_name, free_name, id_of, number, text, truth
+from .answers import Refusal, folder_name, free_place, id_of, number, text, truth
 from .projects import Project, record_in
 
 PORTRAIT = "portrait"
@@ -109,9 +109,7 @@ class Versions:
 
     def create(self, name: str, style: str, mix: dict[str, Any]) -> Version:
         """A new version."""
-        clean = folder_name(name)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        folder = self.folder / free_name(clean, [path.name for path in self.folder.iterdir()])
+        folder = free_place(self.folder, folder_name(name))
         version = Version(f"v-{id_of(folder.name)}", folder, {})
         return version.save(name=name, created=round(time.time(), 3), style=style, mix=mix)
 
@@ -119,10 +117,7 @@ class Versions:
         """Move a version into the project's trash."""
         if version.from_command_line:
             raise Refusal("exists", "this version lies in the job's folder itself and stays there")
-        trash = self.project.own / "trash"
-        trash.mkdir(parents=True, exist_ok=True)
-        shutil.move(version.folder, trash / free_name(
-            version.folder.name, [path.name for path in trash.iterdir()]))
+        shutil.move(version.folder, free_place(self.project.own / "trash", version.folder.name))
 
     def entry(self, version: Version, job: str | None) -> dict[str, Any]:
         """A version as the page sees it."""

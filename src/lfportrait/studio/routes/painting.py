@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import re
 from pathlib import Path
 from typing import Any
 
 from starlette.responses import Response
 
-from ...errors import UserError
-from ...files import read_json
+from ...files import atomic_write, read_json
 from ...labels import BY_HAND
-from ..answers import Refusal, number, numbers, points, text, whole
+from ..answers import Refusal, number, numbers, points, stamp_of, text, whole
 from ..previews import Turn
-from ..projects import Project
+from ..projects import Project, record_in
 from ..styles import (
     GROUPS,
     LARGEST,
@@ -140,13 +138,9 @@ async def check(call: Call) -> Any:
 async def _found(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
     """The faces that are found in a painting."""
     path = call.desk.styles.faces_file(style, project)
-    if path.is_file():
-        try:
-            data = read_json(path)
-            if isinstance(data, dict):
-                return data
-        except UserError:
-            pass
+    kept = record_in(path)
+    if kept is not None:
+        return kept
     found: dict[str, Any] = await call.desk.previews.ask(
         "faces", {"style": style.source, "file": str(path)})
     return found
@@ -224,8 +218,6 @@ async def landmarks(call: Call) -> dict[str, Any]:
 @TABLE.add("PUT", "/api/styles/{style}/landmarks")
 async def place(call: Call) -> dict[str, Any]:
     """Write the landmarks beside the painting, in the file that the commands read."""
-    from ...files import atomic_write
-
     style, project = _style(call)
     found = points(call.data, "points")
     with atomic_write(style.beside("landmarks.txt")) as stream:
@@ -445,8 +437,8 @@ async def thumbnail(call: Call) -> Any:
     """A version's picture, made once."""
     project, version = _version(call)
     look = call.desk.version_look(project, version)
-    state = hashlib.sha256(repr((look, version.fine, version.styled.stat().st_mtime_ns
-                                 if version.fine else 0)).encode()).hexdigest()[:12]
+    state = stamp_of((look, version.fine, version.styled.stat().st_mtime_ns
+                      if version.fine else 0), 12)
     path = project.own / "versions" / f"{version.id}-{state}.jpg"
     if not path.is_file():
         await _picture(call, look, 320, path)

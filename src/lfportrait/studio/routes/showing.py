@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,10 @@ from starlette.responses import Response
 
 from ...lightfield import Display
 from .. import exports
-from ..answers import Refusal, choice, number, numbers, text, whole
+from ..answers import Refusal, choice, number, numbers, stamp_of, text, whole
 from ..batches import batch_file, study_command
 from ..desk import export_order
-from ..displays import KINDS, Panel, corrected, named, wizard_steps
+from ..displays import KINDS, Panel, corrected, file_of, wizard_steps
 from ..projects import Project
 from ..versions import Versions
 from .call import Call, Table, attachment, picture
@@ -47,9 +46,11 @@ async def bridge(call: Call) -> Any:
 async def add(call: Call) -> tuple[int, dict[str, Any]]:
     """A panel from a file's text, from Bridge, or a copy of another one."""
     data, desk = call.data, call.desk
-    name = named(data)
+    name = text(data, "name", "")
     if "text" in data:
-        panel = desk.displays.read(name, _contents(data))
+        if not isinstance(data["text"], str):
+            raise Refusal("bad_request", "text must be a file's contents", field="text")
+        panel = desk.displays.read(name, data["text"])
     elif "bridge" in data:
         found = await call.ask("bridge", {})
         index = whole(data, "bridge", 0, 64)
@@ -62,12 +63,6 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
         panel = desk.displays.copy(source, name or f"{source.display.name} copy")
     return 201, panel.entry()
 
-
-def _contents(data: dict[str, Any]) -> str:
-    value = data["text"]
-    if not isinstance(value, str):
-        raise Refusal("bad_request", "text must be a file's contents", field="text")
-    return value
 
 
 @TABLE.add("PATCH", "/api/displays/{display}")
@@ -93,11 +88,7 @@ def file(call: Call) -> Response:
 
 
 def _pattern_address(panel: Panel, kind: str) -> str:
-    return f"/api/displays/{panel.id}/pattern?kind={kind}&v={_stamp(panel)}"
-
-
-def _stamp(panel: Panel) -> str:
-    return hashlib.sha256(repr(panel.display).encode()).hexdigest()[:16]
+    return f"/api/displays/{panel.id}/pattern?kind={kind}&v={stamp_of(panel.display)}"
 
 
 @TABLE.add("GET", "/api/displays/{display}/pattern")
@@ -105,7 +96,7 @@ async def pattern(call: Call) -> Any:
     """A test pattern at the panel's size."""
     panel = _panel(call)
     kind = choice(dict(call.request.query_params), "kind", KINDS, "views")
-    path = call.desk.projects.own / "patterns" / f"{kind}-{_stamp(panel)}.png"
+    path = call.desk.projects.own / "patterns" / f"{kind}-{stamp_of(panel.display)}.png"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         for old in sorted(path.parent.glob("*.png"), key=lambda one: one.stat().st_mtime)[:-7]:
@@ -126,8 +117,7 @@ def wizard(call: Call) -> dict[str, Any]:
 def answer(call: Call) -> dict[str, Any]:
     """What is seen, and what follows from it."""
     panel = _panel(call)
-    if panel.path is None:
-        raise Refusal("exists", "a preset can't be changed: make a copy of it first")
+    file_of(panel)
     step = choice(call.data, "step", ("slant", "views", "fringe"))
     given = call.data.get("answer")
     if not isinstance(given, dict):
@@ -182,7 +172,7 @@ async def full(call: Call) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.png"):
         old.unlink(missing_ok=True)
-    stamp = hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
+    stamp = stamp_of(facts)
     await call.ask("full", {**facts, "file": str(folder / f"{stamp}.png")})
     return {"picture": f"/api/projects/{project.id}/full/{stamp}"}
 

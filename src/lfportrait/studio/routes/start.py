@@ -17,7 +17,6 @@ from ..answers import Refusal, choice, text, truth, whole
 from ..exports import checked_placement
 from ..orders import Order
 from ..photos import find_photo, leave_out, photo_entry, photo_picture, remove_photo
-from ..projects import Project
 from ..versions import Versions, make_command
 from .call import Call, Table, picture, query_number, shown_page
 
@@ -185,17 +184,6 @@ def command(call: Call) -> dict[str, Any]:
             "folder": str(project.folder), "at": round(time.time(), 3)}
 
 
-def options_of(data: Any) -> dict[str, Any]:
-    """Options of a job in a request."""
-    return _options({} if data is None else data)
-
-
-def heavy(call: Call, project: Project) -> None:
-    """Raise a `Refusal` where a job works on a project already."""
-    job = call.desk.jobs.of(project.id, "head")
-    if job is not None:
-        raise Refusal("busy", "the head of this sitter is being made already", job=job.id)
-
 
 @TABLE.add("POST", "/api/projects/{project}/uploads")
 def announce(call: Call) -> dict[str, Any]:
@@ -269,11 +257,14 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
     """A new job: the sitter's head, or a version in full."""
     kind = choice(call.data, "kind", ("head", "fine"))
     project = call.desk.projects.get(text(call.data, "project"))
-    options = options_of(call.data.get("options"))
+    given = call.data.get("options")
+    options = _options({} if given is None else given)
     if kind == "fine":
         job = call.desk.fine(project, Versions(project).get(text(call.data, "version")))
     else:
-        heavy(call, project)
+        making = call.desk.jobs.of(project.id, "head")
+        if making is not None:
+            raise Refusal("busy", "the head of this sitter is being made already", job=making.id)
         job = call.desk.jobs.add("head", project.id, project.name, order={"options": options})
     return 201, call.desk.jobs.entry(job)
 
@@ -310,14 +301,18 @@ async def act(call: Call) -> dict[str, Any]:
     return jobs.entry(found)
 
 
+def _of_stage(call: Call, ending: str) -> Path:
+    """The file of a stage of a job."""
+    found, name = call.desk.jobs.get(call.word("job")), call.word("stage")
+    if all(one.name != name for one in found.stages):
+        raise Refusal("not_found", "there is no such stage")
+    return call.desk.jobs.pictures(found) / f"{name}.{ending}"
+
+
 @TABLE.add("GET", "/api/jobs/{job}/stages/{stage}/picture")
 async def stage_picture(call: Call) -> Any:
     """The picture of a stage."""
-    jobs = call.desk.jobs
-    found, name = jobs.get(call.word("job")), call.word("stage")
-    if all(one.name != name for one in found.stages):
-        raise Refusal("not_found", "there is no such stage")
-    path = jobs.pictures(found) / f"{name}.jpg"
+    path = _of_stage(call, "jpg")
     if not path.is_file():
         raise Refusal("not_found", "there is no picture yet")
     return picture(call, path)
@@ -326,11 +321,7 @@ async def stage_picture(call: Call) -> Any:
 @TABLE.add("GET", "/api/jobs/{job}/stages/{stage}/page")
 def stage_page(call: Call) -> Any:
     """The page that shows a head as far as a stage has made it."""
-    jobs = call.desk.jobs
-    found, name = jobs.get(call.word("job")), call.word("stage")
-    if all(one.name != name for one in found.stages):
-        raise Refusal("not_found", "there is no such stage")
-    return shown_page(jobs.pictures(found) / f"{name}.html")
+    return shown_page(_of_stage(call, "html"))
 
 
 @TABLE.add("GET", "/api/events")

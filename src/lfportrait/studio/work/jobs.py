@@ -21,11 +21,10 @@ from ... import models
 from ...cache import hash_of
 from ...capture import Capture
 from ...demo import demo_capture
-from ...errors import UserError
 from ...example import Exemplar
 from ...face import frontal_order, is_portrait
 from ...field import VoxelField
-from ...files import atomic_path, plain_json, read_json, write_image, write_json
+from ...files import atomic_path, plain_json, write_image, write_json
 from ...job import (
     FULL,
     QUICK,
@@ -57,12 +56,21 @@ from ...runner import finished
 from ...runner import serve as serve_requests
 from ...share import ExportContext
 from ...stages import StageFolder, finished_record
-from ...stylize import StyledField, load_styled
+from ...stylize import StyledField, kept_skin, load_styled
 from ..answers import id_of, read_error
 from ..exports import forget_unfinished, kind_of
 from ..orders import Order
 from ..photos import VIDEO_FRAME
-from .pictures import Teller, cameras_picture, coded_picture, head_picture, photo_picture, turned
+from ..projects import record_in
+from .pictures import (
+    EarlyPicture,
+    Teller,
+    cameras_picture,
+    coded_picture,
+    head_picture,
+    photo_picture,
+    turned,
+)
 from .resident import Look, Sitting
 
 _FITTED = {"capture": 2.5, "reconstruct": 7.5}
@@ -99,11 +107,6 @@ def expected(*stages: tuple[str, str]) -> list[tuple[str, float]]:
 
 def _head(order: Order, teller: Teller) -> dict[str, Any]:
     """Cameras, field and surface: all that previews need; a first look at the chosen painting."""
-    from ...capture import Capture
-    from ...field import VoxelField
-    from ...stylize import kept_skin
-    from .pictures import EarlyPicture
-
     look = EarlyPicture(order, teller)
     config = order.config()
     fitted = not order.demo and head_way(order.source, config.made_from) == "face"
@@ -192,8 +195,8 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
     exemplar = Exemplar.load(order.style)
     figures: dict[str, Any] = {}
     for name in ("capture", "reconstruct"):
-        found = _record(order, name)
-        if found is not None:
+        found = (record_in(order.job / ".stages" / f"{name}.json") or {}).get("figures")
+        if isinstance(found, dict):
             figures[name] = found
     where = order.inside(order.version)
     exemplars = [exemplar, *(replace(Exemplar.load(path), name=name)
@@ -239,14 +242,6 @@ def _painted(order: Order, config: MakeConfig, exemplars: list[Exemplar]) -> tup
     names = [one.name for one in exemplars[1:]]
     return f"painted/{order.style_id}-and-{hash_of(names)[:8]}", stage_key(
         "stylize", field, config.stylize, [(one.name, *painting_key(one)) for one in exemplars])
-
-
-def _record(order: Order, name: str) -> dict[str, Any] | None:
-    """The figures of a stage of the head, whatever it was made of."""
-    try:
-        return dict(read_json(order.job / ".stages" / f"{name}.json")["figures"])
-    except (UserError, KeyError, TypeError, ValueError):
-        return None
 
 
 def mixed_file(order: Order, key: str, painted: str) -> str:

@@ -28,7 +28,7 @@ from ...files import write_image
 from ...job import STAGES, FirstLook, Tools
 from ...lightfield import eight_bit, render_views
 from ...progress import Progress
-from ...share import PageConfig, write_page
+from ...share import PageConfig, sweep_cameras, write_page
 from ...simd.host import watched_compilations
 from ..orders import Order
 from ..projects import Project
@@ -151,16 +151,13 @@ def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], s
         than all of the head.
     size : Of the pictures in pixels.
     """
-    from ...share import sweep_cameras
-
     plain = sweep_cameras(0.0, 1, size, field)
     target_y = float(plain.position[0, 1])
     focal = float(plain.focal[0, 0]) / _MARGIN * 1.04
-    arcs = [Camera.arc(np.array([yaw]), distance=_DISTANCE, width=size, height=size,
-                       focal=focal * zoom, target=(0.0, target_y, 0.0), pitch=pitch)
-            for yaw, pitch, zoom in cameras]
-    return Camera(*(np.concatenate([getattr(one, name) for one in arcs])
-                    for name in ("pose", "focal", "center", "width", "height")))
+    return Camera.concatenate([
+        Camera.arc(np.array([yaw]), distance=_DISTANCE, width=size, height=size,
+                   focal=focal * zoom, target=(0.0, target_y, 0.0), pitch=pitch)
+        for yaw, pitch, zoom in cameras])
 
 
 def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-40.0, 0.0, 40.0),
@@ -207,13 +204,10 @@ def cameras_picture(capture: Capture, size: int = 480) -> UInt8:
 
 def photo_picture(capture: Capture, size: int = 480) -> UInt8:
     """The photos that a head was fitted to, cut out, side by side: uint8 [size, W, 3]."""
-    shown = []
-    for view in range(len(capture)):
-        image = Image.fromarray((np.clip(capture.image_float(view), 0, 1) * 255 + 0.5).astype(
-            np.uint8))
-        wide = max(1, round(image.width * size / image.height))
-        shown.append(image.resize((wide, size), Image.Resampling.LANCZOS))
-    return pieces(shown)
+    photos = [Image.fromarray(to_uint8(capture.image_float(view))) for view in range(len(capture))]
+    return np.concatenate([np.asarray(photo.resize(
+        (max(1, round(photo.width * size / photo.height)), size), Image.Resampling.LANCZOS))
+        for photo in photos], axis=1)
 
 
 def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:
@@ -241,11 +235,6 @@ def coded_picture(coded: UInt8, size: int = 320) -> UInt8:
     piece = Image.fromarray(np.ascontiguousarray(coded[y:y + side, x:x + side])).resize(
         (size, size), Image.Resampling.NEAREST)
     return np.concatenate([np.asarray(whole), np.asarray(piece)], axis=1)
-
-
-def pieces(images: Sequence[Any]) -> UInt8:
-    """Pictures of one height side by side."""
-    return np.concatenate([np.asarray(one, np.uint8) for one in images], axis=1)
 
 
 def turned(number: int) -> float:

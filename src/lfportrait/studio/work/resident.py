@@ -49,7 +49,7 @@ from ...runner import serve as serve_requests
 from ...share import OpenPage, PageConfig, recolored, write_page
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from ..answers import read_error
-from ..styles import write_picture
+from ..styles import file_states, sources, write_picture
 from .pictures import views_of
 
 Value = TypeVar("Value")
@@ -107,11 +107,8 @@ class Look:
         elif self.job is not None:
             paths = [self.job / "field.npz", self.job / "capture" / "transforms.json"]
             for style in (self.style, *self.others.values()):
-                if style:
-                    path = Path(style)
-                    paths += [path, *(path.with_suffix(f".{end}") for end in
-                                      ("landmarks.txt", "mask.png", "regions.png"))]
-        return [(str(path), file_state(path) if path.is_file() else None) for path in paths]
+                paths += sources(Path(style)) if style else []
+        return [*zip(map(str, paths), file_states(paths))]
 
     def painted_key(self) -> str:
         """Changes with whatever the painted head depends on."""
@@ -145,10 +142,7 @@ class Sitting:
     def exemplar(self, style: str, landmarks: Any = None) -> Exemplar:
         """A painting, with landmarks that may not be saved yet."""
         path = Path(style)
-        beside = [file_state(one) if one.is_file() else None
-                  for one in (path, *(path.with_suffix(f".{end}") for end in
-                                      ("landmarks.txt", "mask.png", "regions.png")))]
-        saved = f"{style} {beside}"
+        saved = f"{style} {file_states(sources(path))}"
         if landmarks is None:
             return self._exemplars.get(saved, lambda: Exemplar.load(style))
         points = np.asarray(landmarks, np.float64)
