@@ -185,19 +185,11 @@ def tried() -> Iterator[None]:
 
 def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]],
                 folder: Path | None = None, most: int | None = None) -> dict[str, NDArray[Any]]:
-    """Arrays that are made once, and read from the user's cache after that.
+    """Arrays by name that are made once, and read from the user's cache after that.
 
-    Parameters
-    ----------
-    kind : Folder in the user's cache.
-    key : Hash of all that the arrays depend on (`key_of`).
-    make : Makes them, where there is no file of that name.
-    folder : Instead of the user's cache.
-    most : So many files, those that were used last, stay in the folder; `MOST` by default.
-
-    Returns
-    -------
-    arrays : By name. If nothing can be written, they are made each time.
+    ``key`` is a hash of all that they depend on (`key_of`). They lie in the cache's folder of this
+    kind, or in ``folder``, where so many files, those that were used last, stay (`MOST` by
+    default). If nothing can be written, they are made each time.
     """
     folder = folder or user_cache(kind)
     file = folder / f"{key}.npz"

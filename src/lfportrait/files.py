@@ -282,12 +282,9 @@ def own_output(path: Path) -> bool:
 
 
 def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -> None:
-    """Write one channel of 32-bit floats as an uncompressed OpenEXR file.
+    """Write values [H, W] as channel ``Z`` (depth) of an uncompressed 32-bit OpenEXR file.
 
-    Parameters
-    ----------
-    path : File name, ending in ``.exr``.
-    values : [H, W], stored as channel ``Z`` (the name OpenEXR gives to depth); infinity is kept.
+    Infinity is kept.
     """
     plane = np.ascontiguousarray(values, "<f4")
     height, width = plane.shape

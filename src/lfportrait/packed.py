@@ -30,14 +30,11 @@ Words = NDArray[np.unsignedinteger[Any]]
 
 
 def pack(values: NDArray[Any], order: int = 1) -> UInt8:
-    """An array as bytes for `unpack`.
+    """An array of integers or floats [N] or [..., C], or booleans [...], as bytes for `unpack`.
 
-    Parameters
-    ----------
-    values : [N] or [..., C] of integers or floats, the numbers of each of C columns differing
-        little from one row to the next; or booleans [...].
-    order : How often differences are taken: once where neighbours are alike, twice where the
-        steps between them are, too; never where most numbers are one of a few.
+    Differences are taken ``order`` times: once where the numbers of each of C columns differ little
+    from one row to the next, twice where the steps between them do, too; never where most numbers
+    are one of a few.
     """
     values = np.ascontiguousarray(values)
     planes: list[bytes] = []

@@ -125,16 +125,7 @@ def provided_styles() -> dict[str, Callable[[], Any]]:
 
 
 def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
-    """Photos with landmarks from installed packages.
-
-    Raises `UserError` if nobody offers any.
-
-    Parameters
-    ----------
-    count : Number of photos.
-    height : Of a photo in pixels.
-    seed : Of all choices.
-    """
+    """Photos, ``height`` pixels high, with landmarks, from installed packages or a `UserError`."""
     for make in offered("lfportrait.sittings").values():
         found: list[Sitting] = make(count, height, seed)
         return found

@@ -37,13 +37,8 @@ _KINDS = {1: 0, 2: 4, 3: 2, 4: 6}
 class PngWriter:
     """A PNG file that takes rows from the top down.
 
-    Parameters
-    ----------
-    stream : Where to write.
-    width, height : Size in pixels.
-    channels : 1 grey, 2 grey and alpha, 3 color, 4 color and alpha.
-    bits : Of a channel: 8 or 16.
-    chunks : Kinds and contents of chunks that come before the pixels.
+    Its channels are 1 grey, 2 grey and alpha, 3 color, 4 color and alpha, of 8 or 16 bits;
+    ``chunks``, kinds and contents, come before the pixels.
     """
 
     def __init__(self, stream: BinaryIO, width: int, height: int, *, channels: int = 3,

@@ -34,19 +34,10 @@ def _shortened(draw: ImageDraw.ImageDraw, text: str, face: ImageFont.FreeTypeFon
 def contact_sheet(images: Sequence[UInt8], names: Sequence[str],
                   marks: Mapping[str, str], *, fair: Mapping[str, str] | None = None,
                   columns: int = 8) -> UInt8:
-    """Draw a contact sheet.
+    """Draw a contact sheet, uint8 [H, W, 3], of pictures uint8 [H, W, 3 or 4] and their names.
 
-    Parameters
-    ----------
-    images : uint8 [H, W, 3 or 4] each, in the order in which they are shown.
-    names : One an image, shown below it.
-    marks : What is wrong, by name: these photos are framed in red and crossed out.
-    fair : What could be better, by name: framed in yellow.
-    columns : Photos side by side.
-
-    Returns
-    -------
-    sheet : uint8 [H, W, 3].
+    What is wrong, or could be better, by name, stands in ``marks`` and ``fair``: these photos are
+    framed in red and crossed out, or framed in yellow.
     """
     fair = fair or {}
     columns = max(1, min(columns, len(images)))

@@ -173,16 +173,9 @@ def _zoom(lens: Lens) -> float:
 
 
 def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], Bool]:
-    """Resample a photo as a pinhole camera sees it.
+    """Resample a photo uint8 [H, W, C] as the pinhole camera ``lens.pinhole()`` sees it.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, C].
-    lens : The photo's lens; the pinhole is ``lens.pinhole()``.
-
-    Returns
-    -------
-    image, inside : uint8 [H, W, C], and bool [H, W]: which pixels the photo covers.
+    Gives uint8 [H, W, C], and bool [H, W]: which pixels the photo covers.
     """
     if not lens.distorts:
         return image, np.ones(image.shape[:2], bool)

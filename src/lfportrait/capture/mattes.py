@@ -186,14 +186,8 @@ def _decided(image: UInt8, coarse: Float32, cell: int, calm: bool) -> Float32:
 def refine_changes(image: UInt8, before: Float32, after: Float32) -> Float32:
     """Lay a matte along the edges of its photo where it differs much from what it was.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    before, after : float32 [H, W] in [0, 1]; both along the edges where they are equal.
-
-    Returns
-    -------
-    matte : float32 [H, W] in [0, 1].
+    The photo is uint8 [H, W, 3], sRGB; mattes are float32 [H, W] in [0, 1], both along the edges
+    where they are equal.
     """
     cell = max(2, round(max(after.shape) / 256))
     changed = np.abs(after - before) > 0.25
@@ -264,18 +258,11 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
 def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]],
                     size: int = 96) -> Float64:
-    """Agreement of each matte with the visual hull of all.
+    """Agreement of each matte, [H, W] in [0, 1], with the visual hull of all, float64 [V].
 
-    Parameters
-    ----------
-    cameras, mattes : V views and their mattes, [H, W] in [0, 1].
-    size : Points of the lattice along an edge, a multiple of four.
-
-    Returns
-    -------
-    overlap : float64 [V] in [0, 1]: intersection over union of each matte with the picture of
-        the common solid, as far as a quarter of the views show it; 0 where there is nothing in
-        either.
+    It is the intersection over union with the picture of the common solid on a lattice of ``size``
+    points (a multiple of four) along an edge, as far as a quarter of the views show it; 0 where
+    there is nothing in either.
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
     votes = _Votes(cameras, given, size)
@@ -294,17 +281,9 @@ def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]]
 
 
 def views_share(cameras: Camera, reach: float, size: int) -> Float64:
-    """The share of the views that have a point of a lattice in the picture.
+    """The share of V views that have a point of a lattice in the picture, float64 [size] * 3.
 
-    Parameters
-    ----------
-    cameras : V views.
-    reach, size : Half the lattice's edge in world units (its middle is the origin), points along
-        an edge.
-
-    Returns
-    -------
-    share : float64 [size, size, size] (z, y, x).
+    Half the lattice's edge is ``reach`` in world units, its middle the origin; (z, y, x).
     """
     seen, _ = lattice_votes(cameras, None, np.zeros(3), np.full(3, reach), (size,) * 3)
     return np.asarray(seen / np.float64(len(cameras)))
@@ -352,16 +331,10 @@ def lattice_votes(cameras: Camera, covered: Callable[[int], Bool] | None, center
 
 def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int,
                  ) -> Float32:
-    """The mean matte at each point of a lattice, over the views that have it in the picture.
+    """The mean matte at each point of a lattice (`views_share`) over the views that show it.
 
-    Parameters
-    ----------
-    cameras, mattes : V views, and float32 [H, W] in [0, 1] for each, of its camera's size.
-    reach, size : As in `views_share`.
-
-    Returns
-    -------
-    share : float32 [size, size, size] (z, y, x), 1 where no picture shows the point.
+    Of float32 [H, W] in [0, 1] for each of V views; float32 [size, size, size] (z, y, x), 1 where
+    no picture shows the point.
     """
     spacing = 2.0 * reach / size
     rows = np.concatenate([cameras.pose[:, :3].reshape(-1, 12), cameras.focal, cameras.center], 1)

@@ -126,12 +126,8 @@ def photo_listing(folder: Path) -> Listing:
 def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
     """The pictures of a folder of photos in the order of their names, none of them read.
 
-    Raises `UserError` if the folder is missing or holds none.
-
-    Parameters
-    ----------
-    folder : Folder with pictures, or with a subfolder ``images``; or one picture.
-    say : Whether a warning says which other files are left out, and why.
+    They lie in it, or in a subfolder ``images``; or it is one picture. A warning may say which
+    other files are left out, and why. Raises `UserError` if the folder is missing or holds none.
     """
     if not folder.exists():
         raise UserError(f"there is no folder {folder}; name the folder of your photos")
@@ -156,16 +152,9 @@ def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
 def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     """Read the photos of a folder in the order of their names.
 
-    Raises `UserError` if the folder is missing, or holds no picture that can be read.
-
-    Parameters
-    ----------
-    folder : Folder with pictures, or with a subfolder ``images``.
-    max_side : Pictures are reduced to this many pixels on their longer side; 0 keeps them.
-
-    Returns
-    -------
-    photos : Those that could be read; for each other one a warning says why.
+    Warnings say which can't be read, and why. Pictures are reduced to ``max_side`` pixels on their
+    longer side; 0 keeps them. Raises `UserError` if the folder is missing, or holds no picture that
+    can be read.
     """
     files = picture_files(folder)
     # Decoding lets other threads run.
@@ -278,16 +267,9 @@ _MODELS: dict[tuple[str, str, float], float] = {}
 
 
 def noted(exif: Image.Exif, size: tuple[int, int]) -> Noted:
-    """Read the EXIF data of a picture.
+    """Read the EXIF data of a picture of this width and height in pixels, as Pillow has it.
 
-    Parameters
-    ----------
-    exif : Of a picture as Pillow reads it.
-    size : Width and height of the picture in pixels.
-
-    Returns
-    -------
-    notes : What is noted and makes sense; damaged tags count as missing.
+    What is noted and makes sense; damaged tags count as missing.
     """
     try:
         tags: Any = exif.get_ifd(_IFD)
@@ -336,10 +318,8 @@ def _second_derivatives(grey: Float32, sigma: float) -> list[Float32]:
 def fineness(image: UInt8, side: int = _SIDE) -> Float64:
     """Fine over coarse detail along 0, 45, 90 and 135 degrees, float64 [4].
 
-    Parameters
-    ----------
-    image : uint8 [H, W], or [H, W, 3 or more] of which the first three channels count.
-    side : A larger picture is reduced to this many pixels on its longer side first.
+    Of uint8 [H, W], or of the first three channels of [H, W, 3 or more]; reduced first to ``side``
+    pixels on the longer side.
     """
     grey = image if image.ndim == 2 else cv2.cvtColor(
         np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
@@ -361,12 +341,8 @@ def relative_sharpness(measures: Float64, groups: Sequence[Any] | None = None,
                        reach: int = _NEIGHBOURS) -> Float64:
     """Sharpness of each picture relative to its neighbours, float64 [V]; 1 is usual.
 
-    Parameters
-    ----------
-    measures : float64 [V, 4], `fineness` of each.
-    groups : What a picture must have in common with those it is compared with (its size); by
-        default all are alike.
-    reach : Neighbours on either side.
+    By the `fineness` of each, float64 [V, 4], among ``reach`` neighbours on either side that are of
+    the same of ``groups``, as their size; by default all are.
     """
     groups = [0] * len(measures) if groups is None else groups
     found = np.ones(len(measures))

@@ -275,15 +275,6 @@ def upright_frame(frame: Any, max_side: int, aspect: float) -> UInt8:
 
 
 def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:
-    """Photos of a folder, or frames of a video (`read_photos`, `read_video`).
-
-    Raises `UserError` if there is nothing that can be read.
-
-    Parameters
-    ----------
-    path : Folder or video file.
-    max_side : Pictures are reduced to this many pixels on their longer side; 0 keeps them.
-    frames : How many frames of a video.
-    """
+    """Photos of a folder, or frames of a video (`read_photos`, `read_video`)."""
     return (read_video(path, frames, max_side) if is_video(path)
             else read_photos(path, max_side))

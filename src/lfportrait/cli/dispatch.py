@@ -166,17 +166,11 @@ def _warner() -> Callable[..., None]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line.
+    """Run the command line (``sys.argv[1:]`` by default); its exit code.
 
-    Parameters
-    ----------
-    arguments : Words after the program's name; ``sys.argv[1:]`` by default.
-
-    Returns
-    -------
-    code : 0: success. 1: internal error, with a traceback to report. 2: user error, reported on
-        one line on standard error. 3: some jobs of a batch failed, all others are done. 130:
-        interrupted; run the same command again to resume.
+    0: success. 1: internal error, with a traceback to report. 2: user error, reported on one line
+    on standard error. 3: some jobs of a batch failed, all others are done. 130: interrupted; run
+    the same command again to resume.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):

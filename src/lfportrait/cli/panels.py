@@ -246,21 +246,11 @@ class Deinterlace(Common):
 def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: EncodeConfig,
              photo: Path | None, *, screen: int, simulate: bool, seconds: float,
              ) -> dict[str, Any]:
-    """Show a field until the viewer closes the window, or the time is up.
+    """Show a field until the viewer closes the window, or the time is up; the figures.
 
-    Parameters
-    ----------
-    command : Its device and its progress line.
-    fields : The field's file, one.
-    panel, config : The display, and how the field is placed at first.
-    photo : The field to mix with; None: one of the same points beside it.
-    screen : Number of the panel's screen; -1 = the one that has its pixels.
-    simulate : An ordinary window instead of the panel.
-    seconds : How long; 0 = until the window is closed.
-
-    Returns
-    -------
-    figures : What ``--json`` writes.
+    ``photo`` is the field to mix with; None: one of the same points beside it. ``screen`` is the
+    number of the panel's screen, -1 that which has its pixels; ``simulate`` an ordinary window
+    instead.
     """
     from ..lightfield.screens import (
         LiveWindow,

@@ -107,18 +107,10 @@ def demo_head() -> VoxelField:
 
 
 def demo_exemplar(name: str = "", width: int = 768, height: int = 1024) -> Exemplar:
-    """A painted portrait with its 68 landmarks.
+    """A painted portrait with its 68 landmarks and the mask of the person.
 
-    Raises `UserError` if there is no such style.
-
-    Parameters
-    ----------
-    name : One of `lfportrait.demo.demo_styles`; empty = the first.
-    width, height : Size of the picture in pixels; it was painted 768 x 1024.
-
-    Returns
-    -------
-    exemplar : Picture, landmarks (projected from the model) and the mask of the person.
+    By its name, empty = the first of `demo_styles`; at another size in pixels than 768 x 1024 it is
+    resized. Raises `UserError` if there is no such style.
     """
     names = demo_styles()
     name = name or names[0]
@@ -153,11 +145,7 @@ def demo_photo(height: int = 1024) -> tuple[UInt8, Float64]:
 def embedded_sittings(count: int, height: int, seed: int) -> list[Sitting]:
     """Photos of modelled heads with landmarks: 16 people in turn, backgrounds at random.
 
-    Parameters
-    ----------
-    count : Number of photos.
-    height : Of a photo in pixels; it is three quarters as wide.
-    seed : Of all choices.
+    They are ``height`` pixels high, and three quarters as wide.
     """
     random = np.random.default_rng(seed)
     files = sorted((DATA / "people").glob("person_*.webp"))

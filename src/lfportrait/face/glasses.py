@@ -78,18 +78,10 @@ class Spectacles:
 
 def spectacles(image: UInt8, landmarks: NDArray[np.floating],
                pose: FacePose | None = None) -> Float32:
-    """Find the spectacles that a sitter wears.
+    """Find the spectacles that a sitter wears, float32 [H, W] in [0, 1]: zero where none are worn.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB: the painting as it is given.
-    landmarks : float64 [68, 2], pixels.
-    pose : Of the face, if it is known.
-
-    Returns
-    -------
-    float32 [H, W] in [0, 1]: rims, bridge and temples, with the highlight and the shadow beside
-        them; zero everywhere where none are worn.
+    Rims, bridge and temples, with the highlight and the shadow beside them; in the painting as it
+    is given, uint8 [H, W, 3] sRGB, by its landmarks float64 [68, 2] in pixels and the face's pose.
     """
     found = find_spectacles(image, landmarks, pose)
     shape = image.shape[0], image.shape[1]

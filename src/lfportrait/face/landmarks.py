@@ -251,11 +251,8 @@ head's."""
 def symmetric_landmarks(landmarks: NDArray[np.floating], pose: FacePose) -> Float64:
     """Landmarks in space, mirror-symmetric, in the frame of the generic head; float64 [68, 3].
 
-    Parameters
-    ----------
-    landmarks : [68, 2] in pixels; rows with NaN are unknown. Those that are unknown on both
-        sides are the generic head's.
-    pose : Of the face (`face_pose`).
+    From [68, 2] in pixels, by the pose (`face_pose`); rows with NaN are unknown, and those that are
+    on both sides are the generic head's.
     """
     seen = (np.asarray(landmarks, np.float64) - pose.shift) / pose.scale * [1.0, -1.0]
     known = np.isfinite(seen).all(axis=1)

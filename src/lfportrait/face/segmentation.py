@@ -307,17 +307,10 @@ def _forehead(landmarks: Float64, reach: float) -> Float64:
 
 def face_mask(image: UInt8, landmarks: Float64, *,
               softness: float = 0.02) -> Float32:
-    """The soft mask of the face in a photo.
+    """The soft mask of the face in a photo uint8 [H, W, 3] (sRGB), float32 [H, W] in [0, 1].
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    landmarks : float64 [68, 2] in pixels.
-    softness : Width of the soft edge (sigma) relative to the face's width.
-
-    Returns
-    -------
-    mask : float32 [H, W] in [0, 1].
+    By landmarks float64 [68, 2] in pixels; ``softness`` is the width of the edge (sigma) relative
+    to the face's.
     """
     jaw = landmarks[:17]
     limit = np.concatenate([jaw, _forehead(landmarks, 0.85)[::-1]])

@@ -89,16 +89,10 @@ def check_field_path(path: Any) -> None:
 
 
 def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), **more: Any) -> None:
-    """Write a field; coefficients are rounded to float16, as svox2 does.
+    """Write a field, and further arrays by name; coefficients become float16, as svox2's are.
 
-    Raises `UserError` if the file has another ending or can't be written.
-
-    Parameters
-    ----------
-    field : What the file is to hold.
-    path : File name, ending in ``.npz``.
-    more : Further arrays, by the names that they get in the file.
-    deflated : Which of these are worth compressing.
+    ``deflated`` are those that are worth compressing. Raises `UserError` if the file does not end
+    in ``.npz`` or can't be written.
     """
     texture = field.texture
     values = () if texture is None else (texture.texels, texture.projections, texture.charts,
@@ -325,11 +319,8 @@ def write_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any], *,
                 noisy: bool = False) -> None:
     """Write a deflated array as `numpy.savez_compressed` does, on all cores.
 
-    Parameters
-    ----------
-    archive : Made with ``ZIP_DEFLATED``.
-    name, array : Of the array.
-    noisy : No string in it comes again: runs and rare bytes alone are made use of, in less time.
+    The archive is of ``ZIP_DEFLATED``. In a ``noisy`` array no string comes again: runs and rare
+    bytes alone are made use of, in less time.
     """
     deflater = _Deflater(noisy)
     file = f"{name}.npy"

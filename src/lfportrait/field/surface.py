@@ -243,13 +243,9 @@ class SurfaceGraph:
     @staticmethod
     def over(points: NDArray[np.floating], colors: NDArray[np.floating],
              side: float) -> SurfaceGraph:
-        """The graph of a surface.
+        """The graph of a surface's places [N, 3] in cells of this side.
 
-        Parameters
-        ----------
-        points : [N, 3], places of it.
-        colors : [N, 3], sRGB in [0, 1]; NaN where none is known: there all steps are easy.
-        side : Of a cell, in the unit of the points.
+        Colors [N, 3] are sRGB in [0, 1], NaN where none is known: there all steps are easy.
         """
         places = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
         number = np.ravel_multi_index(tuple(places.T), tuple(places.max(axis=0) + 1))

@@ -55,12 +55,8 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
              surely: bool = False) -> Cut | None:
     """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
 
-    Parameters
-    ----------
-    field : In the portrait frame.
-    landmarks : [68, 3], iBUG order, of its face.
-    cameras : Of the photos that it was reconstructed from.
-    surely : Whether the mattes were given, not guessed.
+    The field is in the portrait frame, landmarks are [68, 3], iBUG order; ``surely``: the mattes
+    were given, not guessed.
     """
     voxel = float(field.spacing.mean())
     points = field.lattice_points()[field.density > OPAQUE]
@@ -164,16 +160,9 @@ def _at(plane: Float64, points: Float64) -> Float64:
 
 
 def trim(field: VoxelField, cut: Cut) -> VoxelField:
-    """A field without what lies below a plane, and without crumbs.
+    """A field, without a texture, without what lies below a plane (`find_cut`), and without crumbs.
 
-    Parameters
-    ----------
-    field : Without a texture.
-    cut : Of `find_cut`.
-
-    Returns
-    -------
-    field : Fewer rows; densities fall through zero at the plane.
+    It has fewer rows; densities fall through zero at the plane.
     """
     voxel = float(field.spacing.mean())
     above = cut.above(field.lattice_points()) / voxel

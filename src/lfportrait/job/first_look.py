@@ -55,13 +55,9 @@ class LookTaken(Exception):
 
 def painted_roughly(field: VoxelField, capture: Capture, exemplar: Exemplar,
                     config: StylizeConfig) -> VoxelField:
-    """A field as a preview of its painting with its ground; as it is if its skin isn't painted.
+    """A field as a preview of its painting with its ground, by the finished portrait's config.
 
-    Parameters
-    ----------
-    field : Of any resolution.
-    capture, exemplar : Its capture, and the painting.
-    config : As for the finished portrait.
+    It stays as it is if its skin isn't painted.
     """
     if capture.landmarks is None or not config.on_skin:
         return field
@@ -151,15 +147,9 @@ class FirstLook(ABC):
 
 
 class PageLook(FirstLook):
-    """The first look as the page that the job will write.
+    """The first look as the page, with the page's parameters, that the job will write.
 
-    Parameters
-    ----------
-    stages : The job's folder. A record beside those of its stages says which portrait the page
-        shows.
-    key : Hash of what the portrait is made of.
-    exemplar, config, begun, only : As for `FirstLook`.
-    page, ground : Parameters of the finished page.
+    A record beside those of the job's stages says by its key which portrait the page shows.
     """
 
     def __init__(self, stages: StageFolder, key: str, exemplar: Exemplar, config: StylizeConfig,

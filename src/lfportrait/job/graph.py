@@ -214,14 +214,9 @@ def portrait_tasks(keys: Mapping[str, str], config: MakeConfig, seed: int = 0, *
                    folders: Mapping[str, str] | None = None, **more: Any) -> list[Task]:
     """The tasks of one portrait, as `lfportrait make` and the studio do them.
 
-    Parameters
-    ----------
-    keys : Of the tasks that are wanted: of some of capture, reconstruct, stylize, encode and
-        share.
-    config, seed : Parameters.
-    folders : Where each writes, relative to the results, where that is not the results' folder
-        itself.
-    more : Further arguments of all tasks.
+    Those of which ``keys`` are given: some of capture, reconstruct, stylize, encode and share.
+    ``folders`` says where each writes, relative to the results, where that is not their folder
+    itself; ``more`` are further arguments of all tasks.
     """
     names = [name for name in _WORK if name in keys]
     return [Task(name, _WORK[name][0], (folders or {}).get(name, ""), _WORK[name][1], keys[name],

@@ -55,17 +55,10 @@ def _bare(painting: Path | None) -> bool:
 
 def networks_of(photos: Path, painting: Path | None, keep_background: bool,
                 ) -> tuple[list[str], list[str]]:
-    """A job's required networks, and the optional ones.
+    """A job's required networks, and the optional ones, by their names in `lfportrait.models`.
 
-    Parameters
-    ----------
-    photos : Folder of photos, video or data set.
-    painting : The exemplar's picture; None where the exemplar is known already.
-    keep_background : Whether the room stays, so that no mattes are wanted.
-
-    Returns
-    -------
-    needed, better : Names in the registry of `lfportrait.models`.
+    ``painting`` is None where the exemplar is known already; if the background is kept, no mattes
+    are wanted.
     """
     described = _described(photos)
     landmarks_given = described.get("landmarks") is not None and not _bare(painting)
@@ -83,12 +76,6 @@ def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, 
 
     Raises `UserError` if one that is needed is missing and not to be had: one line with all of
     them, their size and the command that gets them.
-
-    Parameters
-    ----------
-    photos, painting, keep_background : As for `networks_of`.
-    offline : Download nothing.
-    quiet : Say nothing that is no error.
     """
     needed, better = networks_of(photos, painting, keep_background)
     if models.missing(needed):

@@ -88,18 +88,10 @@ def is_few(photos: Path) -> bool:
 
 
 def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"]:
-    """How photos, a video or a calibrated data set become a head.
+    """How photos, a video or a calibrated data set become a head by a choice of ``--from``.
 
-    Raises `UserError` if a head is to be fitted to what has cameras already, or is a video.
-
-    Parameters
-    ----------
-    photos : Folder, file or data set.
-    made_from : A choice of ``--from``.
-
-    Returns
-    -------
-    way : ``"either"``: by what they share, and if they can't be placed together, by the face.
+    ``"either"``: by what they share, and if they can't be placed together, by the face. Raises
+    `UserError` if a head is to be fitted to what has cameras already, or is a video.
     """
     count = _photo_count(photos)
     if made_from == "face":
@@ -130,15 +122,10 @@ def _faults(capture: Capture) -> list[str]:
 
 def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None = None, *,
                 why: str = "", keep_background: bool = False) -> tuple[Capture, dict[str, Any]]:
-    """Photos -> a capture with a head that is fitted to the face; figures.
+    """A photo, or a folder of some -> a capture with a head that is fitted to the face; figures.
 
-    Raises `UserError` as `lfportrait.face.portrait_capture`.
-
-    Parameters
-    ----------
-    photos : A photo, or a folder of some.
-    why : A reason for this way, for the line that says so.
-    keep_background : Warn that the room behind the person is not kept.
+    ``why`` is a reason for this way, for the line that says so. Raises `UserError` as
+    `lfportrait.face.portrait_capture`.
     """
     from ..face import portrait_capture
 
@@ -184,11 +171,7 @@ def _share(mask: NDArray[np.floating], points: Float64) -> float:
 def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
     """Sentences about what lies before a face in a photo; empty where nothing does.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    landmarks : float64 [68, 2], pixels.
-    name : Of the photo.
+    The photo is uint8 [H, W, 3], sRGB, its landmarks float64 [68, 2] in pixels.
     """
     from ..face import IN_PHOTOS, dark_glasses, find_spectacles, hair_mask, parts
 
@@ -500,15 +483,7 @@ def _notes(path: Path) -> list[str]:
 
 
 def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80) -> None:
-    """Write a contact sheet of photos or of a video's frames, some of them marked.
-
-    Parameters
-    ----------
-    path : Folder of photos, or a video, as it was given to `lfportrait.capture.calibrate`.
-    marks : What is wrong, by the photo's name.
-    out : File to write.
-    frames : Frames that were taken from a video.
-    """
+    """Write a contact sheet of photos or of a video's frames, marked with what is wrong."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # unreadable files were reported already
         photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)

@@ -174,14 +174,7 @@ class Step:
 
 
 def usual_steps(config: MakeConfig, source: Source, look: bool, cores: int) -> list[Step]:
-    """The steps of a job in their order.
-
-    Parameters
-    ----------
-    config, source : Its parameters and its photos.
-    look : Whether a first look is taken.
-    cores : Cores that it may use.
-    """
+    """The steps of a job in their order, with a first look or not, on so many cores."""
     amounts, steps = _amounts(config, source), []
     for stage, costs in _COSTS.items():
         if not costs and source.fitted:
@@ -514,14 +507,7 @@ class _Job:
 
 def run_figures(figures: dict[str, dict[str, Any]], style: str, display: str,
                 resumed: list[str]) -> dict[str, Any]:
-    """What ``run.json`` says of a job.
-
-    Parameters
-    ----------
-    figures : Of its stages, by name.
-    style, display : Names of the painting and of the panel.
-    resumed : Names of the stages that were done before.
-    """
+    """What ``run.json`` says of a job by its stages' figures; ``resumed`` were done before."""
     seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
     peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
                                        for stage in figures.values())])

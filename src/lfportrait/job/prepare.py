@@ -373,19 +373,11 @@ Network = Callable[[UInt8, Float64], Float32]
 
 def rough_mattes(capture: Capture, progress: Progress | None = None,
                  network: Network | None = None) -> list[Float32]:
-    """A network's mattes of each photo separately.
+    """A network's mattes of each photo separately, V times float32 [H, W] in [0, 1].
 
-    Raises `UserError` if the network's weights are missing.
-
-    Parameters
-    ----------
-    capture : Photos in the portrait frame.
-    network : Person matte of a picture whose direction ``up`` is given; by default
-        `lfportrait.face.person_matte`.
-
-    Returns
-    -------
-    mattes : V times float32 [H, W] in [0, 1].
+    Photos are in the portrait frame; another ``network`` than `lfportrait.face.person_matte` is
+    called with a picture and its direction ``up``. Raises `UserError` if the network's weights are
+    missing.
     """
     from ..face import person_matte
 

@@ -167,17 +167,10 @@ class Session:
 
 
 def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, Capture, Skin]:
-    """The embedded head, its capture, and its skin.
+    """The embedded head, its capture of 12 small photos, and its skin, ``pixels`` a world unit.
 
-    Parameters
-    ----------
-    pixels : Of the skin, per world unit.
-    cache : Folder for what is kept; None: the user's cache. If nothing can be written there, the
-        skin is drawn each time.
-
-    Returns
-    -------
-    field, capture, skin : In the portrait frame; the capture has 12 small photos.
+    The skin is kept in ``cache``, by default the user's. If nothing can be written there, it is
+    drawn each time.
     """
     field, capture = demo_head(), demo_capture(size=256, views=12)
     kept = (cache or user_cache("heads")) / "embedded.skin.npz"

@@ -65,11 +65,7 @@ class Finding:
 def findings(exemplar: Exemplar, yaw: float, rows: int) -> list[Finding]:
     """What is found in a painting besides its pose.
 
-    Parameters
-    ----------
-    exemplar : The painting with its landmarks.
-    yaw : How its face is turned, in degrees.
-    rows : Rows that a 4K panel shows of a face from chin to brows.
+    Its face is turned by ``yaw`` degrees; a 4K panel shows ``rows`` of it from chin to brows.
     """
     image, points = exemplar.image, exemplar.landmarks
     regions = exemplar.regions()
@@ -254,14 +250,8 @@ def chosen_face(path: Path, image: UInt8, face: int = 0,
                 ) -> tuple[Float64, list[Float64]]:
     """Landmarks of the one face of a picture that is meant, and of all that were found.
 
-    Raises `UserError` if there is no such face.
-
-    Parameters
-    ----------
-    path : The picture, for messages.
-    image : uint8 [H, W, 3].
-    face : Number of the face, the largest is 1; 0 is the largest.
-    at : A place (x, y) in pixels on the face.
+    By its number, the largest is 1 (0, too), or by a place (x, y) in pixels on it. Raises
+    `UserError` if there is no such face.
     """
     faces = detect_faces(image, at)
     if not faces:
@@ -278,16 +268,10 @@ def chosen_face(path: Path, image: UInt8, face: int = 0,
 
 def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None = None, *,
                 preview: bool = True) -> StyleCheck:
-    """Check a painting.
+    """Check a painting, or a built-in exemplar by its name.
 
-    Raises `UserError` if the picture can't be read or there is no such face.
-
-    Parameters
-    ----------
-    style : The picture; landmarks beside it are used, unless a face is chosen. Or the name of a
-        built-in exemplar.
-    face, at : As `chosen_face`.
-    preview : Paint the embedded head.
+    Landmarks beside it are used, unless a face is chosen (`chosen_face`). Raises `UserError` if the
+    picture can't be read or there is no such face.
     """
     path = Path(style)
     faces: list[Float64] = []

@@ -293,15 +293,7 @@ def ball_points(cameras: Camera, view: int) -> Float64:
 
 def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
                  arc: float = 115.0) -> Capture:
-    """Photos of a speckled ball with landmarks on its front.
-
-    Parameters
-    ----------
-    size : Width and height of the photos in pixels.
-    views : Number of photos on an arc.
-    cut_out : Whether the photos have mattes.
-    arc : Half of the arc in degrees.
-    """
+    """Photos of a speckled ball with landmarks on its front, from -``arc`` to ``arc`` degrees."""
     cameras = Camera.arc(np.linspace(-arc, arc, views), distance=4.0, width=size, height=size,
                          focal=1.7 * size)
     images, alphas = [], []

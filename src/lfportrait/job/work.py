@@ -94,13 +94,8 @@ def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
              figures: dict[str, dict[str, Any]] | None = None) -> dict[str, Any]:
     """Do the work of a task; its figures.
 
-    Parameters
-    ----------
-    task : What to do.
-    results : Folder that the task's paths are relative to.
-    folder : The task's own folder.
-    tools : What else there is.
-    figures : Of the stages before, for the report.
+    The task's paths are relative to ``results``; ``folder`` is its own. ``figures`` are those of
+    the stages before, for the report.
     """
     with tools.progress(task.stage) as progress:
         if task.stage == "share":
@@ -251,18 +246,10 @@ def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exempl
 
 def write_code(styled: VoxelField, display: Display, folder: Path, name: str, config: MakeConfig,
                *, prefix: str = "", device: str = "auto") -> dict[str, Any]:
-    """Code a styled field for a display, and as a quilt.
+    """Code a styled field for a display, and as a quilt; figures.
 
-    Parameters
-    ----------
-    styled, display : What is coded, for what.
-    folder, name : Where the coded picture goes.
-    prefix : Begins the quilt's name; quilts of that prefix from before are removed.
-    device : Where to compute.
-
-    Returns
-    -------
-    figures : Of the coding; ``quilt`` is the quilt's file name.
+    Among them is ``quilt``, the quilt's file name. ``prefix`` begins the quilt's name; quilts of
+    that prefix from before are removed.
     """
     encode = composed(styled, display, config.encode)
     image, figures = encode_with_figures(styled, display, encode,

@@ -87,14 +87,10 @@ def _widen(stream: IO[bytes]) -> None:
 class Child:
     """A process that runs one of our functions, from now on.
 
-    Parameters
-    ----------
-    entry : Module and function, ``"lfportrait.gpu.process:main"``; the function makes a `Pipe`
-        first.
-    log : File for what it prints; by default that goes where this process prints its errors.
-    settings : Environment variables that differ from this process's.
-    group : Whether it has a process group of its own: Ctrl-C in the terminal does not reach it,
-        and it is paused and ended with all that it has started.
+    ``entry`` is ``"module:function"``; the function makes a `Pipe` first. What it prints goes to
+    ``log``, by default where this process prints its errors; ``settings`` are environment variables
+    of its own. With a process ``group`` of its own Ctrl-C in the terminal does not reach it, and it
+    is paused and ended with all that it has started.
     """
 
     def __init__(self, entry: str, log: Path | None = None,

@@ -380,16 +380,9 @@ def run_tasks(tasks: Iterable[AnyTask], runner: Runner[AnyTask],
               memory: Callable[[AnyTask], int] = lambda task: 0) -> dict[str, str]:
     """Run tasks to their end; one that fails takes only those with it that need it.
 
-    Parameters
-    ----------
-    tasks : Each after those that it needs; needs that are not among them are done.
-    runner : Runs them; it is not closed.
-    heard : Called with each task when it begins, and with its outcome when it has ended.
-    memory : Bytes that a task takes.
-
-    Returns
-    -------
-    lost : Names of the tasks that could not begin, and of the one before each that failed.
+    Each stands after those that it needs; needs that are not among them are done. ``heard`` and
+    ``memory`` are as for `Schedule`. Gives the names of the tasks that could not begin, and of the
+    one before each that failed.
     """
     lost: dict[str, str] = {}
 

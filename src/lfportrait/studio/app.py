@@ -137,16 +137,10 @@ class _Server(uvicorn.Server):
 
 def run(folder: Path, port: int = 0, *, browse: bool = True, quiet: bool = False,
         ready: Callable[[str], None] | None = None) -> None:
-    """Serve a studio until it is ended.
+    """Serve a studio until it is ended, on the loopback address; port 0 takes a free one.
 
-    Raises `UserError` if the port is taken, or the folder can't be used.
-
-    Parameters
-    ----------
-    port : On the loopback address; 0 takes a free one.
-    browse : Open the browser.
-    quiet : Do not print the address, but where the browser is not opened.
-    ready : Called with the address, once it can be reached.
+    Raises `UserError` if the port is taken, or the folder can't be used. ``quiet`` does not print
+    the address where the browser is opened; ``ready`` is called with it, once it can be reached.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # elsewhere this would let others take the port over

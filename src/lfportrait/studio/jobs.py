@@ -192,14 +192,10 @@ OrderMaker = Callable[[JobState], Any]
 
 
 class Jobs:
-    """All jobs of a studio.
+    """All jobs of a studio: their states, logs and pictures in a folder; events tell every change.
 
-    Parameters
-    ----------
-    folder : For their states, logs and pictures.
-    events : Told of every change.
-    order : Makes the order of a job (`lfportrait.studio.work.orders`).
-    changed : Called with a job whose stage or state has changed, for what depends on it.
+    ``order`` makes what a job's process is sent; ``changed`` is called with a job whose stage or
+    state has changed, for what depends on it.
     """
 
     ENTRY = "lfportrait.studio.work.jobs:serve"

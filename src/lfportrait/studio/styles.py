@@ -239,13 +239,9 @@ def _check(data: bytes, target: Path) -> None:
 
 
 def write_picture(source: Path | UInt8, size: int, target: Path) -> None:
-    """Write a painting, a file or what was read of one, with sides of at most ``size`` pixels.
+    """Write a painting, a file or uint8 [H, W, 3 or 4], with sides of at most ``size`` pixels.
 
-    Parameters
-    ----------
-    source : The file, or uint8 [H, W, 3 or 4].
-    size : 0: as large as a browser shows it well.
-    target : Its file, of the kind that its name says.
+    0: as large as a browser shows it well. The target's name says of which kind it is.
     """
     image = read_image(source) if isinstance(source, Path) else source
     picture = Image.fromarray(np.ascontiguousarray(image[..., :3]))

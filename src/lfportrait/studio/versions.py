@@ -196,17 +196,10 @@ def styles_of(mix: dict[str, Any]) -> list[str]:
 
 def mix_arguments(mix: dict[str, Any], style: str, name_of: Callable[[str], str],
                   ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Arguments of `lfportrait.stylize.StyledField.mix`, and the paintings of regions.
+    """Arguments of `StyledField.mix` by a mix of `checked_mix`, and the paintings of regions.
 
-    Parameters
-    ----------
-    mix : As `checked_mix` gives it.
-    style : Id of the style of everything else.
-    name_of : Of a style's id: what the commands call ``--style``.
-
-    Returns
-    -------
-    arguments, styles : The styles by the names that the arguments use.
+    ``style`` is the id of the style of everything else; ``name_of`` gives of an id what the
+    commands call ``--style``. The paintings are named as the arguments name them.
     """
     others = {one: name_of(one) for one in styles_of(mix) if one != style}
     found = dict(mix)

@@ -51,15 +51,9 @@ class StyleView:
 
 def style_cameras(field: VoxelField, size: int, arc: float, count: int,
                   pitches: tuple[float, ...]) -> Camera:
-    """Cameras on arcs in front of the head, from -arc to +arc degrees at each pitch.
+    """Cameras on arcs in front of the head, ``count`` from -arc to +arc degrees at each pitch.
 
-    Parameters
-    ----------
-    field : Its box, as far as it reaches beyond the head, is kept in the picture.
-    size : Width and height of the pictures in pixels.
-    arc : Half angle in degrees.
-    count : Cameras a pitch.
-    pitches : Degrees above the horizon.
+    The field's box, as far as it reaches beyond the head, is kept in the square pictures.
     """
     low, high = field.bounds
     reach = float(np.clip(np.abs(np.stack([low, high]))[:, :2].max(), 1.0, 1.5))

@@ -88,19 +88,10 @@ def toned(values: Float32, curve: Float32) -> Float32:
 
 
 def colored(light: Float32, chroma: Float32) -> Float32:
-    """Colors of a given luma and chroma.
+    """Colors, float32 [3, ...] in [0, 1], of a luma [...] and of chroma, colors less it, [3, ...].
 
     Chroma that leads out of the range of colors is drawn in, all channels alike: unlike clipping
     each for itself this keeps the luma and the hue.
-
-    Parameters
-    ----------
-    light : float32 [...], luma in [0, 1].
-    chroma : float32 [3, ...], colors less their luma.
-
-    Returns
-    -------
-    float32 [3, ...] in [0, 1].
     """
     least = np.float32(1e-6)
     up = np.maximum(np.maximum(chroma[0], chroma[1]), chroma[2])
@@ -478,19 +469,10 @@ class StyledField(VoxelField):
 
 
 def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
-    """Read a field with all its colors, where it has any to mix.
+    """Read a field with all its colors, where it has any to mix: else it is a plain `VoxelField`.
 
-    Raises `UserError` if the file is missing, damaged or not a field.
-
-    Parameters
-    ----------
-    path : The file.
-    shown : The same file as `VoxelField.load` reads it, where it has been read already; what is
-        laid out of it is used.
-
-    Returns
-    -------
-    field : A `StyledField`, or a plain `VoxelField` where the file holds one.
+    ``shown`` is the same file as `VoxelField.load` reads it, where it has been read already; what
+    is laid out of it is used. Raises `UserError` if the file is missing, damaged or not a field.
     """
     plain_field = VoxelField.load(path) if shown is None else shown
     mixable = "painted" in read_arrays(path, ("painted",))

@@ -334,14 +334,9 @@ by a filter of eight texels (Lanczos)."""
 
 def surface_texture(styled: VoxelField, painting: Painting,
                     lattice: ChartLattice | None = None) -> SurfaceTexture:
-    """The texture that makes a field show a painting of its skin.
+    """The texture that makes a field in a painting's colors show that painting of its skin.
 
-    Parameters
-    ----------
-    styled : The field with its colors after the painting, the same in all directions.
-    painting : On the field's skin.
-    lattice : How the field shows in its charts at the painting's resolution, where that is
-        known.
+    ``lattice``: how the field shows in its charts at the painting's resolution, if that is known.
     """
     skin, step = painting.skin, painting.step
     once = lattice is None and step == 1

@@ -82,18 +82,10 @@ class End:
 
 
 def vignetted(field: VoxelField, capture: Capture, seed: int = 0) -> tuple[VoxelField, list[End]]:
-    """A field whose cuts end in strokes.
+    """A field in the portrait frame whose cuts end in strokes, and its cuts.
 
-    Parameters
-    ----------
-    field : In the portrait frame.
-    capture : What it was reconstructed from, with landmarks; without any, nothing is done.
-    seed : Of the strokes.
-
-    Returns
-    -------
-    field, ends : With the same lattice points and colors and other densities, and its cuts; the
-        same field where nothing is cut.
+    It has the same lattice points and colors and other densities; it is the same field where
+    nothing is cut, or the capture that it was reconstructed from has no landmarks.
     """
     if capture.landmarks is None:
         return field, []

@@ -267,12 +267,8 @@ class Scene:
                  focal: float | None = None) -> Path:
         """A new database with checked matches and lenses to start from.
 
-        Parameters
-        ----------
-        pycolmap : The module.
-        groups : Number of each photo's lens.
-        model : COLMAP's name of the lens model.
-        focal : Focal length over the longer side; None: as noted, or the usual one.
+        ``groups`` has the number of each photo's lens, ``model`` is COLMAP's name of the lens
+        model, ``focal`` its focal length over the longer side; None: as noted, or the usual one.
         """
         key = tuple(groups)
         if key not in self._checked:
@@ -303,11 +299,7 @@ class Scene:
     def triangulated(self, pycolmap: Any, groups: Sequence[int], model: Any) -> Any:
         """A reconstruction with its cameras, whose points are found once more from all matches.
 
-        Parameters
-        ----------
-        pycolmap : The module.
-        groups : Number of each photo's lens.
-        model : COLMAP's reconstruction, whose lenses are of one model.
+        Its lenses are of one model; ``groups`` has the number of each photo's.
         """
         options = self.steady_options(pycolmap)
         options.ba_global_max_refinements = 1

@@ -69,14 +69,9 @@ class Features:
 
 def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] | None = None,
                   contrast: float = _CONTRAST) -> Features:
-    """The strongest SIFT features of a photo.
+    """The strongest SIFT features, ``most`` at most, of a photo uint8 [H, W, 3].
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3].
-    most : Number of features at most.
-    mask : uint8 [H, W]: no features where it is zero.
-    contrast : Contrast of the weakest feature.
+    There are none where ``mask``, uint8 [H, W], is zero, nor of less contrast than ``contrast``.
     """
     grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
     sift: Any = getattr(cv2, "SIFT_create")(  # noqa: B009 (not in OpenCV's type stubs)

@@ -127,16 +127,10 @@ def _lenses(scene: Scene) -> list[int]:
 
 
 def epipolar_distance(essential: Float, one: Float, other: Float) -> Float:
-    """First-order distance of matches from an epipolar geometry (Sampson 1982).
+    """First-order distance of matches from an epipolar geometry (Sampson 1982), float64 [N].
 
-    Parameters
-    ----------
-    essential : float64 [3, 3], E of other^T E one = 0.
-    one, other : float64 [N, 2], places in the image planes at distance 1.
-
-    Returns
-    -------
-    distance : float64 [N], in the same unit.
+    ``essential`` is E of other^T E one = 0, the places are float64 [N, 2] in the image planes at
+    distance 1; the distance is in the same unit.
     """
     one, other = (np.column_stack([part, np.ones(len(part))]) for part in (one, other))
     ahead, back = one @ essential.T, other @ essential

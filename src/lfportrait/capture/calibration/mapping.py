@@ -51,13 +51,9 @@ _FOCALS = (0.75, 2.4, 3.8)
 
 
 def placed(model: Any, seen_again: NDArray[np.int64] | None = None) -> list[int]:
-    """Numbers (from 0) of the photos that a model places surely.
+    """Numbers (from 0) of the photos that COLMAP's reconstruction places surely.
 
-    Parameters
-    ----------
-    model : COLMAP's reconstruction.
-    seen_again : int64 [V], features of each photo that have a checked match
-        (`Scene.seen_again`).
+    ``seen_again`` int64 [V]: features of each photo that have a checked match (`Scene.seen_again`).
     """
     return sorted(number - 1 for number, image in model.images.items() if image.has_pose
                   and image.num_points3D >= _FEWEST_POINTS

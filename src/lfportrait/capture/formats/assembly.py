@@ -57,15 +57,8 @@ def calibrated_turns(upright: tuple[int, int], turns: int, size: tuple[int, int]
                      name: str) -> int:
     """Quarter turns (counter-clockwise) from the upright picture to the calibrated one, 0 to 3.
 
-    Raises `UserError` if the picture fits neither way.
-
-    Parameters
-    ----------
-    upright : Width and height of the upright picture.
-    turns : As the file notes them: see `noted_turns`.
-    size : Width and height that were calibrated, or None where the program does not say; a
-        picture may be a reduced copy.
-    name : Of the picture, for the message.
+    The file notes ``turns`` (`noted_turns`), the program the width and height that it calibrated,
+    or None; a picture may be a reduced copy. Raises `UserError` if the picture fits neither way.
     """
     stored = upright[::-1] if turns % 2 else upright
     if size is None or same_shape(size, stored):
@@ -94,18 +87,12 @@ def turns_by_up(pose: Float64, up: Float64) -> int:
 
 
 def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
-    """A mask file as it lies on an upright picture, uint8 [H, W].
+    """A mask file, white where it is kept, as it lies on an upright picture, uint8 [H, W].
 
     A mask of another size, for a reduced picture, is resized. One that lies as the stored pixels do
-    is turned with them. Where sizes and notes leave more than one way, or the photo lost its note,
-    that is taken on whose outline the picture changes most. Raises `UserError` if the mask is of
-    another shape, or can't be read.
-
-    Parameters
-    ----------
-    picture : uint8 [H, W, C], upright.
-    place : The mask's file; white is kept.
-    turns : What the photo's file notes: see `noted_turns`.
+    is turned with them (`noted_turns`). Where sizes and notes leave more than one way, or the photo
+    lost its note, that is taken on whose outline the picture changes most. Raises `UserError` if
+    the mask is of another shape, or can't be read.
     """
     mask = read_mask(place)
     height, width = picture.shape[:2]
@@ -360,15 +347,10 @@ class CaptureFormat(ABC):
 
     @abstractmethod
     def read(self, path: Path, holdout: int) -> DataSet:
-        """The shots of a data set; no picture is decoded.
+        """The shots of a data set that is recognised; no picture is decoded.
 
-        Raises `UserError` if it is damaged.
-
-        Parameters
-        ----------
-        path : A folder or file that is recognised.
-        holdout : Every ``holdout``-th picture becomes a test view where the format's custom says
-            which; 0 holds out none.
+        Every ``holdout``-th picture becomes a test view where the format's custom says which; 0
+        holds out none. Raises `UserError` if the data set is damaged.
         """
 
     def load(self, path: Path, holdout: int) -> Views:

@@ -48,17 +48,11 @@ class ColmapImage:
 
 
 def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) -> Lens:
-    """A COLMAP camera as a lens.
+    """A COLMAP camera of this model and size in pixels as a lens; parameters in COLMAP's order.
 
-    Raises `UserError` if the parameters make no sense, or the model is none of SIMPLE_PINHOLE,
-    PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE,
-    OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
-
-    Parameters
-    ----------
-    model : COLMAP's name of the camera model.
-    width, height : Picture size in pixels.
-    parameters : In COLMAP's order for that model.
+    Raises `UserError` if they make no sense, or the model is none of SIMPLE_PINHOLE, PINHOLE,
+    SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE, OPENCV_FISHEYE,
+    SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
     """
     if min(width, height) < 1:
         raise UserError(f"a COLMAP camera has pictures of {width} x {height} pixels; export the "

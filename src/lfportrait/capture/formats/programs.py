@@ -102,10 +102,7 @@ def warn_left_out(count: int, total: int, file: Path, why: str = "are not aligne
 def warn_unmatched(pictures: Set[str], cameras: Set[str], folder: Path, place: Path) -> None:
     """Say which pictures of a folder have no camera, and which cameras no picture: a line each.
 
-    Parameters
-    ----------
-    pictures, cameras : The names by which they belong together; hidden files don't count.
-    folder, place : Where the pictures and the cameras are.
+    They belong together by their names, among which hidden files don't count.
     """
     pictures, cameras = ({name for name in names if not name.startswith(".")}
                          for names in (pictures, cameras))

@@ -37,11 +37,8 @@ LIMIT = 0.6
 def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:
     """How much places are ears, float32 [N] in [0, 1].
 
-    Parameters
-    ----------
-    plane : The head's unwrapping, with its landmarks.
-    points, flat : float32 [N, 3] and [N, 2], places of the surface in the portrait frame and
-        unwrapped, in world units.
+    Of places of the surface in the portrait frame, float32 [N, 3], and unwrapped, [N, 2]; world
+    units.
     """
     near = _ellipsoids(plane, points)
     if not (near > 0).any() or not (near == 0).any():

@@ -320,10 +320,8 @@ def _hair_end(plane: HeadPlane, flat: Float32) -> Float32:
 def around_face(plane: HeadPlane, flat: Float32, lowest: float) -> Bool:
     """Where a head may have hair, bool [N]: around the face, down to ``lowest`` behind.
 
-    Parameters
-    ----------
-    plane, flat : The head's unwrapping, and places [N, 2] in it.
-    lowest : How far hair hangs below the brows, in units of the face's height upwards.
+    That is how far hair hangs below the brows, in units of the face's height upwards; ``flat`` [N,
+    2] are places in the head's unwrapping.
     """
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     # Above the brows; towards the temples hair grows further down.

@@ -71,13 +71,7 @@ class _Places:
 
 
 class HatPainter:
-    """The hat of one exemplar, prepared for painting skins.
-
-    Parameters
-    ----------
-    exemplar, regions : The painting, bared or not, and its regions.
-    search, seed : Of the patches.
-    """
+    """The hat of one exemplar, bared or not, prepared for painting skins."""
 
     def __init__(self, exemplar: Exemplar, hat: Hat, search: PatchSearch, seed: int) -> None:
         worn = exemplar.covered or exemplar

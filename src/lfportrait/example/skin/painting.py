@@ -449,10 +449,7 @@ def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Floa
 def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
     """Lay the sitter's light and shade over ears that are painted without their relief.
 
-    Parameters
-    ----------
-    skin, canvas : Of the sitter, as the canvas has it, and of the painting.
-    color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    As for `even_edge`, in place.
     """
     ears = skin.ears * np.maximum(skin.seen, HARDLY)
     if skin.hair is not None:

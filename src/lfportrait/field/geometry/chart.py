@@ -106,16 +106,10 @@ class Chart:
 
     def cells_between(self, field: VoxelField, low: Float64, high: Float64, corners: Float64,
                       ) -> Int64:
-        """Empty lattice points that lie between the distances of their nearest cells.
+        """Empty lattice points, int64 [M, 3] (x, y, z), between distances of their nearest cells.
 
-        Parameters
-        ----------
-        low, high : float64 [V, U] each, world units.
-        corners : float64 [N, 3], world units: only lattice points in their box.
-
-        Returns
-        -------
-        cells : int64 [M, 3] (x, y, z), z after z.
+        z after z. The distances are float64 [V, U] each, the points in the box of ``corners``
+        float64 [N, 3]; world units.
         """
         first, last = (np.rint((f(corners, axis=0) - field.bounds[0]) / field.spacing - 0.5)
                        .astype(np.int64) for f in (np.min, np.max))
@@ -138,15 +132,9 @@ class Chart:
                 center: Float64, radius: Float64) -> tuple[Float32, Float32]:
         """How far lattice points lie outside of a surface along the rays, and a margin there.
 
-        Parameters
-        ----------
-        distance, margin : float64 [V, U] each, world units.
-        shape, center, radius : Lattice points along z, y, x, and their box, float64 [3] each (x,
-            y, z).
-
-        Returns
-        -------
-        beyond, margins : float32 [Z, Y, X] each, interpolated between four rays.
+        Distance and margin are float64 [V, U] each, world units, the lattice has ``shape`` points
+        along z, y, x in its box, float64 [3] each (x, y, z); float32 [Z, Y, X] each, interpolated
+        between four rays.
         """
         beyond, margins = np.empty(shape, np.float32), np.empty(shape, np.float32)
         spacing = 2.0 * np.asarray(radius, np.float64) / shape[::-1]
@@ -159,16 +147,9 @@ class Chart:
 def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:
     """Rays around the middle of head and neck: half its width behind the foremost points.
 
-    Parameters
-    ----------
-    points : float64 [N, 3], lattice points of the surface, world units; the lowest begins the
-        chart.
-    voxel : Their distance.
-    landmarks : [68, 3], iBUG order; the jaw's ends and a brow are known.
-
-    Returns
-    -------
-    chart : None where face and field do not fit.
+    Of the surface's lattice points, float64 [N, 3] in world units, ``voxel`` apart, the lowest
+    begins the chart. Of the landmarks [68, 3], iBUG order, the jaw's ends and a brow are known.
+    None where face and field do not fit.
     """
     cell, lowest = CELL * voxel, float(points[:, 1].min())
     ears = np.asarray(landmarks, np.float64)[[0, 16]]

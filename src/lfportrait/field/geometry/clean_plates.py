@@ -70,15 +70,8 @@ def plate_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
                  progress: Progress | None = None) -> list[Plane] | None:
     """Mattes of the person against what is behind, along the photos' edges.
 
-    Parameters
-    ----------
-    capture : Photos and cameras, in the portrait frame.
-    mattes : V mattes of a network, [H, W] in [0, 1], most of them right.
-
-    Returns
-    -------
-    mattes : V mattes, float32 [H, W] in [0, 1]; None where there is no telling person and room
-        apart (`CleanPlates.of`).
+    float32 [H, W] in [0, 1], of a network's, most of them right. None where there is no telling
+    person and room apart (`CleanPlates.of`).
     """
     if progress is not None:
         progress.update(0, "cutting out the person: the room behind")

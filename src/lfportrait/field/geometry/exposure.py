@@ -22,17 +22,10 @@ _DARK, _FEW, _NEAREST = 0.03, 150, 8
 
 
 def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float64, Float64]:
-    """Gains of photos.
+    """Gains of photos, float64 [V, 3] and [W, 3]: photo = gain * color at the mean exposure.
 
-    Parameters
-    ----------
-    maps : Photos with depth, which fix each other's gains.
-    others : Further photos (without depth), each compared with the former.
-
-    Returns
-    -------
-    gains, other_gains : float64 [V, 3] and [W, 3]: photo = gain * color of the scene at the mean
-        exposure. One where a photo shares nothing with the others.
+    Photos with depth fix each other's; the others, without, are compared with the former. One where
+    a photo shares nothing with the others.
     """
     position = np.stack([item.camera.position[0] for item in maps])
     points = [item.points() for item in maps]

@@ -129,17 +129,9 @@ def backing_planes(points: Points, persons: Float32, cameras: Points, usual: flo
 
 
 def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
-    """The object at the origin.
+    """The object at the origin, by depth maps of V views and mattes of their size in [0, 1].
 
-    Parameters
-    ----------
-    maps : Depth maps of V views.
-    mattes : V mattes of a network in [0, 1], each of its depth map's size.
-
-    Returns
-    -------
-    solid : The object, or None if nothing of known depth is near the origin, or if most mattes
-        see no person in what is.
+    None if nothing of known depth is near the origin, or if most mattes see no person in what is.
     """
     if not maps:
         return None

@@ -71,14 +71,10 @@ _ROUND, _SQUARE = 2.0, 2.6
 
 def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
                lowest: float = LOWEST) -> Chart:
-    """Rays around the middle of the bust (`Chart`).
+    """Rays around the middle of the bust (`Chart`): rows ``cell`` apart from ``lowest`` on.
 
-    Parameters
-    ----------
-    cell : Distance of rows, portrait units.
-    middle : x of the face's middle in the portrait frame.
-    frame : float64 [4, 4], similarity from the world to the portrait frame.
-    lowest : Height of the lowest row.
+    In portrait units, about x = ``middle``; ``frame`` float64 [4, 4] is the similarity from the
+    world to the portrait frame.
     """
     heights = np.arange(lowest, BROWS, cell)
     heights += BROWS - heights[-1]
@@ -112,17 +108,10 @@ def bust_distance(chart: Chart, chin: float = CHIN) -> Float64:
 
 
 def cosines_of(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64]:
-    """How squarely each camera looks at a surface.
+    """How squarely each camera looks at a surface, float64 [V, U] in world units.
 
-    Parameters
-    ----------
-    chart, distance : The surface, float64 [V, U], world units.
-    cameras : In the world.
-
-    Returns
-    -------
-    cosines : One a camera, float64 [V, U]: between the normal and the way to the camera, -1
-        where the surface hides itself.
+    One a camera, float64 [V, U]: the cosine between the normal and the way to the camera, -1 where
+    the surface hides itself.
     """
     points = chart.points(distance).reshape(-1, 3)
     normals = normals_of(chart, distance).reshape(-1, 3)

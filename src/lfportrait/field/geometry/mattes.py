@@ -39,18 +39,11 @@ _AGREE = 0.8
 
 
 def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
-    """Lay a rough matte along its photo's edges.
+    """Lay a rough matte, right within a few cells, along its photo's edges.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3].
-    coarse : float32 [H, W] in [0, 1], right within a few cells.
-    cell : Pixels to a cell (`lfportrait.capture.refine_matte`).
-
-    Returns
-    -------
-    matte, follows : float32 [H, W] in [0, 1], and whether the edges agree with the rough matte;
-        where they do not, the matte is that itself, steeper.
+    The photo is uint8 [H, W, 3], mattes float32 [H, W] in [0, 1]; ``cell`` as for `refine_matte`.
+    Also whether the edges agree with the rough matte; where they do not, the matte is that itself,
+    steeper.
     """
     rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
     if not len(rows):
@@ -68,16 +61,9 @@ def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
 
 
 def refined_mattes(field: VoxelField, capture: Capture) -> list[UInt8]:
-    """Mattes of photos, from a field that was trained with rougher ones.
+    """Mattes uint8 [H, W] of photos, from a field that was trained with rougher ones.
 
-    Parameters
-    ----------
-    field : The field so far.
-    capture : The photos, with mattes and what is behind the person.
-
-    Returns
-    -------
-    mattes : V mattes, uint8 [H, W]; a photo's own where its edges contradict the field.
+    A photo's own where its edges contradict the field; what is behind the person must be known.
     """
     assert capture.alphas is not None
     given = capture.alphas
@@ -108,17 +94,10 @@ _ALIKE = 0.75  # overlap with the outline from which a matte is thought to show 
 
 def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
             progress: Progress | None = None) -> list[Plane] | None:
-    """Cut the object at the origin out of photos by its geometry.
+    """Cut the object at the origin out of photos by its geometry: float32 [H, W] in [0, 1] each.
 
-    Parameters
-    ----------
-    capture : Photos and cameras, in the portrait frame.
-    mattes : V mattes of a network, [H, W] in [0, 1]; many may be wrong.
-
-    Returns
-    -------
-    mattes : V mattes, float32 [H, W] in [0, 1], or None where the photos show no object at the
-        origin (`find_solid`).
+    Of a network's mattes many may be wrong. None where the photos show no object at the origin
+    (`find_solid`).
     """
     solid = _solid(capture, mattes, progress)
     if solid is None:
@@ -146,18 +125,11 @@ def _listed(names: list[str]) -> str:
 
 def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
          progress: Progress | None = None) -> list[Plane]:
-    """Remove from good mattes what is far from the object by the photos' depth.
+    """Remove from mattes, most of them right, what is far from the object by the photos' depth.
 
-    Parameters
-    ----------
-    capture : Photos and cameras, in the portrait frame.
-    mattes : V mattes, [H, W] in [0, 1], most of them right.
-
-    Returns
-    -------
-    mattes : V mattes, float32 [H, W] in [0, 1]. One that the object's outline does not resemble
-        stays as it is, and all do where the photos show no object. What changes is not along
-        the photo's edges (`lfportrait.capture.refine_changes`).
+    Of [H, W] in [0, 1]; float32. One that the object's outline does not resemble stays as it is,
+    and all do where the photos show no object. What changes is not along the photo's edges
+    (`lfportrait.capture.refine_changes`).
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
     solid = _solid(capture, given, progress, _FEW)

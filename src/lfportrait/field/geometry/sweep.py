@@ -96,12 +96,9 @@ def small_view(capture: Capture, view: int) -> DepthMap:
 
 
 def stacked(pictures: Sequence[NDArray[Any]]) -> tuple[Float32, Int64]:
-    """Pictures [h, w] of any sizes as kernels take them.
+    """Pictures [h, w] of any sizes as kernels take them, and their rows and columns, int64 [K, 2].
 
-    Returns
-    -------
-    stack : float32 [K, H, W], each in its upper left corner, zero elsewhere.
-    sizes : int64 [K, 2], their rows and columns.
+    float32 [K, H, W]: each in its upper left corner, zero elsewhere.
     """
     sizes = np.array([picture.shape for picture in pictures], np.int64)
     stack = np.zeros((len(pictures), *sizes.max(axis=0)), np.float32)

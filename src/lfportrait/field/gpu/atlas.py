@@ -450,13 +450,10 @@ class Castable(Protocol):
 
 def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: float,
                whole: bool = True) -> tuple[str, str]:
-    """Have a field and its texture on the device; returns their names there.
+    """Have a field and its texture on the device's process; their names there.
 
-    Parameters
-    ----------
-    process, field : The device's process, and the field.
-    layers : Eyes that its colors are kept for.
-    footprint, whole : Width of the texture's detail that is wanted (`VoxelField.texture_rows`).
+    ``layers`` eyes are kept colors for; ``footprint`` and ``whole`` say which width of the
+    texture's detail is wanted (`VoxelField.texture_rows`).
     """
     bricks = field.bricks
     key = f"{bricks.token} {layers}"

@@ -79,14 +79,10 @@ class CurveFile:
 
 
 class Meter:
-    """Keeps the curves of a reconstruction and writes them to a log.
+    """Keeps the curves of a reconstruction, a point every few seconds, and writes them to a log.
 
-    Parameters
-    ----------
-    log : Where the curves go.
-    every : Seconds between two points.
-    measure_every : Seconds between two measurements on held-out views; 0 does not measure. The
-        clock stands still meanwhile.
+    It measures on held-out views every ``measure_every`` seconds, 0: never; the clock stands still
+    meanwhile.
     """
 
     def __init__(self, log: CurveFile | None = None, every: float = 1.0,
@@ -160,12 +156,9 @@ _BYTES, _BYTES_LAID = 460, 590
 def outlook(config: Settings, seconds: float, count: int, laid: bool, used: int) -> str:
     """One line: lattice points at the last level, memory, and time from now on.
 
-    Parameters
-    ----------
-    config : With all defaults put in, of photos with mattes; at least two levels.
-    seconds, count : Time of the first level, and its lattice points.
-    laid : Whether mattes are recomputed.
-    used : Most memory used so far, in bytes.
+    For photos with mattes, of at least two levels: ``seconds`` and ``count`` are time and lattice
+    points of the first, ``laid`` says whether mattes are recomputed, ``used`` is most memory so far
+    in bytes.
     """
     first, last = config.resolutions[0], config.resolutions[-1]
     points = count * (last / first) ** _GROWTH

@@ -203,11 +203,7 @@ class PoseRefiner:
     def refine(self, field: VoxelField, capture: Capture, gains: Float64) -> Capture:
         """The capture with the training views' cameras corrected once more.
 
-        Parameters
-        ----------
-        field : The field as far as it is trained.
-        capture : The photos and the cameras so far.
-        gains : float64 [V, 3], the training photos' exposures.
+        ``gains`` float64 [V, 3] are the training photos' exposures.
         """
         self.rounds += 1
         found = aligned(field, capture, self.given, self.views, gains)
@@ -222,11 +218,8 @@ class PoseRefiner:
                some: Int64 | None = None) -> Capture:
         """The capture with held-out cameras laid on the field, too, which learns nothing by it.
 
-        Parameters
-        ----------
-        field, capture : The field, and the photos.
-        gains : float64 [W, 3], the held-out photos' exposures.
-        some : Numbers of held-out views, from 0; by default all.
+        ``gains`` float64 [W, 3] are the held-out photos' exposures; ``some`` of them, by default
+        all.
         """
         tests = capture.testing()
         if some is not None:

@@ -54,11 +54,8 @@ def variation_of(config: Settings, level: int, count: int,
                  ) -> tuple[tuple[float, float], float, int]:
     """How a level's total variation is weighted, on a lattice of ``count`` points.
 
-    Returns
-    -------
-    weights : Of the density's and of the colors'.
-    scale : Differences between neighbours are multiplied by this.
-    run : Rows that are smoothed in a step.
+    Weights of the density's and of the colors', what differences between neighbours are multiplied
+    by, and the rows that are smoothed in a step.
     """
     finest = level == len(config.resolutions) - 1
     return ((config.lambda_tv * 0.5 ** level, config.lambda_tv_sh * (0.1 if finest else 1.0)),

@@ -59,14 +59,6 @@ def prepare_batch(path: Path, results: Path, *, made_from: MadeFrom = "auto",
 
     Raises `UserError` if the file, a painting or a display can't be used. A sitter's photos are
     another matter: they are in ``plan.refused``.
-
-    Parameters
-    ----------
-    path : The file (`load_jobs`).
-    results : Folder for all results.
-    made_from : As `BatchConfig.made_from`.
-    offline : Download no networks.
-    quiet : Print no progress.
     """
     jobs = load_jobs(path)
     if jobs.config.made_from == "auto":

@@ -68,14 +68,8 @@ def unknown_key(where: str, key: str, known: typing.Iterable[str]) -> UserError:
 def checked(value: Any, kind: Any, where: str) -> Any:
     """A value of a TOML file as a field of type ``kind`` takes it.
 
-    Raises `UserError` if the value is of another type.
-
-    Parameters
-    ----------
-    value : As `tomllib` read it.
-    kind : ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or
-        None.
-    where : File and entry, for the message.
+    Kinds are ``int``, ``float``, ``str``, ``bool``, a ``Literal``, a tuple of these, or one or
+    None. Raises `UserError`, naming ``where``, if the value is of another type.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin is typing.Annotated:

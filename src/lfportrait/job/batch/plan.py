@@ -51,11 +51,8 @@ def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
               fingerprint: Callable[[Path], str] = source_key) -> Plan[Task]:
     """The graph of the jobs of a file.
 
-    Parameters
-    ----------
-    jobs : What is wanted.
-    paintings : Hashes of the paintings (`painting_key`) by the names of the styles.
-    fingerprint : Hash of a sitter's photos; raises `UserError` where they can't be read.
+    ``paintings`` has the hashes of the paintings (`painting_key`) by the names of the styles;
+    ``fingerprint`` gives that of a sitter's photos, or a `UserError` where they can't be read.
     """
     def look(sitter: Sitter) -> str | UserError:
         try:

@@ -58,15 +58,7 @@ def serve_batch() -> None:
 
 
 class LocalRunner(Workers[Task]):
-    """Processes on this machine.
-
-    Parameters
-    ----------
-    results : Folder of all results.
-    cores : Of each task.
-    workers : Processes; 0: as many as there are cores for.
-    log : File for what workers print.
-    """
+    """Processes on this machine, by default as many as fit; each task has ``cores``."""
 
     def __init__(self, results: Path, cores: int, workers: int, log: Path) -> None:
         free, settings = free_memory_bytes(), thread_settings(cores)
@@ -80,17 +72,7 @@ class LocalRunner(Workers[Task]):
 
 
 def do_task(task: Task, results: Path) -> Outcome:
-    """Do a task.
-
-    Parameters
-    ----------
-    task : What to do.
-    results : Folder of all results.
-
-    Returns
-    -------
-    outcome : Failures of any kind are stored in it; none is raised.
-    """
+    """Do a task; failures of any kind are stored in its outcome, none is raised."""
     worker = f"{socket.gethostname()}:{os.getpid()}"
     before = finished(task, results)
     if before is not None:
@@ -175,15 +157,11 @@ def _joined(address: str) -> Any:
 
 
 class RayRunner(Runner[Task]):
-    """A Ray cluster.
+    """A Ray cluster, whose machines share the folder of all results.
 
-    Parameters
-    ----------
-    address : ``ray``: the cluster that runs here or that ``RAY_ADDRESS`` names, else one of this
-        machine; ``ray://HOST:PORT``: one elsewhere.
-    results : Folder of all results, the same on all machines.
-    cores : Of each task; 0: one.
-    workers : Tasks at once; 0: as many as there are cores for.
+    ``address`` is ``ray``: the cluster that runs here or that ``RAY_ADDRESS`` names, else one of
+    this machine; or ``ray://HOST:PORT``: one elsewhere. Each task has ``cores``, 0: one;
+    ``workers`` run at once, 0: as many as there are cores for.
     """
 
     def __init__(self, address: str, results: Path, cores: int, workers: int) -> None:

@@ -145,11 +145,8 @@ _DISTANCE = 4.0
 def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], size: int) -> Camera:
     """Square cameras on a head, framed so that all of it shows.
 
-    Parameters
-    ----------
-    cameras : (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer
-        than all of the head.
-    size : Of the pictures in pixels.
+    Each is (yaw, pitch, zoom): degrees to its left side and up, and how much nearer than all of the
+    head.
     """
     plain = sweep_cameras(0.0, 1, size, field)
     target_y = float(plain.position[0, 1])

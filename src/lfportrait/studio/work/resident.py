@@ -247,17 +247,10 @@ def _choose(sitting: Sitting, facts: Facts) -> dict[str, Any]:
 
 
 def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
-    """Landmarks of a usual face with the tip of its nose at a place, to be corrected by hand.
+    """Landmarks of a usual face, float64 [68, 2], with the tip of its nose at a place (x, y).
 
-    Parameters
-    ----------
-    place : x and y in pixels.
-    width, height : Of the picture: the face takes two fifths of the shorter side, or less near
-        the border.
-
-    Returns
-    -------
-    points : float64 [68, 2], in the picture as far as the place allows it.
+    They are to be corrected by hand. The face takes two fifths of the picture's shorter side, or
+    less near the border, and lies in the picture as far as the place allows it.
     """
     nose = np.clip(place, 0, [width - 1, height - 1])
     face = (GENERIC_LANDMARKS[:, :2] - GENERIC_LANDMARKS[_NOSE, :2]) * [1, -1]

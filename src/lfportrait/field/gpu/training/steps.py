@@ -132,16 +132,9 @@ class Notes:
 
     @staticmethod
     def of(device: Device, tiles: int, blocks: int, block_room: int, record_room: int) -> Notes:
-        """Make room.
+        """Room for ``tiles`` packets of so many blocks, and the blocks and records of a step.
 
         Raises `GpuLostError` if it would be more than a shader can see.
-
-        Parameters
-        ----------
-        device : Where.
-        tiles : Packets of a step.
-        blocks : Most blocks of a packet (`blocks_of_a_packet`).
-        block_room, record_room : Blocks and records of a step.
         """
         notes = Notes(tiles, _LIST + blocks, block_room, record_room)
         sizes = {"packets": 4 * tiles * notes.packet,
@@ -187,13 +180,8 @@ class Shells:
     def of(device: Device, links: Int32, data: Float32, mean_square: Float32) -> Shells:
         """Copy a background to the device.
 
+        ``links`` int32 [2 R, R], ``data`` float32 [N, layers, 4], ``mean_square`` [N * layers, 4].
         Raises `GpuLostError` if it is larger than what a shader can see.
-
-        Parameters
-        ----------
-        device : Where to.
-        links : int32 [2 R, R].
-        data, mean_square : float32 [N, layers, 4] and [N * layers, 4].
         """
         if max(links.nbytes, data.nbytes) > BINDING:
             raise GpuLostError(f"the background is too large for {device.adapter.title}")
@@ -463,17 +451,10 @@ class Steps:
 
     def measure(self, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
                 ) -> dict[str, Any]:
-        """Time what a step's kernels take; the lattice is of no use afterwards.
+        """Time what a step's kernels take, each run so often; the lattice is of no use afterwards.
 
-        Parameters
-        ----------
-        steps, inputs : One step, as for `take`.
-        repeats : How often each is run.
-
-        Returns
-        -------
-        figures : ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
-            ``blocks``, ``records`` and visible ``samples`` of the step.
+        Of one step, as for `take`: ``seconds``, ``kernels`` (name and seconds of each, in their
+        order), ``blocks``, ``records`` and visible ``samples``.
         """
         # Once, for room and for compiled kernels.
         self.take(steps[:1], inputs[:1], np.zeros(1, bool), np.ones(1, bool))
