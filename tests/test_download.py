@@ -313,14 +313,14 @@ def test_the_real_networks_of_the_main_job_come_from_a_mirror(server, shared_wei
     monkeypatch.delenv("LFPORTRAIT_MODELS", raising=False)
     monkeypatch.setenv("LFPORTRAIT_MIRROR", server.address)
     for name in models.GROUPS["portrait"]:
-        file = models.registry()[name][0].file
+        file = models.REGISTRY[name][0].file
         server.files[file] = (shared_weights / file).read_bytes()
     models.require(["portrait"], download=True, quiet=True)
     assert models.missing(["portrait"]) == []
     assert len(list((tmp_path / "cache").iterdir())) == 3
     # One of them spoilt on its way.
     name = "hair-segmentation"
-    entry = replace(models.registry()[name][0])
+    entry = replace(models.REGISTRY[name][0])
     (tmp_path / "cache" / entry.file).unlink()
     server.files[entry.file] = server.files[entry.file][:-1] + b"?"
     with pytest.raises(UserError, match=r"hair_segmentation\.tflite.*SHA-256"):

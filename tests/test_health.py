@@ -28,7 +28,7 @@ def test_each_thing_is_looked_at_once(tmp_path):
     names = [fact.name for fact in facts]
     assert len(set(names)) == len(names)
     assert {"Python", "processor", "vectors", "GPU", "threads", "kernels", "memory", "screen",
-            "pygame", "ffmpeg", "COLMAP", *models.registry()} <= set(names)
+            "pygame", "ffmpeg", "COLMAP", *models.REGISTRY} <= set(names)
     assert all(fact.text and "\n" not in fact.text for fact in facts)
 
 
@@ -63,7 +63,7 @@ def test_networks_tell_what_they_are_for_and_how_to_get_them(no_networks, monkey
 
 
 def test_every_network_has_a_purpose():
-    assert set(models.PURPOSES) == set(models.registry())
+    assert set(models.PURPOSES) == set(models.REGISTRY)
 
 
 def test_little_memory_and_disk_are_told(tmp_path, monkeypatch):

@@ -67,7 +67,7 @@ def test_the_listing_tells_what_is_here(shelf):
 
 
 def test_every_entry_is_complete():
-    for name, entries in models.registry().items():
+    for name, entries in models.REGISTRY.items():
         for entry in entries:
             assert entry.file, name
             assert entry.source, name
@@ -79,7 +79,7 @@ def test_every_entry_is_complete():
 
 
 def test_every_network_of_a_group_has_an_official_address():
-    registry = models.registry()
+    registry = models.REGISTRY
     for group, names in models.GROUPS.items():
         assert group not in registry
         for name in names:
@@ -91,7 +91,7 @@ def test_every_network_of_a_group_has_an_official_address():
 
 @pytest.mark.data
 def test_the_weights_at_hand_match_their_hashes(shared_weights):
-    entries = [entry for network in models.registry().values() for entry in network]
+    entries = [entry for network in models.REGISTRY.values() for entry in network]
     files = {entry.file for entry in entries if (shared_weights / entry.file).is_file()}
     assert len(files) >= 8
     for file in files:
@@ -125,13 +125,13 @@ def test_any_file_of_a_network_will_do(shelf, monkeypatch):
 @pytest.mark.data
 def test_the_networks_at_hand_pass_the_check(shared_weights, monkeypatch):
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
-    for name in models.registry():
+    for name in models.REGISTRY:
         if models.available(name):
             # A head lies in a collection of its own beside the networks.
             folder = models.fetch(name, download=False).parent
             assert folder in (shared_weights, shared_weights.parent / "head_prior")
     assert set(models.expand(["portrait", "paper", "inception"])) <= {
-        name for name in models.registry() if models.available(name)}
+        name for name in models.REGISTRY if models.available(name)}
 
 
 def test_an_offline_process_downloads_nothing(monkeypatch, tmp_path):

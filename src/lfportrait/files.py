@@ -77,7 +77,12 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         with contextlib.suppress(OSError):  # memory cards and network drives know no permissions
             os.chmod(temporary, 0o666 & ~_umask())
-        _rename(temporary, path)
+        try:
+            os.replace(temporary, path)
+        except OSError:  # some file systems refuse to rename over an older file
+            if not path.is_file():
+                raise
+            _rename_in_place(temporary, path)
     except OSError as error:
         raise UserError(f"can't write {path}: {error.strerror or error}; free some space or choose "
                         "another output with --out") from error
@@ -97,17 +102,10 @@ def fresh_folder(path: Path) -> Iterator[Path]:
         yield temporary
         with contextlib.suppress(OSError):  # some file systems know no permissions
             temporary.chmod(0o777 & ~_umask())
-        if not path.exists():
+        if path.exists():
+            _rename_in_place(temporary, path)
+        else:
             temporary.rename(path)
-            return
-        old = moved_name(temporary)
-        path.rename(old)
-        try:
-            temporary.rename(path)
-        except OSError:
-            old.rename(path)
-            raise
-        remove_part(old)
 
 
 def _umask() -> int:
@@ -118,21 +116,16 @@ def _umask() -> int:
     return umask
 
 
-def _rename(temporary: Path, path: Path) -> None:
-    """Rename over an older file, or, where the file system refuses that, in its place."""
+def _rename_in_place(temporary: Path, path: Path) -> None:
+    """Move an older file or folder away, rename, and remove the older one; or put it back."""
+    old = moved_name(temporary)
+    path.rename(old)
     try:
-        os.replace(temporary, path)
+        temporary.rename(path)
     except OSError:
-        if not path.is_file():
-            raise
-        old = moved_name(temporary)
-        os.rename(path, old)
-        try:
-            os.rename(temporary, path)
-        except OSError:
-            os.rename(old, path)
-            raise
-        old.unlink(missing_ok=True)
+        old.rename(path)
+        raise
+    remove_part(old)
 
 
 @contextlib.contextmanager
@@ -183,29 +176,19 @@ def temporary_home() -> Path:
 
 def write_json(path: str | os.PathLike[str], data: Any) -> None:
     """Write ``data`` as indented JSON, NumPy scalars and arrays included."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return value.tolist()
-        if isinstance(value, np.generic):
-            return value.item()
-        if isinstance(value, Path):
-            return str(value)
-        raise TypeError(f"{type(value).__name__} can't be written as JSON")
-
     with atomic_write(path) as stream:
-        stream.write((json.dumps(data, indent=1, default=plain) + "\n").encode())
+        stream.write((json.dumps(plain_json(data), indent=1) + "\n").encode())
 
 
 def plain_json(value: Any) -> Any:
-    """Dictionaries and lists as JSON takes them: paths as text, numbers of NumPy as plain ones."""
+    """Dictionaries and lists as JSON takes them: paths as text, no arrays of NumPy."""
     if isinstance(value, dict):
         return {str(key): plain_json(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
         return [plain_json(one) for one in value]
     if isinstance(value, Path):
         return str(value)
-    return value.item() if hasattr(value, "item") else value
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def script_json(data: Any) -> str:
@@ -369,10 +352,7 @@ def file_state(path: Path) -> tuple[int, int, int, int]:
 
     Raises `OSError` if there is none.
     """
-    return _state(path.stat())
-
-
-def _state(status: os.stat_result) -> tuple[int, int, int, int]:
+    status = path.stat()
     return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
 
 

@@ -190,7 +190,7 @@ def _window_system() -> str | None:
 def _networks() -> list[Fact]:
     """Those of the main job first."""
     first = models.GROUPS["portrait"]
-    names = sorted(models.registry(), key=lambda name: name not in first)
+    names = sorted(models.REGISTRY, key=lambda name: name not in first)
     needed = models.missing(first)
     return [_network(name, name in needed, name in models.missing([name])) for name in names]
 
@@ -201,6 +201,6 @@ def _network(name: str, needed: bool, missing: bool) -> Fact:
         return Fact("networks", name, purpose, value=True)
     group = next((group for group, members in models.GROUPS.items() if name in members), name)
     remedy = (f"lfportrait models fetch {group}" if models.fetchable(name)
-            else f"lfportrait models add {models.registry()[name][0].file}")
+            else f"lfportrait models add {models.REGISTRY[name][0].file}")
     return Fact("networks", name, f"missing: {purpose}", "bad" if needed else "optional", remedy,
                 False)

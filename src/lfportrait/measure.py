@@ -64,14 +64,10 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
     """
     try:
         before = _status("VmRSS")
-        with open("/proc/self/clear_refs", "w", encoding="utf-8") as stream:
-            stream.write("5")  # forget the peak so far
-        result = function()
-        return max(0, _status("VmHWM") - before), result
     except OSError:
         before = peak_memory_bytes()
-        result = function()
-        return peak_memory_bytes() - before, result
+    cost, result = cost_of(function)
+    return max(0, cost.peak_memory_bytes - before), result
 
 
 @dataclass(frozen=True)

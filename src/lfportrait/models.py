@@ -51,6 +51,7 @@ def _read_registry() -> dict[str, tuple[ModelFile, ...]]:
 
 
 REGISTRY = _read_registry()
+"""All networks by name; the files of one name serve the same purpose, first choice first."""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "portrait": ("face-landmarker", "person-segmentation", "hair-segmentation"),
@@ -84,11 +85,6 @@ PURPOSES: dict[str, str] = {
 # Networks that do the work of others where they are at hand.
 _STAND_INS = {"person-segmentation": "multiclass-segmentation",
               "hair-segmentation": "multiclass-segmentation"}
-
-
-def registry() -> dict[str, tuple[ModelFile, ...]]:
-    """All networks by name; the files of one name serve the same purpose, first choice first."""
-    return dict(REGISTRY)
 
 
 def cache_folder() -> Path:

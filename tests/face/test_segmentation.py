@@ -18,7 +18,7 @@ from lfportrait.face import segmentation
 from lfportrait.media.pictures import read_image
 from lfportrait.models import ModelFile
 
-REGISTRY = {name: models.registry()[name] for name in (
+REGISTRY = {name: models.REGISTRY[name] for name in (
     "person-segmentation", "hair-segmentation", "multiclass-segmentation")}
 
 

@@ -95,7 +95,7 @@ class ModelsAdd(Common):
 def _at_hand() -> dict[str, Any]:
     from .. import models
 
-    return {"models": {name: models.available(name) for name in models.registry()}}
+    return {"models": {name: models.available(name) for name in models.REGISTRY}}
 
 
 def _colored() -> bool:

@@ -168,12 +168,21 @@ def _share(mask: NDArray[np.floating], points: Float64) -> float:
     return float((mask[inside > 0] > 0.5).mean()) if inside.any() else 0.0
 
 
+def hand_at_face(image: UInt8, landmarks: Float64) -> float:
+    """Share of a face that is skin of the body; 0 without the network of parts."""
+    from ..face import parts
+
+    if models.missing(["multiclass-segmentation"]):
+        return 0.0
+    return _share(parts(image)["body-skin"], landmarks[_WHOLE])
+
+
 def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
     """Sentences about what lies before a face in a photo; empty where nothing does.
 
     The photo is uint8 [H, W, 3], sRGB, its landmarks float64 [68, 2] in pixels.
     """
-    from ..face import IN_PHOTOS, dark_glasses, find_spectacles, hair_mask, parts
+    from ..face import IN_PHOTOS, dark_glasses, find_spectacles, hair_mask
 
     found = []
     if not models.missing(["hair-segmentation"]):
@@ -185,11 +194,9 @@ def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
         if share > _COVERED:
             found.append(f"hair covers {100 * share:.0f} % of one half of the face in {name}: it "
                          "becomes paint on the skin; a photo with the hair combed back is better")
-    if not models.missing(["multiclass-segmentation"]):
-        share = _share(parts(image)["body-skin"], landmarks[_WHOLE])
-        if share > _HAND:
-            found.append(f"a hand seems to lie at the face in {name}: it becomes paint on the "
-                         "skin; use a photo without it")
+    if hand_at_face(image, landmarks) > _HAND:
+        found.append(f"a hand seems to lie at the face in {name}: it becomes paint on the skin; "
+                     "use a photo without it")
     if dark_glasses(image, landmarks):
         found.append(f"dark glasses hide the eyes in {name}: they become paint on the skin; use a "
                      "photo without them")

@@ -18,7 +18,6 @@ import numpy as np
 from PIL import Image, ImageDraw
 from scipy import ndimage
 
-from .. import models
 from ..arrays import Float32, Float64, UInt8
 from ..capture import BAD, FAIR, GOOD, INK, PAPER, Camera, font
 from ..demo import demo_landmarks
@@ -29,7 +28,7 @@ from ..files import write_image
 from ..lightfield import Display, EncodeConfig
 from ..media.pictures import read_image
 from ..stylize import PARTED, StylizeConfig, mouth_opening, stylize_with_figures
-from .photo_check import wrapped
+from .photo_check import hand_at_face, wrapped
 from .session import preview_head
 
 SMALL = 300
@@ -197,16 +196,7 @@ def _mouth(points: Float64) -> Finding | None:
 
 def _hand(image: UInt8, points: Float64) -> Finding | None:
     """A hand at the face, where the network of parts is at hand."""
-    if models.missing(["multiclass-segmentation"]):
-        return None
-    from ..face import parts
-
-    inside = np.zeros(image.shape[:2], np.uint8)
-    # Not the lowest part of the jaw: a throat is body, too.
-    outline = points[[*range(1, 6), 57, *range(11, 16), *range(26, 16, -1)]]
-    cv2.fillPoly(inside, [np.round(outline).astype(np.int32)], 1)
-    body = parts(image)["body-skin"]
-    share = float((body[inside > 0] > 0.5).mean()) if inside.any() else 0.0
+    share = hand_at_face(image, points)
     if share < HAND:
         return None
     return Finding("hand", "A hand seems to lie at the face: it is painted as skin of the face; "

@@ -41,7 +41,7 @@ def _networks() -> list[dict[str, Any]]:
              "size_bytes": min(entry.size for entry in entries),
              "present": models.available(name), "needed": name in needed,
              "licence": entries[0].licence}
-            for name, entries in models.registry().items()]
+            for name, entries in models.REGISTRY.items()]
 
 
 @TABLE.add("GET", "/api/doctor")
@@ -58,7 +58,7 @@ def doctor(call: Call) -> dict[str, Any]:
 @TABLE.add("POST", "/api/networks")
 async def networks(call: Call) -> tuple[int, dict[str, Any]]:
     """Download networks."""
-    names, known = call.data.get("names"), models.registry()
+    names, known = call.data.get("names"), models.REGISTRY
     if not isinstance(names, list) or not names or not all(one in known for one in names):
         raise Refusal("bad_request", "names must be networks of the list", field="names")
     jobs = call.desk.jobs
