@@ -78,8 +78,7 @@ class Capture:
         alpha = self.alphas[view].astype(np.float32)[..., None] / 255.0
         return image * alpha + background * (1.0 - alpha)
 
-    def reframed(self, similarity: Float64,
-                 landmarks: Float64 | None = None) -> Capture:
+    def reframed(self, similarity: Float64, landmarks: Float64 | None = None) -> Capture:
         """The capture in another world frame.
 
         Parameters

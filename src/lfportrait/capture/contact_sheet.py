@@ -31,9 +31,8 @@ def _shortened(draw: ImageDraw.ImageDraw, text: str, face: ImageFont.FreeTypeFon
     return text + "..."
 
 
-def contact_sheet(images: Sequence[UInt8], names: Sequence[str],
-                  marks: Mapping[str, str], *, fair: Mapping[str, str] | None = None,
-                  columns: int = 8) -> UInt8:
+def contact_sheet(images: Sequence[UInt8], names: Sequence[str], marks: Mapping[str, str], *,
+                  fair: Mapping[str, str] | None = None, columns: int = 8) -> UInt8:
     """Draw a contact sheet, uint8 [H, W, 3], of pictures uint8 [H, W, 3 or 4] and their names.
 
     What is wrong, or could be better, by name, stands in ``marks`` and ``fair``: these photos are

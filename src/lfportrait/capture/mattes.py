@@ -329,8 +329,7 @@ def lattice_votes(cameras: Camera, covered: Callable[[int], Bool] | None, center
     return np.asarray(seen), np.asarray(against)
 
 
-def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int,
-                 ) -> Float32:
+def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int) -> Float32:
     """The mean matte at each point of a lattice (`views_share`) over the views that show it.
 
     Of float32 [H, W] in [0, 1] for each of V views; float32 [size, size, size] (z, y, x), 1 where

@@ -43,8 +43,7 @@ class _Scan:
     broken: str
 
 
-def _followed(before: UInt8, after: UInt8, points: Float32,
-              ) -> tuple[Float32, Bool]:
+def _followed(before: UInt8, after: UInt8, points: Float32) -> tuple[Float32, Bool]:
     """Where points [K, 1, 2] of one picture are in another, and which were found."""
     place, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, points.copy(),
                                                winSize=(15, 15), maxLevel=4)

@@ -244,8 +244,7 @@ class Deinterlace(Common):
 
 
 def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: EncodeConfig,
-             photo: Path | None, *, screen: int, simulate: bool, seconds: float,
-             ) -> dict[str, Any]:
+             photo: Path | None, *, screen: int, simulate: bool, seconds: float) -> dict[str, Any]:
     """Show a field until the viewer closes the window, or the time is up; the figures.
 
     ``photo`` is the field to mix with; None: one of the same points beside it. ``screen`` is the

@@ -83,8 +83,7 @@ class _Painter:
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
-    def paint(self, photo: UInt8, points: Float64,
-              ) -> tuple[Float32, Any]:
+    def paint(self, photo: UInt8, points: Float64) -> tuple[Float32, Any]:
         """The picture of a photo with landmarks, float32 [H, W, 3], and the result as a whole."""
         result = self._apply("", photo, points)
         if not self.choices:
@@ -181,8 +180,7 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
             "frames_per_second": count / seconds, "flicker": flicker}
 
 
-def _first_face(frames: Iterator[UInt8], most: int = 30,
-                ) -> tuple[Iterator[UInt8], Float64 | None]:
+def _first_face(frames: Iterator[UInt8], most: int = 30) -> tuple[Iterator[UInt8], Float64 | None]:
     """All frames, and the landmarks of the first face among the first ``most``, or None."""
     looked_at: list[UInt8] = []
     points = None

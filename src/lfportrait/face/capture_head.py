@@ -177,8 +177,7 @@ class _Solver:
                                 MOST_DEVIATIONS)
         self.expression = np.clip(self.expression + change[7 + count:], -0.2, 1.2)
 
-    def _surface(self, placed: Float64, reach: float,
-                 ) -> tuple[Int64, Float64, Float64, Float64]:
+    def _surface(self, placed: Float64, reach: float) -> tuple[Int64, Float64, Float64, Float64]:
         """Vertices that a surface is near to, its normals, their distances before it, weights."""
         assert self.tree is not None
         normals = with_normals(placed, self.prior.triangles)[self.drawn]

@@ -176,8 +176,7 @@ def _inside_a_head(image: UInt8, points: Float64) -> bool:
     return bool((person_matte(np.ascontiguousarray(image))[y, x] > 0.9).all())
 
 
-def _second_opinion(image: UInt8, points: Float64,
-                    ) -> Float64:
+def _second_opinion(image: UInt8, points: Float64) -> Float64:
     """The mean of MediaPipe's landmarks and face-api's, where both saw the same face.
 
     The two err in different directions: over 14 painted and sculpted portraits the mean error is
@@ -233,8 +232,7 @@ def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
     return None
 
 
-def _turn_back(points: Float64, turn: int, shape: tuple[int, ...],
-               ) -> Float64:
+def _turn_back(points: Float64, turn: int, shape: tuple[int, ...]) -> Float64:
     """Points found in a picture turned by quarter turns, in the picture itself."""
     height, width = shape[:2]
     x, y = points[:, 0], points[:, 1]
@@ -316,8 +314,7 @@ def _leaky(x: Float32) -> Float32:
     return np.maximum(x, np.float32(0.1) * x)
 
 
-def detect_face(image: UInt8, least: float = 0.4,
-                ) -> tuple[Float64, float] | None:
+def detect_face(image: UInt8, least: float = 0.4) -> tuple[Float64, float] | None:
     """The box (x, y, width, height) of the most certain face, with its score, or None.
 
     In a picture uint8 [H, W, 3]; a box of a score below ``least`` is no face.

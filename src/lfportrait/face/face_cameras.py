@@ -143,8 +143,7 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
                    figures=figures)
 
 
-def _faces(images: list[UInt8], say: Callable[[str], None],
-           ) -> list[Float64 | None]:
+def _faces(images: list[UInt8], say: Callable[[str], None]) -> list[Float64 | None]:
     """Landmarks of each photo; of many, of those in which a first look finds a face."""
     def look(number: int, thorough: bool) -> Float64 | None:
         say(f"looking for the face in photo {number + 1} of {len(images)}")

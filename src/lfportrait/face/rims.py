@@ -303,8 +303,7 @@ def _partners(number: int, yaw: float) -> list[int]:
             and least <= one[0] / wide <= 1.11]
 
 
-def _best(face: UprightFace, votes: list[Float32], number: int,
-          likely: Float32) -> RimPair | None:
+def _best(face: UprightFace, votes: list[Float32], number: int, likely: Float32) -> RimPair | None:
     """The best pair whose near rim has a curve, or None."""
     wide = CURVES[number][0]
     partners = _partners(number, face.pose.yaw)
@@ -424,8 +423,7 @@ def _smooth(points: Float64) -> Float64:
     return np.stack([smooth.real, smooth.imag], axis=1)
 
 
-def _courses(lines: Sequence[Float32], middles: Float64, points: Float64, room: Float64,
-             ) -> Float64:
+def _courses(lines: Sequence[Float32], middles: Float64, points: Float64, room: Float64) -> Float64:
     """Where the best lines run along closed curves: times the distance from the middle, [K, n].
 
     ``points`` are [K, n, 2] about ``middles``, [K, 1, 2].

@@ -159,8 +159,7 @@ def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     return _person(image, _quarter_turns(up))
 
 
-def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
-              ) -> Float32:
+def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512) -> Float32:
     """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`.
 
     ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
@@ -182,8 +181,7 @@ def mattes(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
     return _person(image, turns), _hair(image, turns, size)
 
 
-def parts(image: UInt8, up: NDArray[Any] | None = None,
-          ) -> dict[str, Float32]:
+def parts(image: UInt8, up: NDArray[Any] | None = None) -> dict[str, Float32]:
     """How much of each pixel is each part of a person, by the network of six parts.
 
     float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1. The arguments are those of
@@ -305,8 +303,7 @@ def _forehead(landmarks: Float64, reach: float) -> Float64:
     return middle - across * -np.cos(angle) + upward * np.sin(angle) * reach * face
 
 
-def face_mask(image: UInt8, landmarks: Float64, *,
-              softness: float = 0.02) -> Float32:
+def face_mask(image: UInt8, landmarks: Float64, *, softness: float = 0.02) -> Float32:
     """The soft mask of the face in a photo uint8 [H, W, 3] (sRGB), float32 [H, W] in [0, 1].
 
     By landmarks float64 [68, 2] in pixels; ``softness`` is the width of the edge (sigma) relative
@@ -333,8 +330,7 @@ def face_mask(image: UInt8, landmarks: Float64, *,
     return out
 
 
-def _small_mask(image: UInt8, landmarks: Float64,
-                softness: float) -> Float32:
+def _small_mask(image: UInt8, landmarks: Float64, softness: float) -> Float32:
     """`face_mask` of a picture that holds little else."""
     shape = image.shape[:2]
 

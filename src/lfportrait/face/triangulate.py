@@ -108,8 +108,7 @@ def triangulate(cameras: Camera, points: Float64, *, tolerance: float | None = N
     return found, errors, inliers
 
 
-def _best_start(cameras: Camera, points: Float64, views: Int64, tolerance: float,
-                ) -> Float64:
+def _best_start(cameras: Camera, points: Float64, views: Int64, tolerance: float) -> Float64:
     """The linear solution, from all views or from the pair that most others agree with."""
     across, along = _across(cameras[views], points[views])
     left, right = across.sum(0)[None], along.sum(0)[None]

@@ -261,8 +261,7 @@ class PhotoCheck:
                 "photos": [asdict(one) for one in self.photos]}
 
 
-def _upright(points: Float64, size: tuple[int, int],
-             turn: int) -> Float64:
+def _upright(points: Float64, size: tuple[int, int], turn: int) -> Float64:
     """Points [68, 2] of a picture of ``size`` turned counter-clockwise by quarter turns."""
     for _ in range(turn):
         points, size = np.stack([points[:, 1], size[0] - points[:, 0]], 1), size[::-1]

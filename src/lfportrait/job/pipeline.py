@@ -205,8 +205,7 @@ def _amounts(config: MakeConfig, source: Source) -> dict[str, float]:
         "refinements": (0.3 if style.content_network == "embedded" else 1.0) * style.refinements}
 
 
-def _trained(stage: str, config: MakeConfig, source: Source, look: bool, cores: int,
-             ) -> list[Step]:
+def _trained(stage: str, config: MakeConfig, source: Source, look: bool, cores: int) -> list[Step]:
     """The levels of the training, and what comes before, between and after them."""
     cost = {name: alone + shared / cores for name, (alone, shared) in _TRAINING.items()}
     narrow = not source.matted  # as hand-held photos mostly are

@@ -131,8 +131,7 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
 
 
 def _following(capture: Capture, soft: list[Float32], config: CalibrateConfig,
-               progress: Progress | None,
-               ) -> tuple[Capture, list[Float32], dict[str, Any]]:
+               progress: Progress | None) -> tuple[Capture, list[Float32], dict[str, Any]]:
     """The capture and its rough mattes, its cameras following a head that moved; figures."""
     if progress is not None:
         progress.update(0, "checking whether the head moved")
@@ -390,8 +389,7 @@ def rough_mattes(capture: Capture, progress: Progress | None = None,
     return soft
 
 
-def cut_person(capture: Capture, progress: Progress | None = None,
-               network: Network | None = None,
+def cut_person(capture: Capture, progress: Progress | None = None, network: Network | None = None,
                soft: list[Float32] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 

@@ -236,8 +236,7 @@ class StyleCheck:
 
 
 def chosen_face(path: Path, image: UInt8, face: int = 0,
-                at: tuple[float, float] | None = None,
-                ) -> tuple[Float64, list[Float64]]:
+                at: tuple[float, float] | None = None) -> tuple[Float64, list[Float64]]:
     """Landmarks of the one face of a picture that is meant, and of all that were found.
 
     By its number, the largest is 1 (0, too), or by a place (x, y) in pixels on it. Raises

@@ -211,9 +211,8 @@ def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,
 
 
 def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
-                progress: Progress | None, checkpoint: Path | None = None, *,
-                device: str = "auto", look: Look | None = None,
-                ) -> tuple[dict[str, Any], VoxelField]:
+                progress: Progress | None, checkpoint: Path | None = None, *, device: str = "auto",
+                look: Look | None = None) -> tuple[dict[str, Any], VoxelField]:
     """Reconstruct the field of a capture; its figures, and the field as written.
 
     ``look`` is offered fields that are made in part, with the capture.
@@ -231,9 +230,8 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
 
 
 def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,
-                 config: MakeConfig, seed: int, progress: Progress | None, *,
-                 device: str = "auto", skin: Skin | None = None,
-                 ) -> tuple[dict[str, Any], VoxelField]:
+                 config: MakeConfig, seed: int, progress: Progress | None, *, device: str = "auto",
+                 skin: Skin | None = None) -> tuple[dict[str, Any], VoxelField]:
     """Stylise a field by exemplars; the figures, and the field as written."""
     from ..stylize import stylize_with_figures
 

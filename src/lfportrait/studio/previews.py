@@ -74,8 +74,7 @@ class Previews:
         """Whether questions are being answered."""
         return len(self._schedule) > 0
 
-    async def ask(self, name: str, facts: dict[str, Any], slot: str = "",
-                  turn: Turn | None = None,
+    async def ask(self, name: str, facts: dict[str, Any], slot: str = "", turn: Turn | None = None,
                   gone: Callable[[], Awaitable[None]] | None = None) -> Any:
         """The answer to a question (`lfportrait.studio.work.resident`).
 

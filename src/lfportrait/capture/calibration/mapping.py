@@ -74,9 +74,8 @@ class Placing:
 class _Mapper:
     """COLMAP's two ways of mapping, with fixed seeds and on one thread: the same every time."""
 
-    def __init__(self, pycolmap: Any, scene: Scene, model: str,
-                 seen_again: NDArray[np.int64], report: Callable[[], None],
-                 lens_known: bool) -> None:
+    def __init__(self, pycolmap: Any, scene: Scene, model: str, seen_again: NDArray[np.int64],
+                 report: Callable[[], None], lens_known: bool) -> None:
         self.pycolmap, self.scene, self.model, self.report = pycolmap, scene, model, report
         self.seen_again, self.lens_known = seen_again, lens_known
         self.runs = 0

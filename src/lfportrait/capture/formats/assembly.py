@@ -210,10 +210,8 @@ def _check(lens: Lens, name: str) -> None:
                         f"{lens.center[0]:g}, {lens.center[1]:g}")
 
 
-def assemble(poses: Float64, lenses: list[Lens],
-             pictures: Iterable[UInt8], names: list[str],
-             held_out: Bool | None, holdout: int,
-             box: Float64 | None = None,
+def assemble(poses: Float64, lenses: list[Lens], pictures: Iterable[UInt8], names: list[str],
+             held_out: Bool | None, holdout: int, box: Float64 | None = None,
              depths: Sequence[DepthMap | None] | None = None) -> Views:
     """Views in the portrait frame from poses, lenses and photos.
 
@@ -308,8 +306,7 @@ def mask_of(shot: Shot, finder: Finder) -> Path | None:
     return mask_places(finder, shot.masks, shot.mask_name or shot.path.name)
 
 
-def _upright(shot: Shot, picture: UInt8, noted: int,
-             ) -> tuple[Float64, Lens, UInt8, int]:
+def _upright(shot: Shot, picture: UInt8, noted: int) -> tuple[Float64, Lens, UInt8, int]:
     """Pose, lens and picture of a shot, upright, and how often it was turned for that.
 
     Clockwise quarter turns of the picture as it was read.

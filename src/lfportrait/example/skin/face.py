@@ -67,8 +67,7 @@ class CopiedFace:
         ground = PICTURE_LABELS.index("background")
         self.labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
 
-    def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
-             ) -> Bool:
+    def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float) -> Bool:
         """Where the face is painted as on a photo, [N]; the rest is patches.
 
         Parameters

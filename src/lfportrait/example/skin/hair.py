@@ -172,8 +172,7 @@ def hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float3
     return _classified_hair(plane, colors, flat, seen, ears, crown, face, lowest, bearded)
 
 
-def _bare_face(colors: Float32, up: Float32, front: Bool, crown: Bool,
-               ) -> tuple[Bool, bool]:
+def _bare_face(colors: Float32, up: Float32, front: Bool, crown: Bool) -> tuple[Bool, bool]:
     """Skin of the face among places in ``front``, bool [N], and whether there is a beard.
 
     A forehead under a fringe and a bearded chin are more like the crown than like the cheeks.
@@ -205,8 +204,7 @@ def settled_hair(graph: SurfaceGraph, hair: Float32, seen: Float32) -> Float32:
 
 
 def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,
-                hairy: Bool, bare: Bool, lowest: float,
-                bearded: bool = False) -> Float32:
+                     hairy: Bool, bare: Bool, lowest: float, bearded: bool = False) -> Float32:
     """Hair around the face by its color, [N], from samples [N] of hair and of skin.
 
     ``lowest`` is how far it hangs below the brows, in units of the face's height upwards;
@@ -281,8 +279,7 @@ def without_bays(plane: HeadPlane, flat: Float32, hair: Float32) -> Float32:
     return np.maximum(hair, cells.closed(hair, round(BAY / BAY_CELL)))
 
 
-def with_strands(plane: HeadPlane, flat: Float32, hair: Float32, known: Bool,
-                 ) -> Float32:
+def with_strands(plane: HeadPlane, flat: Float32, hair: Float32, known: Bool) -> Float32:
     """Hair [N] by color, with its strands that shine or lie in shade, float32 [N].
 
     They have the colors of skin, or half of them: painted so they would be streaks of skin, or of

@@ -253,9 +253,8 @@ class SkinPainter:
     """
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
-                 transfer: TransferConfig | None = None, seed: int = 0,
-                 fringe: bool = False, lids: Lids = (False, False),
-                 wear: tuple[Wear, ...] = ()) -> None:
+                 transfer: TransferConfig | None = None, seed: int = 0, fringe: bool = False,
+                 lids: Lids = (False, False), wear: tuple[Wear, ...] = ()) -> None:
         self.given = exemplar
         # The painter that this one was moved from.
         self._first: SkinPainter | None = None
@@ -377,9 +376,8 @@ class SkinPainter:
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
     def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
-                 position: Float32, anchor: Float32, ratio: Float32, labels: UInt8,
-                 near: Float32, core: Bool, bearded: Float32,
-                 painted: Future[Float32]) -> PatchRequest:
+                 position: Float32, anchor: Float32, ratio: Float32, labels: UInt8, near: Float32,
+                 core: Bool, bearded: Float32, painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
         ``bearded`` float32 [N] in [0, 1] is how far the guide leads to a beard; ``painted`` is the

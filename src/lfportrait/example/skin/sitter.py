@@ -61,9 +61,8 @@ COLLAR = 1.4
 """Down to here (brows 0, chin 1) a chin throws its shade; what is worn there goes on below."""
 
 
-def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,
-                 flat: Float32, hair: Float32 | None, ears: Float32,
-                 clothes: Float32) -> UInt8:
+def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32, flat: Float32,
+                 hair: Float32 | None, ears: Float32, clothes: Float32) -> UInt8:
     """Soft labels of a skin's places, uint8 [N, R] by `SURFACE_LABELS`.
 
     Parameters
@@ -273,8 +272,7 @@ def _unit(plane: HeadPlane) -> float:
     return face_size(plane.unwrap(plane.landmarks[plane.known]))
 
 
-def _looks(atlas: Atlas, index: Int32, size: float,
-           ) -> tuple[Float32, Float32, Float32, Float32]:
+def _looks(atlas: Atlas, index: Int32, size: float) -> tuple[Float32, Float32, Float32, Float32]:
     """Tone, detail, appearance, contours of the owning pixels; ``size`` of the face in pixels."""
     luma = grey(atlas.color)[..., None].copy()
     exchange(atlas.owner, luma)

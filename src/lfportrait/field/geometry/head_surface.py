@@ -178,8 +178,7 @@ class SurfaceSweep:
         trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)
         return offset, trust
 
-    def _agreement(self, points: Float64, weights: Float32, window: int,
-                   ) -> tuple[Float32, Float32]:
+    def _agreement(self, points: Float64, weights: Float32, window: int) -> tuple[Float32, Float32]:
         """Mean correlation of the photos with their mean, and the mean's variance, [V, U] each."""
         shape = points.shape[:2]
         score, total, own = np.empty((3, *shape), np.float32)

@@ -180,8 +180,7 @@ _TOGETHER = 8_000_000
 
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
-                     gains: Float64 | None = None,
-                     some: Int64 | None = None,
+                     gains: Float64 | None = None, some: Int64 | None = None,
                      others: Mapping[str, tuple[Capture, Float64 | None]] | None = None,
                      kept: Sequence[Bool] | None = None) -> dict[str, float]:
     """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.

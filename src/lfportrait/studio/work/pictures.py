@@ -61,8 +61,7 @@ class Teller:
         self.tell("page", stage)
 
     @contextmanager
-    def stage(self, name: str, draw: Callable[[Any], UInt8] | None = None,
-              ) -> Iterator[Progress]:
+    def stage(self, name: str, draw: Callable[[Any], UInt8] | None = None) -> Iterator[Progress]:
         """A stage of the work, with its progress, its warnings and its time.
 
         ``draw`` draws an intermediate result.
@@ -83,8 +82,7 @@ class Teller:
             yield progress
         self.tell("done", name, round(time.perf_counter() - begun, 3))
 
-    def tools(self, stage: str, draw: Callable[[Any], UInt8] | None = None,
-              **more: Any) -> Tools:
+    def tools(self, stage: str, draw: Callable[[Any], UInt8] | None = None, **more: Any) -> Tools:
         """Tools whose progress is a stage's (`lfportrait.job.do_stage`)."""
         teller = self
 
