@@ -286,8 +286,11 @@ def _similarity(scale: float, rotation: Float64, middle: Float64) -> Float64:
     return similarity
 
 
-def _fit(source: Float64, target: Float64) -> tuple[float, Float64, Float64]:
-    """Scale, rotation and source mean of the least-squares similarity (Umeyama 1991)."""
+def laid_over(source: Float64, target: Float64) -> tuple[float, Float64, Float64]:
+    """The similarity of least squares between points [N, 3] (Umeyama 1991).
+
+    Its scale and rotation, and the middle of the source, which it moves to that of the target.
+    """
     mean = source.mean(0)
     spread, wanted = source - mean, target - target.mean(0)
     u, values, vt = np.linalg.svd(wanted.T @ spread)
@@ -322,7 +325,7 @@ def portrait_frame_from_landmarks(landmarks: Float64, cameras: Camera) -> Float6
     source, target = np.array(known).reshape(-1, 3), np.array(wanted).reshape(-1, 3)
     if len(source) < 4:
         return portrait_frame_from_cameras(cameras)
-    scale, rotation, mean = _fit(source, target)
+    scale, rotation, mean = laid_over(source, target)
     # Where the portrait frame's origin, behind the eyes of the mean face, lies in the source.
     origin = np.array([0.0, 0.0, -_MIDDLE_BEHIND_EYES]) - target.mean(0)
     return _similarity(scale / _HALF_EDGE, rotation, mean + rotation.T @ origin / scale)

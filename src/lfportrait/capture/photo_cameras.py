@@ -45,9 +45,9 @@ from .calibration.features import (
     worth_placing,
 )
 from .calibration.mapping import adjust, place_photos, starting_model
-from .camera import Camera, portrait_frame_from_cameras
+from .camera import portrait_frame_from_cameras
 from .capture import Capture
-from .formats import assemble, lens_of, turned_upright
+from .formats import assemble, lens_of, pinholes, turned_upright
 from .lenses import Lens
 from .photos import Photo, blurred
 from .video import read_source
@@ -329,7 +329,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     kept = [photo for photo in loaded if photo.name in found]
     lenses = [found[photo.name][1] for photo in kept]
     poses = np.array([found[photo.name][0] for photo in kept])
-    similarity = portrait_frame_from_cameras(_pinholes(poses, lenses))
+    similarity = portrait_frame_from_cameras(pinholes(poses, lenses))
     poses = similarity @ poses
     poses[:, :3, :3] /= np.cbrt(np.linalg.det(similarity[:3, :3]))
     capture = Capture(**assemble(poses, lenses, [photo.image for photo in kept],
@@ -343,10 +343,3 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
 def _listed(names: list[str]) -> str:
     """The first few names, for a message of one line."""
     return f"{', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
-
-
-def _pinholes(poses: Float64, lenses: list[Lens]) -> Camera:
-    return Camera(poses, np.array([lens.focal for lens in lenses]),
-                  np.array([lens.center for lens in lenses]),
-                  np.array([lens.width for lens in lenses]),
-                  np.array([lens.height for lens in lenses]))

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from .. import models
 from ..arrays import Bool, Float64, Int64
+from ..capture import laid_over
 from ..field.closing import FittedHead
 from .head_fit import EXPRESSION, MOST_DEVIATIONS
 from .head_prior import EYES, SOCKETS, HeadPrior, head_prior, with_normals
@@ -137,8 +138,9 @@ class _Solver:
         self.landmarks = seen[self.used]
         self.identity = np.zeros(len(prior.identity))
         self.expression = np.zeros(len(prior.expression))
-        self.rotation, self.scale, self.shift = _similarity(
+        self.scale, self.rotation, middle = laid_over(
             prior.mean[prior.landmarks[self.used]].astype(np.float64), self.landmarks)
+        self.shift = self.landmarks.mean(axis=0) - self.scale * self.rotation @ middle
         self.drawn = _spread(prior)
         y, z = prior.mean.T[1:]
         self.hairy = (y > _HIGH) | ((z < _BEHIND) & (y > _NAPE))
@@ -220,16 +222,6 @@ def _without_lean(prior: HeadPrior, landmarks: Float64) -> Float64:
     up /= np.linalg.norm(up)
     axes = np.stack([across, -up, np.cross(across, up)])
     return np.asarray(landmarks - eyes * prior.lean @ axes, np.float64)
-
-
-def _similarity(model: Float64, given: Float64) -> tuple[Float64, float, Float64]:
-    """Rotation, scale and shift that bring points of a model to given ones (Umeyama 1991)."""
-    middle, target = model.mean(axis=0), given.mean(axis=0)
-    left, size, right = np.linalg.svd((given - target).T @ (model - middle))
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = (left * sign) @ right
-    scale = float((size * sign).sum() / ((model - middle) ** 2).sum())
-    return rotation, scale, target - scale * rotation @ middle
 
 
 def _spread(prior: HeadPrior) -> Int64:

@@ -118,7 +118,7 @@ def _softmax(values: Float32) -> Float32:
     return powers / powers.sum(axis=-1, keepdims=True)
 
 
-def _quarter_turns(up: NDArray[Any] | None) -> int:
+def quarter_turns(up: NDArray[Any] | None) -> int:
     """Quarter turns (counter-clockwise) that put the direction ``up`` (x right, y down) on top."""
     if up is None:
         return 0
@@ -156,7 +156,7 @@ def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     -------
     matte : float32 [H, W] in [0, 1], of the network's 256x256 resolution.
     """
-    return _person(image, _quarter_turns(up))
+    return _person(image, quarter_turns(up))
 
 
 def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512) -> Float32:
@@ -167,13 +167,13 @@ def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512) -> 
     two fifths and in less than one of 100; paintings want 512. The network of six parts always sees
     256.
     """
-    return _hair(image, _quarter_turns(up), size)
+    return _hair(image, quarter_turns(up), size)
 
 
 def mattes(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
            ) -> tuple[Float32, Float32]:
     """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
-    turns = _quarter_turns(up)
+    turns = quarter_turns(up)
     if models.available(_MULTICLASS):
         shares, shape = _shares(image, turns)
         return _full_size(1 - shares[..., 0], shape, turns), _full_size(shares[..., 1], shape,
@@ -189,7 +189,7 @@ def parts(image: UInt8, up: NDArray[Any] | None = None) -> dict[str, Float32]:
     with a stand-in of the same shapes: its file was not at hand. Raises `UserError` if the network
     (``multiclass-segmentation``) is missing, or its file has other outputs.
     """
-    turns = _quarter_turns(up)
+    turns = quarter_turns(up)
     shares, shape = _shares(image, turns)
     return {name: _full_size(shares[..., index], shape, turns)
             for index, name in enumerate(SEGMENTS)}

@@ -15,6 +15,7 @@ from ..arrays import Bool, Float64, Int64
 from ..capture import Camera, Capture, focus_point
 from ..progress import Progress
 from .detect import detect_landmarks, face_yaw
+from .segmentation import quarter_turns
 
 _SPREAD = 24
 """Views tried first, spread over the capture."""
@@ -132,19 +133,11 @@ def frontal_order(cameras: Camera) -> Int64:
     return np.argsort(yaw + 0.5 * pitch, kind="stable")
 
 
-def _upright_turn(cameras: Camera, view: int) -> int:
-    """Quarter turns (counter-clockwise) that bring the world's +y to the top of a picture."""
-    up = cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
-    if abs(up[0]) > abs(up[1]):
-        return 1 if up[0] > 0 else 3
-    return 0 if up[1] <= 0 else 2
-
-
 def _detect(capture: Capture, view: int, thorough: bool) -> Float64 | None:
     """Landmarks of one view; the picture is turned upright, a matted one put on grey."""
     image = np.round(255 * capture.image_float(view, background=0.6)).astype(np.uint8)
-    return detect_landmarks(image, turns=(_upright_turn(capture.cameras, view),),
-                            thorough=thorough)
+    up = capture.cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
+    return detect_landmarks(image, turns=(quarter_turns(up),), thorough=thorough)
 
 
 def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> dict[int, Float64]:

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bool, Float64
+from ..arrays import Bool, Float64, Int32, Int64
 from ..capture import Capture
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
@@ -177,7 +177,7 @@ def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
                      if name in after}
     if meter is not None and meter.measure_every > 0:
         figures["curve"] = meter.points
-        figures["train"]["casting"] = casting_figures(trainer)
+        figures["train"]["casting"] = _casting_figures(trainer)
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
     field = finished
@@ -291,33 +291,45 @@ def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, floa
     return figures
 
 
-def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
+_CASTS = 8
+"""Batches that are cast for these figures."""
+_Cast = Callable[[Int32, Int64], dict[str, float]]
+"""From a batch's tiles and blocks: ``seconds``, ``samples`` and ``records``."""
+
+
+def _casting_figures(trainer: Trainer) -> dict[str, float]:
     """Time of casting rays forward and backward, and of applying their gradients.
 
-    Parameters
-    ----------
-    trainer : A reconstruction that is finished.
-    batches : How many to cast; the fastest counts.
-
-    Returns
-    -------
-    figures : ``rays_per_second`` of the two kernels alone; ``samples_per_ray``;
-        ``rows_per_ray``, records of lattice points that a batch leaves by its number of rays;
-        ``row_width``, values a point; ``batch``, rays of a step. On a GPU all kernels of a step
-        count.
+    Of a reconstruction that is finished: ``rays_per_second`` of the fastest batch, for the two
+    kernels alone; ``samples_per_ray``; ``rows_per_ray``, records of lattice points that a batch
+    leaves by its number of rays; ``row_width``, values a point; ``batch``, rays of a step. On a GPU
+    all kernels of a step count.
     """
-    if trainer.process is not None:
-        return _on_gpu(trainer, trainer.process, batches)
-    zero = np.float32(0.0)
-    lattice, data, config = trainer.lattice, trainer.data, trainer.config
-    assert lattice is not None
-    caster = Caster(lattice, data, trainer.basis, trainer.workers)
-    caster.skip_clear(trainer.options()[1])
+    cast = (_cast_on_cpu(trainer) if trainer.process is None
+            else _cast_on_gpu(trainer, trainer.process))
+    data, config = trainer.data, trainer.config
     last = len(config.resolutions) - 1
     order = Batches(data, config.batch[last] // 16, config.seed, last)
     fastest, samples, records, rays = np.inf, 0.0, 0, 0
-    for number in range(batches):
+    for number in range(_CASTS):
         tiles = order.step(number)
+        found = cast(tiles, order.blocks)
+        fastest = min(fastest, found["seconds"] / (16 * len(tiles)))
+        samples += found["samples"]
+        records += int(found["records"])
+        rays += 16 * len(tiles)
+    return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
+            "rows_per_ray": records / rays, "row_width": trainer.width,
+            "batch": rays // _CASTS}
+
+
+def _cast_on_cpu(trainer: Trainer) -> _Cast:
+    zero, lattice = np.float32(0.0), trainer.lattice
+    assert lattice is not None
+    caster = Caster(lattice, trainer.data, trainer.basis, trainer.workers)
+    caster.skip_clear(trainer.options()[1])
+
+    def cast(tiles: Int32, blocks: Int64) -> dict[str, float]:
         ground = np.ones((16 * len(tiles), 3), np.float32)
         start = time.perf_counter()
         caster.cast(tiles, ground, trainer.scale, trainer.options())
@@ -325,36 +337,25 @@ def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
         descend(lattice.density, lattice.rows.ravel(), trainer.width, caster.records.arrays,
                 caster.bases, zero, zero, zero, np.zeros(trainer.width, np.float32),
                 np.float32(1.0))
-        fastest = min(fastest, (time.perf_counter() - start) / (16 * len(tiles)))
-        samples += float(caster.losses[:, 2].sum())
-        records += int(caster.records.counts.sum())
-        rays += 16 * len(tiles)
-    return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
-            "rows_per_ray": records / rays, "row_width": trainer.width,
-            "batch": rays // batches}
+        return {"seconds": time.perf_counter() - start,
+                "samples": float(caster.losses[:, 2].sum()),
+                "records": int(caster.records.counts.sum())}
+    return cast
 
 
-def _on_gpu(trainer: Trainer, process: GpuProcess, batches: int) -> dict[str, float]:
-    """The same of the steps on a GPU."""
+def _cast_on_gpu(trainer: Trainer, process: GpuProcess) -> _Cast:
     lattice, data, config = trainer.lattice, trainer.data, trainer.config
     assert lattice is not None
     last = len(config.resolutions) - 1
-    order = Batches(data, config.batch[last] // 16, config.seed, last)
-    samples, records, rays, fastest = 0.0, 0, 0, np.inf
-    for number in range(batches):
-        tiles = order.step(number)
+
+    def cast(tiles: Int32, blocks: Int64) -> dict[str, float]:
         steps = GpuSteps(process, lattice, data, config, last, trainer.basis, trainer.workers,
                          trainer.options(), np.float32(0.0), lambda: trainer.scale,
                          lambda *_: None, len(tiles), trainer.background_trainer())
         steps.look_again(float(trainer.options()[1]))
-        found = steps.measure(Plan(tiles, order.blocks, np.ones(len(tiles), np.float32),
+        found = steps.measure(Plan(tiles, blocks, np.ones(len(tiles), np.float32),
                                    np.float32(0.0), np.float32(1.0), 0.0, (0.0, 0.0), False),
                               100 if process.adapter.real else 1)
         steps.close()
-        fastest = min(fastest, found["seconds"] / (16 * len(tiles)))
-        samples += found["samples"]
-        records += found["records"]
-        rays += 16 * len(tiles)
-    return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
-            "rows_per_ray": records / rays, "row_width": trainer.width,
-            "batch": rays // batches}
+        return found
+    return cast

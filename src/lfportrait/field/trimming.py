@@ -80,7 +80,7 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
 
 
 def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float) -> Float64 | None:
-    """The plane on which all but ``share`` of the photos end, [3] as `_plane`; None if none are.
+    """The plane (`median_plane` of x, z) on which all but ``share`` of the photos end, or None.
 
     A photo counts for a point if it shows the place above it at the chin's height: one that passes
     by on the other side says nothing of the lower end.
@@ -99,7 +99,7 @@ def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float) 
         return None
     border = [_border(points[here], enough[here]) for here in _sides(points)]
     ends = np.array([point for point in border if point is not None]).reshape(-1, 3)
-    return _plane(ends) if len(ends) >= SIDES // 4 else None
+    return median_plane(ends[:, ::2], ends[:, 1]) if len(ends) >= SIDES // 4 else None
 
 
 def _border(points: Float64, enough: Bool) -> Float64 | None:
@@ -113,12 +113,12 @@ def _border(points: Float64, enough: Bool) -> Float64 | None:
 
 
 def _end_of_body(points: Float64, frayed: float) -> Float64 | None:
-    """The plane above a body's rags, [3] as `_plane`; None if its ends are within ``frayed``."""
+    """The plane (`median_plane`) above a body's rags; None if its ends are within ``frayed``."""
     ends = _ends(points)
     if len(ends) < SIDES // 2:
         return None
-    plane = _plane(ends)
-    left = ends[:, 1] - _at(plane, ends)
+    plane = median_plane(ends[:, ::2], ends[:, 1])
+    left = ends[:, 1] - (plane[0] * ends[:, 0] + plane[1] * ends[:, 2] + plane[2])
     if left.std() < frayed:
         return None
     plane[2] += float(np.percentile(left, CLEAN))
@@ -139,24 +139,19 @@ def _sides(points: Float64) -> list[Bool]:
     return [side == number for number in range(SIDES) if (side == number).sum() >= 8]
 
 
-def _plane(ends: Float64) -> Float64:
-    """Height a x + b z + c through points by their median deviation, [3]: (a, b, c)."""
-    design = np.column_stack([ends[:, 0], ends[:, 2], np.ones(len(ends))])
-    weights = np.ones(len(ends))
+def median_plane(flat: Float64, height: Float64) -> Float64:
+    """Heights [N] at places (u, v), [N, 2], as a u + b v + c by their median deviation, [3]."""
+    design = np.column_stack([flat, np.ones(len(flat))])
+    weights = np.ones(len(flat))
     plane: Float64 = np.zeros(3)
     for _ in range(12):  # reweighted least squares: the least sum of deviations
         scaled = design * weights[:, None]
         # A leaning cut looks like a mistake: slopes are held back.
         ridge = np.diag([0.05 * weights.sum(), 0.05 * weights.sum(), 0.0])
-        plane = np.asarray(np.linalg.solve(scaled.T @ design + ridge, scaled.T @ ends[:, 1]),
+        plane = np.asarray(np.linalg.solve(scaled.T @ design + ridge, scaled.T @ height),
                            np.float64)
-        weights = 1.0 / np.maximum(np.abs(ends[:, 1] - design @ plane), 1e-3)
-    return np.asarray(plane, np.float64)
-
-
-def _at(plane: Float64, points: Float64) -> Float64:
-    """Height [K] of the plane at points [K, 3]."""
-    return np.asarray(plane[0] * points[:, 0] + plane[1] * points[:, 2] + plane[2], np.float64)
+        weights = 1.0 / np.maximum(np.abs(height - design @ plane), 1e-3)
+    return plane
 
 
 def trim(field: VoxelField, cut: Cut) -> VoxelField:

@@ -19,7 +19,7 @@ from scipy import ndimage, special
 
 from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..capture import Capture
-from ..field import VoxelField
+from ..field import VoxelField, median_plane
 
 OPAQUE = 8.0
 """Density from which on a point is surface."""
@@ -201,14 +201,7 @@ def _cut(tips: Float64, out: Float64, tall: float, capture: Capture, views: Int6
 
 def _plane(tips: Float64, out: Float64) -> tuple[Float64, float]:
     """A plane through points [K, 3] by their median deviation: normal inwards, and height."""
-    flat, along = tips[:, out == 0], -(tips @ out)
-    design = np.column_stack([flat, np.ones(len(flat))])
-    weights, found = np.ones(len(flat)), np.zeros(3)
-    for _ in range(12):  # reweighted least squares: the least sum of deviations
-        held = np.diag([0.05 * weights.sum(), 0.05 * weights.sum(), 0.0])
-        scaled = design * weights[:, None]
-        found = np.asarray(np.linalg.solve(scaled.T @ design + held, scaled.T @ along), np.float64)
-        weights = 1.0 / np.maximum(np.abs(along - design @ found), 1e-3)
+    found = median_plane(tips[:, out == 0], -(tips @ out))
     normal = -out
     normal[out == 0] = -found[:2]
     length = float(np.linalg.norm(normal))

@@ -27,6 +27,7 @@ from .assembly import (
     assemble,
     held_out_views,
     mask_of,
+    pinholes,
     read_shots,
     turned_upright,
 )
@@ -37,8 +38,8 @@ from .transforms import Own, Transforms
 
 __all__ = ["CaptureFormat", "ColmapImage", "DataSet", "Shot", "Views", "assemble",
            "capture_formats", "find_views", "held_out_views", "is_calibrated", "lens_of",
-           "load_views", "mask_of", "read_model", "read_shots", "save_views", "turned_upright",
-           "written_views"]
+           "load_views", "mask_of", "pinholes", "read_model", "read_shots", "save_views",
+           "turned_upright", "written_views"]
 
 FORMATS = "lfportrait.formats"
 """Group of entry points with classes above `CaptureFormat`."""

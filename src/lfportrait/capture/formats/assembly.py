@@ -210,6 +210,14 @@ def _check(lens: Lens, name: str) -> None:
                         f"{lens.center[0]:g}, {lens.center[1]:g}")
 
 
+def pinholes(poses: Float64, lenses: Sequence[Lens]) -> Camera:
+    """Cameras of poses [V, 4, 4] and lenses, whose distortion is left aside."""
+    return Camera(poses, np.array([lens.focal for lens in lenses]),
+                  np.array([lens.center for lens in lenses]),
+                  np.array([lens.width for lens in lenses]),
+                  np.array([lens.height for lens in lenses]))
+
+
 def assemble(poses: Float64, lenses: list[Lens], pictures: Iterable[UInt8], names: list[str],
              held_out: Bool | None, holdout: int, box: Float64 | None = None,
              depths: Sequence[DepthMap | None] | None = None) -> Views:
@@ -242,11 +250,7 @@ def assemble(poses: Float64, lenses: list[Lens], pictures: Iterable[UInt8], name
         if picture.shape[2] == 4:
             transparent += bool((picture[..., 3] < 255).any())
             alphas.append(np.ascontiguousarray(flat[..., 3] * inside))
-    straight = [lens.pinhole() for lens in lenses]
-    cameras = Camera(poses, np.array([lens.focal for lens in straight]),
-                     np.array([lens.center for lens in straight]),
-                     np.array([lens.width for lens in straight]),
-                     np.array([lens.height for lens in straight]))
+    cameras = pinholes(poses, [lens.pinhole() for lens in lenses])
     frame = np.eye(4)
     if not looks_normalised(cameras):
         frame = portrait_frame_from_cameras(cameras, box)

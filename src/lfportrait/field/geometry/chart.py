@@ -171,12 +171,21 @@ def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> 
         return None
     depth = np.interp(heights, heights[known], depth[known])
     depth = ndimage.gaussian_filter1d(depth, 0.15 * radius / cell, mode="nearest")
+    return rays_around(middle, heights, depth, radius, cell, int(2 * np.pi * radius / cell))
+
+
+def rays_around(middle: float, heights: Float64, depth: Float64, radius: float, cell: float,
+                columns: int, frame: Float64 | None = None) -> Chart:
+    """Rays around an axis at x = ``middle`` with a depth for each height, [N], ``cell`` apart.
+
+    Over its upper end a dome of this ``radius`` follows.
+    """
     above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius
     axis = np.stack([np.full(len(heights), middle), heights, depth], axis=1)
-    columns = int(2 * np.pi * radius / cell)
     return Chart(np.concatenate([axis, np.repeat(axis[-1:], len(above), axis=0)]),
-                  np.concatenate([np.zeros(len(heights)), above]),
-                  (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights))
+                 np.concatenate([np.zeros(len(heights)), above]),
+                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights),
+                 frame)
 
 
 def read_surface(field: VoxelField, chart: Chart, cut: Cut | None) -> tuple[Float64, Float64]:

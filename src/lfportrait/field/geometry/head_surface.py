@@ -34,7 +34,7 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import facing_cosines, hull_along_rays, surface_agreement
-from .chart import Chart, fitted_plate, normals_of, roughly_fitted_plate, smoothed
+from .chart import Chart, fitted_plate, normals_of, rays_around, roughly_fitted_plate, smoothed
 from .sweep import stacked
 
 _BLOCKS = 200
@@ -78,16 +78,10 @@ def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
     """
     heights = np.arange(lowest, BROWS, cell)
     heights += BROWS - heights[-1]
-    radius = float(_SECTIONS[-1, 1])
-    above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius
     # A shelf such as a chin must not move the axis forwards and back again.
     depth = np.interp(heights, (-1.2, -0.8, -0.3, BROWS), (-0.22, -0.18, -0.07, -0.04))
-    axis = np.stack([np.full(len(heights), middle), heights, depth], axis=1)
-    columns = int(2 * np.pi * 0.45 / cell)
-    return Chart(np.concatenate([axis, np.repeat(axis[-1:], len(above), axis=0)]),
-                 np.concatenate([np.zeros(len(heights)), above]),
-                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights),
-                 frame)
+    return rays_around(middle, heights, depth, float(_SECTIONS[-1, 1]), cell,
+                       int(2 * np.pi * 0.45 / cell), frame)
 
 
 def bust_distance(chart: Chart, chin: float = CHIN) -> Float64:
