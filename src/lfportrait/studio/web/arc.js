@@ -40,7 +40,6 @@ export function drawArc({ gaps = [], yaws = [], placed = false }, photos, onpick
   const words = n ? t("arc.words", { n, gaps: gaps.length }) : t("arc.none");
   return h(
     "figure.arc",
-    {},
     h(
       "svg:svg",
       { viewBox: "0 0 400 248", role: "img", "aria-label": words },
@@ -48,7 +47,6 @@ export function drawArc({ gaps = [], yaws = [], placed = false }, photos, onpick
       gaps.map(([from, to]) =>
         h(
           "svg:g",
-          {},
           h("svg:path.gap", { d: sector(from, to, FAR - 22, FAR + 14) }),
           h("svg:text.degrees", {
             x: at((from + to) / 2, FAR - 40)[0],

@@ -31,10 +31,8 @@ export class Beside {
     });
     this.element = h(
       "div.column",
-      {},
       h(
         "div.row.between.beside-bar",
-        {},
         this.picker,
         h("label.check.small", { for: "linked" }, linked, t("portrait.link")),
       ),

@@ -1,5 +1,6 @@
 // Elements from descriptions: no text becomes markup, and the security policy needs no exception.
 
+import { t } from "./i18n.js";
 import { ICONS } from "./icons.js";
 import { slowPicture } from "./lane.js";
 
@@ -12,9 +13,10 @@ const HELD = 4; // pixels by which a hand that holds still may move
  * @param {object} attributes `onclick` etc. are listeners, `text` is the text, values that are
  *   null or false are left out; those that start with "." are properties; `slow` is the address of a
  *   picture that the server may need time for.
- * @param {...(Node|string|Array|null)} children
+ * @param {...(Node|string|Array|null)} children The attributes may be left out before them.
  */
-export function h(what, attributes = {}, ...children) {
+export function h(what, ...children) {
+  const attributes = children[0]?.constructor === Object ? children.shift() : {};
   const [full, ...classes] = what.split(".");
   const drawn = full.startsWith("svg:");
   const element = drawn
@@ -22,7 +24,7 @@ export function h(what, attributes = {}, ...children) {
     : document.createElement(full || "div");
   if (classes.length) element.setAttribute("class", classes.join(" "));
   if (element instanceof HTMLButtonElement) element.type = "button";
-  for (const [name, value] of Object.entries(attributes ?? {})) set(element, name, value);
+  for (const [name, value] of Object.entries(attributes)) set(element, name, value);
   element.append(
     ...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false),
   );
@@ -57,6 +59,11 @@ export function button(text, onclick, { kind = "", name = null, drawing = null, 
     drawing && icon(drawing),
     text,
   );
+}
+
+/** The heading of a screen: its title, what is said below it, and what stands beside both. */
+export function heading(title, lead, ...beside) {
+  return h("header", h("div", h("h1", { text: title }), lead), beside);
 }
 
 /** Put children in the place of all that is there; the keyboard stays where it was. */
@@ -117,8 +124,12 @@ function held(element) {
     const now = reached(element);
     // The same one, one that is called like it, or one of its kind that has moved up to its place.
     const alike = now.filter((one) => one.className === old.className && one.tagName === old.tagName);
-    const near = alike.sort((one, other) => Math.abs(now.indexOf(one) - place) - Math.abs(now.indexOf(other) - place));
-    const next = element.contains(old) ? old : (now.find((one) => named(one) === name) ?? (place >= 0 ? near[0] : null));
+    const near = alike.sort(
+      (one, other) => Math.abs(now.indexOf(one) - place) - Math.abs(now.indexOf(other) - place),
+    );
+    const next = element.contains(old)
+      ? old
+      : (now.find((one) => named(one) === name) ?? (place >= 0 ? near[0] : null));
     next?.focus({ preventScroll: true });
   };
 }
@@ -150,7 +161,6 @@ export function slider(label, { min, max, step, value, note = "", digits = 2, on
   });
   const whole = h(
     "div.slider",
-    {},
     h("label", { for: id, text: label }),
     output,
     input,
@@ -200,6 +210,7 @@ export function later(act, wait) {
 
 /**
  * Ask in a window over the page.
+ * @param {Array[]} buttons Value, text and kind of each; one that leaves is added.
  * @returns {Promise<string>} The value of the button that was pressed; "" for none.
  */
 export function ask(title, body, buttons) {
@@ -227,8 +238,7 @@ export function ask(title, body, buttons) {
         body,
         h(
           "div.row.end",
-          {},
-          buttons.map(([value, text, kind]) =>
+          [["", t("cancel")], ...buttons].map(([value, text, kind]) =>
             h(`button.button${kind ? `.${kind}` : ""}`, {
               // Enter presses a form's first button that submits: never the one that leaves.
               ".type": value === "" ? "button" : "submit",

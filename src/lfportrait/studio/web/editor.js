@@ -35,7 +35,6 @@ export class LandmarkEditor {
     this.view.element.addEventListener("pinch", () => this.release());
     this.element = h(
       "div.editor",
-      {},
       this.tools(onreset),
       this.view.element,
       h("p.small.soft.hint", { text: t("editor.hint") }),

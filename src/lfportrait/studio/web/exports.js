@@ -1,10 +1,10 @@
 // Files of a portrait: what each is for and how large, and those that are made.
 
 import { get, post, send } from "./api.js";
-import { ask, button, fill, fresh, h, icon } from "./dom.js";
+import { ask, fill, fresh, h, icon } from "./dom.js";
 import { known, said, size, t } from "./i18n.js";
 import { answered } from "./naming.js";
-import { doing, fail, say } from "./shell.js";
+import { action, fail, say, tool } from "./shell.js";
 import { selection } from "./selection.js";
 import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
 import { leftOfJob } from "./times.js";
@@ -23,7 +23,7 @@ export class Exports {
     Object.assign(this, { sitter, about, display, version, nameOf, parts: new Map() });
     this.made = h("section.stack", { "aria-label": t("files.made") });
     this.kinds = h("div.stack.wide");
-    this.element = h("div.stack.wide", {}, this.made, this.kinds, selection(sitter, display));
+    this.element = h("div.stack.wide", this.made, this.kinds, selection(sitter, display));
     this.ends = [
       on("exports", ({ project: which }) => which === sitter.id && this.readMade().catch(fail)),
       on("job", (job) => {
@@ -45,11 +45,9 @@ export class Exports {
       [...new Set(kinds.map(({ group }) => group))].map((group) =>
         h(
           "section.stack",
-          {},
           h("h2", { text: known("files", group) }),
           h(
             "ul.kinds-grid",
-            {},
             kinds.filter((kind) => kind.group === group).map((kind) => this.kind(kind)),
           ),
         ),
@@ -83,9 +81,7 @@ export class Exports {
 
   /** What a file is, of which version, and whether that was a preview. */
   kindOf(kind, version, fine) {
-    return [this.title(kind), this.nameOf(version), !fine && t("version.draft")]
-      .filter(Boolean)
-      .join(" · ");
+    return [this.title(kind), this.nameOf(version), !fine && t("version.draft")].filter(Boolean).join(" · ");
   }
 
   /** How far a file is; a button that somebody presses at this moment stays the same. */
@@ -115,14 +111,11 @@ export class Exports {
       h("h2", { text: t("files.made") }),
       h(
         "ul.files",
-        {},
         running.map((job) =>
           h(
             "li.card.row.between",
-            {},
             h(
               "div",
-              {},
               h("strong", { text: job.title ?? this.title(job.export) }),
               " ",
               this.parts.get(job.id).how,
@@ -131,30 +124,20 @@ export class Exports {
             job.state === "failed"
               ? h(
                   "div.row",
-                  {},
-                  button(
-                    t("job.resume"),
-                    doing(async () => keepJob(await post(`/api/jobs/${job.id}/resume`))),
-                    { drawing: "play" },
+                  action(t("job.resume"), { drawing: "play" }, async () =>
+                    keepJob(await post(`/api/jobs/${job.id}/resume`)),
                   ),
-                  button(
-                    "",
-                    doing(async () => {
-                      await send("DELETE", `/api/jobs/${job.id}`);
-                      state.jobs = state.jobs.filter(({ id }) => id !== job.id);
-                      this.drawMade();
-                    }),
-                    { kind: "quiet tool", drawing: "close", name: t("close") },
-                  ),
+                  tool("close", t("close"), async () => {
+                    await send("DELETE", `/api/jobs/${job.id}`);
+                    state.jobs = state.jobs.filter(({ id }) => id !== job.id);
+                    this.drawMade();
+                  }),
                 )
               : h(
                   "div.row",
-                  {},
                   job.state !== "waiting" && this.parts.get(job.id).bar,
-                  button(
-                    "",
-                    doing(async () => keepJob(await post(`/api/jobs/${job.id}/cancel`))),
-                    { kind: "quiet tool", drawing: "close", name: t("job.cancel") },
+                  tool("close", t("job.cancel"), async () =>
+                    keepJob(await post(`/api/jobs/${job.id}/cancel`)),
                   ),
                 ),
           ),
@@ -164,10 +147,8 @@ export class Exports {
           .map((file) =>
             h(
               "li.card.row.between",
-              {},
               h(
                 "div",
-                {},
                 h("strong", { text: file.name }),
                 " ",
                 h("span.small.soft", { text: size(file.size_bytes) }),
@@ -176,27 +157,18 @@ export class Exports {
               ),
               h(
                 "div.row",
-                {},
                 file.kind === "quilt" &&
-                  button(
-                    t("files.cast"),
-                    doing(async () => {
-                      await post(`/api/projects/${this.sitter.id}/exports/${file.id}/cast`, { screen: -1 });
-                      say(t("files.casted"));
-                    }),
-                    { drawing: "show" },
-                  ),
-                h("a.button", { href: file.file, download: file.name }, icon("download"), t("files.save")),
-                button(
-                  "",
-                  doing(async () => {
-                    await send("DELETE", `/api/projects/${this.sitter.id}/exports/${file.id}`);
-                    await this.readMade();
-                    // The last one is gone: on with what can be made.
-                    if (!this.about_.exports.length) this.kinds.querySelector("button")?.focus();
+                  action(t("files.cast"), { drawing: "show" }, async () => {
+                    await post(`/api/projects/${this.sitter.id}/exports/${file.id}/cast`, { screen: -1 });
+                    say(t("files.casted"));
                   }),
-                  { kind: "quiet tool", drawing: "trash", name: t("files.remove", { name: file.name }) },
-                ),
+                h("a.button", { href: file.file, download: file.name }, icon("download"), t("files.save")),
+                tool("trash", t("files.remove", { name: file.name }), async () => {
+                  await send("DELETE", `/api/projects/${this.sitter.id}/exports/${file.id}`);
+                  await this.readMade();
+                  // The last one is gone: on with what can be made.
+                  if (!this.about_.exports.length) this.kinds.querySelector("button")?.focus();
+                }),
               ),
             ),
           ),
@@ -207,21 +179,17 @@ export class Exports {
   kind(kind) {
     return h(
       "li.card.kind-card",
-      {},
       h("h3", { text: said(kind.title) }),
       h("p.small.soft", { text: said(kind.purpose) }),
       h(
         "div.row.between",
-        {},
         h("span.small.soft", {
           text: [kind.suffix, kind.about_bytes && t("files.about", { size: size(kind.about_bytes, 0) })]
             .filter(Boolean)
             .join(" · "),
         }),
-        button(
-          t("files.make"),
-          doing(() => this.make(kind)),
-          { "aria-label": t("files.make.one", { name: said(kind.title) }) },
+        action(t("files.make"), { "aria-label": t("files.make.one", { name: said(kind.title) }) }, () =>
+          this.make(kind),
         ),
       ),
     );
@@ -261,16 +229,14 @@ export class Exports {
       said(kind.title),
       h(
         "div.stack",
-        {},
         wrong && h("p.note.bad", { role: "alert" }, icon("bad"), wrong),
         h("p.soft", { text: said(kind.purpose) }),
         kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
-        !fine && h("p.note.fair", {}, icon("fair"), t("files.draft")),
-        h("label.field", {}, h("span", { text: t("name") }), name),
+        !fine && h("p.note.fair", icon("fair"), t("files.draft")),
+        h("label.field", h("span", { text: t("name") }), name),
         kind.options.map((option) => this.option(option, values)),
       ),
       [
-        ["", t("cancel")],
         ...(first ? [["fine", first, "main"]] : []),
         ["yes", t(fine ? "files.make" : "files.draft.make"), first ? "" : "main"],
       ],
@@ -315,6 +281,11 @@ export class Exports {
             step: type === "whole" ? 1 : "any",
             oninput: (event) => put(isNumber ? Number(event.target.value) : event.target.value),
           });
-    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input, h("small.soft", { id: `${id}-note`, text: said(note) }));
+    return h(
+      "div.field",
+      h("label", { for: id }, h("code", { text: name })),
+      input,
+      h("small.soft", { id: `${id}-note`, text: said(note) }),
+    );
   }
 }

@@ -34,11 +34,8 @@ export async function chooseFace(sitter, style) {
   });
   const answer = await ask(
     t("face.title"),
-    h("div.stack", {}, h("p.soft", { text: t("face.text") }), h("div.face-choice", {}, canvas, boxes)),
-    [
-      ["", t("cancel")],
-      ["yes", t("face.take"), "main"],
-    ],
+    h("div.stack", h("p.soft", { text: t("face.text") }), h("div.face-choice", canvas, boxes)),
+    [["yes", t("face.take"), "main"]],
   );
   if (!answer || picked === chosen) return false;
   await post(`/api/styles/${style.id}/face${query}`, { face: picked });

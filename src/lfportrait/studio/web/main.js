@@ -91,7 +91,6 @@ function unseen(root, screen, error) {
     root,
     h(
       "div.empty",
-      {},
       h("h1", { text: t(`step.${screen}`) }),
       h("p", { text: error.code === undefined ? t("error.page") : error.message }),
       button(t("again"), () => route(true), { drawing: "reset" }),
@@ -114,7 +113,7 @@ async function begin() {
     const text = error.code === "no_session" ? t("error.no_session") : error.message;
     return fill(
       document.getElementById("main"),
-      h("div.empty", {}, h("h1", { text: "lfportrait studio" }), h("p", { text })),
+      h("div.empty", h("h1", { text: "lfportrait studio" }), h("p", { text })),
     );
   }
   watchServer();

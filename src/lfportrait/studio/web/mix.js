@@ -63,7 +63,6 @@ export class MixPanel {
         this.keepColors,
         h(
           "span",
-          {},
           h("code", { text: "keep_colors" }),
           " ",
           h("span.soft.small", { text: t("mix.keep_colors") }),
@@ -76,7 +75,6 @@ export class MixPanel {
           h("summary", { text: t("mix.regions") }),
           h(
             "div.stack.regions",
-            {},
             regions.map((name) => this.region(name)),
           ),
         ),
@@ -157,7 +155,6 @@ export class MixPanel {
     });
     return h(
       "div.region",
-      {},
       one,
       h(
         "label.check.small",

@@ -49,14 +49,10 @@ export async function nameOf(title, value, word, wrong = "") {
     title,
     h(
       "div.stack",
-      {},
       wrong && h("p.note.bad", { role: "alert" }, icon("bad"), wrong),
-      h("label.field", {}, h("span", { text: t("name") }), input),
+      h("label.field", h("span", { text: t("name") }), input),
     ),
-    [
-      ["", t("cancel")],
-      ["yes", word, "main"],
-    ],
+    [["yes", word, "main"]],
   );
   return answer ? input.value.trim() : "";
 }

@@ -4,7 +4,7 @@ import { get, post, send } from "./api.js";
 import { ask, button, fill, h, icon } from "./dom.js";
 import { said, t } from "./i18n.js";
 import { showOnPanel } from "./panelwindow.js";
-import { doing, say } from "./shell.js";
+import { action, doing, say, tool } from "./shell.js";
 import { keepProject } from "./state.js";
 import { Wizard } from "./wizard.js";
 
@@ -67,47 +67,28 @@ export class Panels {
       this.element,
       h("label.field", { for: "display" }, h("span", { text: t("display.choose") }), choice),
       h("p.small.soft", { text: said(display.summary) }),
-      !display.calibrated && h("p.note.fair.small", {}, icon("fair"), t("display.uncalibrated")),
+      !display.calibrated && h("p.note.fair.small", icon("fair"), t("display.uncalibrated")),
       h(
         "div.row",
-        {},
         button(t("display.file"), () => file.click(), { drawing: "folder" }),
-        button(
-          t("display.bridge.ask"),
-          doing(() => this.ask()),
-          { drawing: "link" },
-        ),
+        action(t("display.bridge.ask"), { drawing: "link" }, () => this.ask()),
         file,
       ),
       h(
         "div.row",
-        {},
-        button(
-          t("wizard.start"),
-          doing(() => this.openWizard()),
-          { drawing: "eye", "data-act": "wizard" },
-        ),
-        button(
-          t("panel.show"),
-          doing(() => this.show()),
-          { drawing: "external" },
-        ),
+        action(t("wizard.start"), { drawing: "eye", "data-act": "wizard" }, () => this.openWizard()),
+        action(t("panel.show"), { drawing: "external" }, () => this.show()),
       ),
       display.editable &&
         h(
           "div.row",
-          {},
           h(
             "a.button.quiet",
             { href: `/api/displays/${display.id}/file`, download: "" },
             icon("download"),
             t("display.save"),
           ),
-          button(
-            "",
-            doing(() => this.remove()),
-            { kind: "quiet tool", drawing: "trash", name: t("display.remove", { name: display.name }) },
-          ),
+          tool("trash", t("display.remove", { name: display.name }), () => this.remove()),
         ),
     );
   }
@@ -134,10 +115,11 @@ export class Panels {
     const answer =
       displays.length === 1
         ? "0"
-        : await ask(t("display.bridge.which"), h("p.soft", { text: t("display.bridge.text") }), [
-            ["", t("cancel")],
-            ...displays.map(({ name }, index) => [String(index), name]),
-          ]);
+        : await ask(
+            t("display.bridge.which"),
+            h("p.soft", { text: t("display.bridge.text") }),
+            displays.map(({ name }, index) => [String(index), name]),
+          );
     if (answer !== "") await this.add({ name: displays[Number(answer)].name, bridge: Number(answer) });
   }
 
@@ -146,10 +128,7 @@ export class Panels {
     const answer = await ask(
       t("display.remove", { name: display.name }),
       h("p", { text: t("display.remove.text") }),
-      [
-        ["", t("cancel")],
-        ["yes", t("remove"), "danger"],
-      ],
+      [["yes", t("remove"), "danger"]],
     );
     if (!answer) return;
     await send("DELETE", `/api/displays/${display.id}`);

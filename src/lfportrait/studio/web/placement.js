@@ -55,8 +55,7 @@ export function placementPanel(place, onchange, onreset) {
   const choice = (name, values) =>
     h(
       "div.field",
-      {},
-      h("span", {}, h("code", { text: name })),
+      h("span", h("code", { text: name })),
       segments(
         name,
         values.map((value) => [value, t(`${name}.${value}`)]),
@@ -69,7 +68,6 @@ export function placementPanel(place, onchange, onreset) {
     { "aria-label": t("place.title") },
     h(
       "div.row.between",
-      {},
       h("h2", { text: t("place.title") }),
       button(t("place.reset"), onreset, { kind: "quiet" }),
     ),
@@ -77,7 +75,7 @@ export function placementPanel(place, onchange, onreset) {
       "label.check",
       { for: "compose" },
       compose,
-      h("span", {}, h("code", { text: "compose" }), " ", h("span.soft.small", { text: t("place.compose") })),
+      h("span", h("code", { text: "compose" }), " ", h("span.soft.small", { text: t("place.compose") })),
     ),
     sliders,
     choice("ground", ["painted", "black", "white"]),
@@ -100,7 +98,6 @@ export function drawBudget(box, { lines, sharp, head }) {
     box,
     h(
       "figure.budget",
-      {},
       h(
         "svg:svg",
         { viewBox: "0 0 400 64", role: "img", "aria-label": t("budget.alt", words) },
@@ -114,7 +111,6 @@ export function drawBudget(box, { lines, sharp, head }) {
     ),
     h(
       "ul.small.soft",
-      {},
       lines.map((text) => h("li", { text: said(text) })),
     ),
   );

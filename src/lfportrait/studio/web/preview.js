@@ -20,11 +20,11 @@ export class Preview {
       "aria-label": t("preview.alt", { sitter: sitter.name, name: "" }),
     });
     this.note = h("p.soft.small", { "aria-live": "polite" });
-    this.element = h("figure.preview", {}, this.canvas, this.note);
+    this.element = h("figure.preview", this.canvas, this.note);
     this.ask = later(() => this.draw(), wait);
     if (sitter.has.field) return;
     this.element.classList.add("none");
-    fill(this.element, h("p.note.fair", {}, icon("fair"), t("editor.nohead")));
+    fill(this.element, h("p.note.fair", icon("fair"), t("editor.nohead")));
     this.end = on("project", (item) => item.id === sitter.id && item.has.field && this.begin(item));
   }
 

@@ -1,9 +1,9 @@
 // Versions of all sitters, for a batch or a study.
 
 import { get, post } from "./api.js";
-import { button, fill, fresh, h, icon } from "./dom.js";
+import { fill, fresh, h, icon } from "./dom.js";
 import { said, t } from "./i18n.js";
-import { doing } from "./shell.js";
+import { action, doing } from "./shell.js";
 import { state } from "./state.js";
 
 /**
@@ -20,9 +20,7 @@ export function selection(sitter, display) {
       ontoggle: doing(async () => {
         if (!whole.open) return;
         // Read each time: there may be more by now.
-        const all = await Promise.all(
-          state.projects.map((each) => get(`/api/projects/${each.id}/versions`)),
-        );
+        const all = await Promise.all(state.projects.map((each) => get(`/api/projects/${each.id}/versions`)));
         fill(list);
         for (const [index, { versions }] of all.entries()) {
           const each = state.projects[index];
@@ -31,7 +29,6 @@ export function selection(sitter, display) {
               const id = fresh("pick");
               return h(
                 "li",
-                {},
                 h(
                   "label.check",
                   { for: id },
@@ -53,31 +50,23 @@ export function selection(sitter, display) {
         }
       }),
     },
-    h("summary", {}, h("strong", { text: t("select.title") })),
+    h("summary", h("strong", { text: t("select.title") })),
     h(
       "div.stack",
-      {},
       h("p.soft", { text: t("select.text") }),
       list,
       h(
         "div.row",
-        {},
-        button(
-          t("select.batch"),
-          doing(async () => {
-            // Each sitter in the style of the version that was chosen, not in all of them.
-            const versions = picked(chosen);
-            show(result, "batch", await post("/api/batch", { displays: [display().id], versions }));
-          }),
-        ),
-        button(
-          t("select.study"),
-          doing(async () => {
-            const versions = picked(chosen);
-            const alone = versions.every(([id]) => id === sitter.id);
-            show(result, "study", await post("/api/study", { versions, title: alone ? sitter.name : "" }));
-          }),
-        ),
+        action(t("select.batch"), {}, async () => {
+          // Each sitter in the style of the version that was chosen, not in all of them.
+          const versions = picked(chosen);
+          show(result, "batch", await post("/api/batch", { displays: [display().id], versions }));
+        }),
+        action(t("select.study"), {}, async () => {
+          const versions = picked(chosen);
+          const alone = versions.every(([id]) => id === sitter.id);
+          show(result, "study", await post("/api/study", { versions, title: alone ? sitter.name : "" }));
+        }),
       ),
       result,
     ),
@@ -95,12 +84,22 @@ function picked(chosen) {
 function show(box, kind, { file, command, text, out, page, notes }) {
   fill(
     box,
-    h("p", {}, t("select.written"), " ", h("code.path", { text: file })),
-    (notes ?? []).map((note) => h("p.note.small", {}, icon("info"), said(note))),
+    h("p", t("select.written"), " ", h("code.path", { text: file })),
+    (notes ?? []).map((note) => h("p.note.small", icon("info"), said(note))),
     h("p", { text: t("select.run") }),
     h("pre.small.command", { text: command, tabindex: 0, "aria-label": t("select.run") }),
-    h("p", {}, t(`select.${kind}.then`), " ", h("code.path", { text: kind === "batch" ? `${out}/index.html` : page })),
+    h(
+      "p",
+      t(`select.${kind}.then`),
+      " ",
+      h("code.path", { text: kind === "batch" ? `${out}/index.html` : page }),
+    ),
     // The study's file is the command itself.
-    text.trim() !== command && h("details", {}, h("summary", { text: t("select.contents") }), h("pre.small", { text, tabindex: 0, "aria-label": file })),
+    text.trim() !== command &&
+      h(
+        "details",
+        h("summary", { text: t("select.contents") }),
+        h("pre.small", { text, tabindex: 0, "aria-label": file }),
+      ),
   );
 }

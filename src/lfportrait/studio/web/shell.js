@@ -20,18 +20,13 @@ export function say(text, { wrong = false, back = null } = {}) {
   if ([...box.children].some((each) => each.textContent === text)) return;
   const toast = h(
     "div.toast",
-    {},
     h("p", { text }),
     back &&
-      button(
-        t("undo"),
-        doing(async () => {
-          await back();
-          toast.remove();
-        }),
-        { kind: "quiet" },
-      ),
-    button("", () => toast.remove(), { kind: "quiet tool", drawing: "close", name: t("close") }),
+      action(t("undo"), { kind: "quiet" }, async () => {
+        await back();
+        toast.remove();
+      }),
+    tool("close", t("close"), () => toast.remove()),
   );
   toast.dataset.at = String(performance.now());
   box.append(toast);
@@ -75,6 +70,16 @@ export function doing(act) {
   };
 }
 
+/** A button for something that takes a while (`doing`); it looks as `button` says. */
+export function action(text, looks, act) {
+  return button(text, doing(act), looks);
+}
+
+/** A small one with a drawing alone, whose name is read out. */
+export function tool(drawing, name, act) {
+  return action("", { kind: "quiet tool", drawing, name }, act);
+}
+
 /** Theme and language. */
 export function preferences(again) {
   const theme = segments(
@@ -104,7 +109,7 @@ export function preferences(again) {
       h("option", { value, text, selected: value === language }),
     ),
   );
-  return h("div.preferences", {}, theme, choice);
+  return h("div.preferences", theme, choice);
 }
 
 function keep(name, value) {
@@ -153,7 +158,11 @@ export function drawShell(screen, id, again) {
         sitter.thumbnail
           ? h("img.face", { src: sitter.thumbnail, alt: "", width: 45, height: 45 })
           : h("span.face"),
-        h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong.some", { text: sitter.name, title: sitter.name })),
+        h(
+          "span",
+          h("span.small.soft", { text: t("sitter") }),
+          h("strong.some", { text: sitter.name, title: sitter.name }),
+        ),
       ),
   );
   const steps = find("steps");
@@ -163,12 +172,10 @@ export function drawShell(screen, id, again) {
     steps,
     h(
       "ol",
-      {},
       SCREENS.map((name) => {
         const open = name === "sitters" || sitter;
         return h(
           "li",
-          {},
           h(
             "a",
             {
@@ -198,7 +205,7 @@ export function watchServer() {
     gone?.remove();
     gone = null;
     if (yes) return say(t("line.back"));
-    gone = h("div.toast", {}, h("p", { text: t("line.gone") }));
+    gone = h("div.toast", h("p", { text: t("line.gone") }));
     find("alerts").append(gone);
   });
   on("disk", ({ free_bytes: free }) => say(t("disk.low", { n: (free / 1e9).toFixed(1) }), { wrong: true }));

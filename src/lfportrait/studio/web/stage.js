@@ -13,7 +13,7 @@ export class Stage {
     this.sitter = sitter;
     this.name = name;
     this.note = h("p.stage-note.small", { role: "status" });
-    this.element = h("div.stage", {}, this.note);
+    this.element = h("div.stage", this.note);
     this.turn = 0;
     this.asked = 0;
   }

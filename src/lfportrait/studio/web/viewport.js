@@ -14,7 +14,7 @@ export class Viewport {
     this.picture = picture;
     this.size = size;
     this.canvas = h("canvas.picture", { "aria-hidden": "true" });
-    this.element = h("div.viewport", {}, this.canvas);
+    this.element = h("div.viewport", this.canvas);
     this.layers = []; // drawn over the picture, in its pixels
     this.listeners = [];
     this.scale = 1;

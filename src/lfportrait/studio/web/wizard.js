@@ -4,7 +4,7 @@ import { get, post } from "./api.js";
 import { button, fill, fresh, h, icon, segments } from "./dom.js";
 import { said as translated, t } from "./i18n.js";
 import { closePanel, showOnPanel, watchPanel } from "./panelwindow.js";
-import { doing } from "./shell.js";
+import { action, doing, tool } from "./shell.js";
 
 const STEPS = ["slant", "views", "fringe"];
 
@@ -49,24 +49,17 @@ export class Wizard {
     this.answer = {};
     this.status = h("p.small.soft", { role: "status" });
     const numbers = ["pitch", "slant", "offset"].map((name) =>
-      h(
-        "div",
-        {},
-        h("dt", {}, h("code", { text: name })),
-        h("dd", { text: Number(display[name]).toFixed(5) }),
-      ),
+      h("div", h("dt", h("code", { text: name })), h("dd", { text: Number(display[name]).toFixed(5) })),
     );
     fill(
       this.element,
       h(
         "div.row.between",
-        {},
         h("h2", { text: t("wizard.title") }),
-        button("", () => this.leave(), { kind: "quiet tool", drawing: "close", name: t("close") }),
+        tool("close", t("close"), () => this.leave()),
       ),
       h(
         "ol.wizard-steps.row",
-        {},
         STEPS.map((name, number) =>
           h("li.tag", {
             "aria-current": name === this.step ? "step" : null,
@@ -75,16 +68,13 @@ export class Wizard {
           }),
         ),
       ),
-      h("dl.row.numbers", {}, numbers),
-      this.said && h("p.note.good", {}, icon("info"), this.said),
+      h("dl.row.numbers", numbers),
+      this.said && h("p.note.good", icon("info"), this.said),
       h("p", { text: t(`wizard.${this.step}.text`) }),
       h(
         "div.row",
-        {},
-        button(
-          t("wizard.open"),
-          doing(() => showOnPanel(about.pattern, display)),
-          { drawing: "external", kind: "main" },
+        action(t("wizard.open"), { drawing: "external", kind: "main" }, () =>
+          showOnPanel(about.pattern, display),
         ),
         this.status,
       ),
@@ -99,7 +89,6 @@ export class Wizard {
         about.fields.map((field) => this.field(field)),
         h(
           "div.row",
-          {},
           h("button.button.main", { ".type": "submit", text: t("wizard.next") }),
           button(t("wizard.skip"), () => this.skip(), { kind: "quiet" }),
         ),
@@ -116,7 +105,6 @@ export class Wizard {
       const id = fresh("ask");
       return h(
         "div.field",
-        {},
         h("label", { for: id, text }),
         h("input", {
           id,
@@ -146,7 +134,6 @@ export class Wizard {
         : choices.map((choice) => [String(choice ?? ""), t(`ask.${this.step}.${name}.${choice ?? "none"}`)]);
     return h(
       "div.field",
-      {},
       h("span", { text }),
       segments(text, options, "", (value) => set(kind === "yesno" ? value === "true" : value || null)),
     );
@@ -190,7 +177,6 @@ export class Wizard {
       h("p.soft", { text: t("wizard.done.text", { name: this.display.name }) }),
       h(
         "div.row",
-        {},
         button(t("wizard.again"), () => {
           this.step = "slant";
           this.said = "";

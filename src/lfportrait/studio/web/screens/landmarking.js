@@ -1,7 +1,7 @@
 // The landmark editor's screen: the painting at the left, this sitter beside it.
 
 import { bitmap, get, post, send } from "../api.js";
-import { fill, h, icon, later } from "../dom.js";
+import { fill, h, heading, icon, later } from "../dom.js";
 import { growingPicture, quickPicture } from "../lane.js";
 import { LandmarkEditor } from "../editor.js";
 import { t } from "../i18n.js";
@@ -12,10 +12,9 @@ import { Viewport } from "../viewport.js";
 
 /** Title, way back and what is saved, above an editor. */
 export function editorHead(sitter, style, title, saved) {
-  return h(
-    "header",
-    {},
-    h("div", {}, h("h1", { text: t(title, { name: style.name }) }), saved),
+  return heading(
+    t(title, { name: style.name }),
+    saved,
     h("a.button.main", { href: `#style/${sitter.id}/${style.id}` }, icon("left"), t("editor.done")),
   );
 }
@@ -34,7 +33,6 @@ export function whileRead(root, head, style) {
     head,
     h(
       "figure.reading",
-      {},
       growingPicture(painting, style.picture, style.full, quickPicture),
       h("figcaption.soft", { role: "status", text: t("editor.reading") }),
     ),
@@ -96,7 +94,7 @@ export async function showLandmarks(root, sitter, id) {
     save();
     preview.ask();
   });
-  fill(root, head, h("div.editing", {}, editor.element, preview.element));
+  fill(root, head, h("div.editing", editor.element, preview.element));
   saved.textContent = t(held.edited ? "editor.edited" : "editor.found");
   preview.draw();
   return async () => {
@@ -135,19 +133,17 @@ function placed(root, head, style, image, query) {
       draw();
     });
     view.watch(draw);
-    view.element.append(h("svg:svg.points", {}, target), view.buttons());
+    view.element.append(h("svg:svg.points", target), view.buttons());
     fill(
       root,
       head,
-      h("p.note.fair", {}, icon("fair"), t("place.text")),
+      h("p.note.fair", icon("fair"), t("place.text")),
       h(
         "div.editing",
-        {},
         h(
           "div.editor",
-          {},
           view.element,
-          h("div.row", {}, h("button.button.main", { onclick: take, text: t("place.take") })),
+          h("div.row", h("button.button.main", { onclick: take, text: t("place.take") })),
         ),
       ),
     );

@@ -1,9 +1,9 @@
 // Screen 3: the stages with time left, the picture of each as soon as it is there, and the queue.
 
 import { post } from "../api.js";
-import { button, fill, h, icon } from "../dom.js";
+import { fill, h, heading, icon } from "../dom.js";
 import { duration, known, said, t } from "../i18n.js";
-import { doing, murmur } from "../shell.js";
+import { action, murmur, tool } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepJobs, on, project, state, tell } from "../state.js";
 import { Stage } from "../stage.js";
 import { leftOfJob, leftOfStage, shareOf, standingOf } from "../times.js";
@@ -28,17 +28,7 @@ class Making {
     this.lead = h("p.lead");
     this.body = h("div.making");
     this.queue = h("section.stack");
-    fill(
-      root,
-      h(
-        "header",
-        {},
-        h("div", {}, h("h1", { text: t("step.making") }), this.lead),
-        this.action,
-      ),
-      this.body,
-      this.queue,
-    );
+    fill(root, heading(t("step.making"), this.lead, this.action), this.body, this.queue);
     this.ends = [
       on("job", () => this.draw()),
       on("state", () => this.draw()),
@@ -106,7 +96,6 @@ class Making {
     if (!can) {
       return h(
         "div.empty",
-        {},
         icon("photos"),
         h("h2", { text: t("making.photos.first") }),
         h("p", { text: t("making.photos.text") }),
@@ -119,15 +108,12 @@ class Making {
     const quick = h("input", { type: "checkbox", id: "quick", ".checked": Boolean(sitter.options?.quick) });
     return h(
       "div.card.stack.begin",
-      {},
       h("h2", { text: t(sitter.has.field ? "making.again" : "making.ready", { n: sitter.photos }) }),
       h(
         "ol.stack.plan",
-        {},
         HEAD.map((name) =>
           h(
             "li",
-            {},
             h("strong", { text: t(`stage.${name}`) }),
             h("p.soft.small", { text: t(`stage.${name}.${what(name)}`) }),
           ),
@@ -136,31 +122,32 @@ class Making {
       h("label.check", { for: "quick" }, quick, h("span", { text: t("making.quick") })),
       h(
         "div",
-        {},
-        button(
-          t("making.start"),
-          doing(() => this.start(quick.checked)),
-          { kind: "main", drawing: "play", "data-act": "start" },
+        action(t("making.start"), { kind: "main", drawing: "play", "data-act": "start" }, () =>
+          this.start(quick.checked),
         ),
       ),
     );
   }
 
   async start(quick) {
-    keepJob(await post("/api/jobs", { kind: "head", project: this.id, ...(quick === null ? {} : { options: { quick } }) }));
+    keepJob(
+      await post("/api/jobs", {
+        kind: "head",
+        project: this.id,
+        ...(quick === null ? {} : { options: { quick } }),
+      }),
+    );
   }
 
   jobView(job) {
     const act = (what, text, how) =>
-      button(
-        text,
-        doing(async () => keepJob(await post(`/api/jobs/${job.id}/${what}`))),
-        { "data-act": what, ...how },
+      action(text, { "data-act": what, ...how }, async () =>
+        keepJob(await post(`/api/jobs/${job.id}/${what}`)),
       );
     const { state: how } = job;
     if (!this.head) {
       this.still = h("div.still");
-      this.picture = h("div.latest", {}, this.still);
+      this.picture = h("div.latest", this.still);
     }
     this.total = h("progress", { max: 1, "aria-label": t("making.total") });
     this.left = h("span.soft");
@@ -171,40 +158,34 @@ class Making {
         { "aria-label": t("making.stages") },
         h(
           "div.row.between",
-          {},
           h("h2", { text: nameOfJob(job) }),
           h("span.tag", { class: { done: "good", failed: "bad" }[how] ?? "", text: t(`job.${how}`) }),
         ),
-        isLive(job) && h("div.stack.tight", {}, this.total, this.left),
+        isLive(job) && h("div.stack.tight", this.total, this.left),
         this.stages,
         job.error &&
           h(
             "p.note.bad",
-            {},
             icon("bad"),
             h(
               "span",
-              {},
               // How it was ended is all that there is to say; of other errors the message says what.
               job.error.code === "killed"
                 ? t("error.killed")
                 : `${known("error", job.error.code, "")} ${said(job.error.message)}`.trim(),
             ),
           ),
-        job.notes.map((text) => h("p.note.small", {}, icon("info"), said(text))),
+        job.notes.map((text) => h("p.note.small", icon("info"), said(text))),
         h(
           "div.row",
-          {},
           how === "running" && state.features?.pause && act("pause", t("job.pause"), { drawing: "pause" }),
           ["paused", "failed", "cancelled"].includes(how) &&
             act("resume", t("job.resume"), { drawing: "play", kind: "main" }),
           isLive(job) && act("cancel", t("job.cancel"), { kind: "quiet" }),
           job.kind === "head" &&
             ["done"].includes(how) &&
-            button(
-              t("making.redo"),
-              doing(() => this.start(null)),
-              { kind: "quiet", drawing: "reset", "data-act": "start" },
+            action(t("making.redo"), { kind: "quiet", drawing: "reset", "data-act": "start" }, () =>
+              this.start(null),
             ),
         ),
       ),
@@ -227,10 +208,8 @@ class Making {
             : h("span.small-picture"),
           h(
             "div",
-            {},
             h(
               "div.row.between",
-              {},
               h("strong", { text: known("stage", stage.name, stage.title) }),
               h("span.soft.small.when", { text: this.when(stage, job) }),
             ),
@@ -312,10 +291,8 @@ class Making {
     const stage = job.stages.filter(({ picture }) => picture).at(-1);
     const old = this.still.querySelector("img");
     if (!stage) {
-      const text = t(
-        job.state === "waiting" ? "making.turn" : isLive(job) ? "making.soon" : "making.none",
-      );
-      return fill(this.still, h("div.empty", {}, icon("making"), h("p", { text })));
+      const text = t(job.state === "waiting" ? "making.turn" : isLive(job) ? "making.soon" : "making.none");
+      return fill(this.still, h("div.empty", icon("making"), h("p", { text })));
     }
     const text = t("stage.alt", { stage: known("stage", stage.name, stage.title) });
     if (old?.getAttribute("src") === stage.picture) return;
@@ -326,9 +303,7 @@ class Making {
     next.setAttribute("src", stage.picture);
     next
       .decode()
-      .then(() =>
-        fill(still, next, h("p.soft.small", { text: known("stage", stage.name, stage.title) })),
-      )
+      .then(() => fill(still, next, h("p.soft.small", { text: known("stage", stage.name, stage.title) })))
       .catch(() => {});
   }
 
@@ -363,11 +338,9 @@ class Making {
       h("h2", { text: t("queue.title") }),
       h(
         "ol.queue.stack",
-        {},
         order.map((job) =>
           h(
             "li.card.row.between",
-            {},
             h(
               "a",
               { href: `#making/${job.project}` },
@@ -377,26 +350,17 @@ class Making {
             ),
             h(
               "div.row",
-              {},
               h("span.tag", { text: standingOf(job) }),
               job.state === "waiting" &&
                 job.place > 0 &&
-                button(
-                  t("queue.first"),
-                  doing(async () => {
-                    keepJobs((await post(`/api/jobs/${job.id}/move`, { place: 0 })).jobs);
-                    tell("state");
-                  }),
-                  { kind: "quiet" },
-                ),
-              button(
-                "",
-                doing(async () => keepJob(await post(`/api/jobs/${job.id}/cancel`))),
-                {
-                  kind: "quiet tool",
-                  drawing: "close",
-                  name: t("queue.cancel", { name: `${job.name ?? job.project}, ${nameOfJob(job)}` }),
-                },
+                action(t("queue.first"), { kind: "quiet" }, async () => {
+                  keepJobs((await post(`/api/jobs/${job.id}/move`, { place: 0 })).jobs);
+                  tell("state");
+                }),
+              tool(
+                "close",
+                t("queue.cancel", { name: `${job.name ?? job.project}, ${nameOfJob(job)}` }),
+                async () => keepJob(await post(`/api/jobs/${job.id}/cancel`)),
               ),
             ),
           ),

@@ -35,7 +35,6 @@ export async function showRegions(root, sitter, id) {
     about.labels,
     doing(async () => {
       const answer = await ask(t("regions.reset"), h("p", { text: t("regions.reset.text") }), [
-        ["", t("cancel")],
         ["yes", t("regions.reset"), "danger"],
       ]);
       if (!answer) return;
@@ -61,11 +60,7 @@ export async function showRegions(root, sitter, id) {
     saved.textContent = t("editor.open");
     save();
   });
-  fill(
-    root,
-    head,
-    h("div.editing", {}, brush.element, preview.element),
-  );
+  fill(root, head, h("div.editing", brush.element, preview.element));
   preview.draw();
   return async () => {
     save.stop();
@@ -94,7 +89,7 @@ class Brush {
       h("svg:circle.halo"),
       h("svg:circle.dot"),
     );
-    this.view.element.append(h("svg:svg.points", {}, this.ring), this.view.buttons());
+    this.view.element.append(h("svg:svg.points", this.ring), this.view.buttons());
     this.view.element.addEventListener("pointerdown", (event) => this.down(event));
     this.view.element.addEventListener("pointermove", (event) => this.follow(event));
     this.view.element.addEventListener("pinch", () => this.release());
@@ -102,7 +97,6 @@ class Brush {
     regions.watch(() => this.buttons());
     this.element = h(
       "div.editor",
-      {},
       this.tools(labels, onreset),
       this.view.element,
       h("p.small.soft.hint", { text: t("regions.hint") }),

@@ -2,10 +2,10 @@
 
 import { get, post, send } from "../api.js";
 import { drawArc } from "../arc.js";
-import { button, fill, h, icon } from "../dom.js";
+import { button, fill, h, heading, icon } from "../dom.js";
 import { takeFiles } from "../drop.js";
 import { known, said, size, t } from "../i18n.js";
-import { doing, fail, murmur, say } from "../shell.js";
+import { action, fail, murmur, say, tool } from "../shell.js";
 import { isLive, jobsOf, keepJob, on, project } from "../state.js";
 import { uploadsOf } from "../uploads.js";
 
@@ -32,15 +32,10 @@ class Photos {
     this.next = h("div.row");
     fill(
       root,
-      h(
-        "header",
-        {},
-        h("div", {}, h("h1", { text: t("step.photos") }), h("p.lead", { text: t("photos.lead") })),
-        this.next,
-      ),
+      heading(t("step.photos"), h("p.lead", { text: t("photos.lead") }), this.next),
       this.zone(),
       this.way,
-      h("div.judged", {}, this.arc, this.advice),
+      h("div.judged", this.arc, this.advice),
       this.heading,
       this.sheet,
     );
@@ -102,13 +97,11 @@ class Photos {
       icon("upload"),
       h(
         "div",
-        {},
-        h("p", {}, h("strong", { text: t("photos.drop") })),
+        h("p", h("strong", { text: t("photos.drop") })),
         h("p.small.soft", { text: t("photos.kinds") }),
       ),
       h(
         "div.row",
-        {},
         button(t("photos.files"), () => files.click(), { drawing: "photos" }),
         button(t("photos.folder"), () => folder.click(), { drawing: "folder" }),
       ),
@@ -141,10 +134,8 @@ class Photos {
       this.advice,
       h("h2", { text: t("photos.advice") }),
       !checked && h("p.soft", { text: t("photos.unchecked") }),
-      checked &&
-        !advice.length &&
-        h("p.note.good", {}, icon("good"), t("photos.well", { n: looked, faces })),
-      advice.map((line) => h("p.note.fair", {}, icon("fair"), said(line))),
+      checked && !advice.length && h("p.note.good", icon("good"), t("photos.well", { n: looked, faces })),
+      advice.map((line) => h("p.note.fair", icon("fair"), said(line))),
     );
   }
 
@@ -182,14 +173,10 @@ class Photos {
         ? h("p.soft", { text: t("photos.checking", { done: checking.done, total: checking.total }) })
         : !checked &&
             photos.length > 0 &&
-            button(
-              t("photos.check"),
-              doing(async () => {
-                keepJob(await post(`/api/projects/${this.id}/check`));
-                await this.load();
-              }),
-              { drawing: "eye" },
-            ),
+            action(t("photos.check"), { drawing: "eye" }, async () => {
+              keepJob(await post(`/api/projects/${this.id}/check`));
+              await this.load();
+            }),
     );
   }
 
@@ -210,59 +197,50 @@ class Photos {
     const { looked } = this.data;
     // A video has no grade of its own: its frames were looked at.
     const word =
-      photo.video && looked && !photo.left_out
-        ? t("photo.frames", { n: looked })
-        : t(`grade.${photo.grade}`);
+      photo.video && looked && !photo.left_out ? t("photo.frames", { n: looked }) : t(`grade.${photo.grade}`);
     return h(
       "li.shot-card",
       { class: photo.grade, "data-photo": photo.id },
       h(
         "div.frame",
-        {},
         photo.picture
           ? h("img", {
               slow: photo.picture,
               alt: t("photo.alt", { name: photo.name }),
               decoding: "async",
             })
-          : h("div.blank", {}, icon(photo.video ? "play" : "photos")),
+          : h("div.blank", icon(photo.video ? "play" : "photos")),
       ),
       h("p.name.small", { text: photo.name, title: photo.name }),
       h(
         "p.small.grade",
-        {},
         MARKS[photo.grade] && icon(MARKS[photo.grade]),
         h("span", { text: reasons || word }),
         reasons && h("span.unseen", { text: ` (${word})` }),
       ),
       h(
         "div.row",
-        {},
-        button(
+        action(
           t(photo.left_out ? "photo.take" : "photo.leave"),
-          doing(async () => {
-            await send("PATCH", `/api/projects/${this.id}/photos/${photo.id}`, {
-              left_out: !photo.left_out,
-            });
-            await this.load();
-            this.sheet.querySelector(`[data-photo="${photo.id}"] button`)?.focus({ preventScroll: true });
-          }),
           {
             kind: "quiet small",
             "aria-pressed": String(photo.left_out),
             "aria-label": t("photo.leave.one", { name: photo.name }),
           },
+          async () => {
+            await send("PATCH", `/api/projects/${this.id}/photos/${photo.id}`, {
+              left_out: !photo.left_out,
+            });
+            await this.load();
+            this.sheet.querySelector(`[data-photo="${photo.id}"] button`)?.focus({ preventScroll: true });
+          },
         ),
         // What is of use stays; it can be left out first. A video would keep all photos away.
         (photo.grade === "red" || photo.left_out || photo.video) &&
-          button(
-            "",
-            doing(async () => {
-              await send("DELETE", `/api/projects/${this.id}/photos/${photo.id}`);
-              await this.load();
-            }),
-            { kind: "quiet tool", drawing: "trash", name: t("photo.remove", { name: photo.name }) },
-          ),
+          tool("trash", t("photo.remove", { name: photo.name }), async () => {
+            await send("DELETE", `/api/projects/${this.id}/photos/${photo.id}`);
+            await this.load();
+          }),
       ),
     );
   }
@@ -294,12 +272,11 @@ class Photos {
         { "aria-label": t("upload.title") },
         h(
           "div.row.between",
-          {},
           h("p", { text }),
           busy && button(t("upload.stop"), () => this.uploads.stop(), { kind: "quiet" }),
         ),
         busy && h("progress", { max: bytes || 1, value: sent, "aria-label": t("upload.title") }),
-        again > 0 && h("p.note.fair", {}, icon("fair"), t("upload.again", { n: again })),
+        again > 0 && h("p.note.fair", icon("fair"), t("upload.again", { n: again })),
         wrong.length > 0 &&
           h(
             "details",
@@ -307,14 +284,12 @@ class Photos {
             h("summary", { text: t("upload.wrong", { n: wrong.length }) }),
             h(
               "ul.stack",
-              {},
               wrong.map(({ name, error }) =>
                 h(
                   "li.note.bad",
-                  {},
                   icon("bad"),
                   // Most sentences begin with the file's name already.
-                  h("span", {}, !error.startsWith(name) && h("strong", { text: `${name} ` }), error),
+                  h("span", !error.startsWith(name) && h("strong", { text: `${name} ` }), error),
                 ),
               ),
             ),

@@ -2,11 +2,11 @@
 
 import { get, post, send } from "../api.js";
 import { Beside } from "../beside.js";
-import { ask, button, fill, h, icon, later } from "../dom.js";
+import { ask, fill, h, heading, icon, later } from "../dom.js";
 import { nameOf } from "../naming.js";
 import { t } from "../i18n.js";
 import { MixPanel, plainMix, STEADY } from "../mix.js";
-import { doing, fail, say } from "../shell.js";
+import { action, fail, say, tool } from "../shell.js";
 import { Stage } from "../stage.js";
 import { fineJob, keepJob, keepProject, on } from "../state.js";
 import { standingOf } from "../times.js";
@@ -37,23 +37,21 @@ export class Portrait {
       onmove: (mix, share, name) => this.move(mix, share, name),
       onend: (mix) => this.end(mix),
     });
-    this.compare = button(t("portrait.compare"), doing(() => this.toggleCompare()), {
-      drawing: "compare",
-      "aria-pressed": "false",
-    });
+    this.compare = action(
+      t("portrait.compare"),
+      {
+        drawing: "compare",
+        "aria-pressed": "false",
+      },
+      () => this.toggleCompare(),
+    );
     const next = h("a.button.main", { href: `#show/${sitter.id}` }, t("step.show"), icon("right"));
-    this.ways = h("div.row", {}, this.compare, next);
+    this.ways = h("div.row", this.compare, next);
     fill(
       root,
-      h(
-        "header",
-        {},
-        h("div", {}, h("h1", { text: t("step.portrait") }), h("p.lead", { text: t("portrait.lead") })),
-        this.ways,
-      ),
+      heading(t("step.portrait"), h("p.lead", { text: t("portrait.lead") }), this.ways),
       h(
         "div.portrait-body",
-        {},
         this.stages,
         h(
           "aside.side.stack.wide",
@@ -92,7 +90,6 @@ export class Portrait {
         this.stages,
         h(
           "div.empty",
-          {},
           icon("portrait"),
           h("h2", { text: t("portrait.none") }),
           h("p", { text: t("portrait.none.text") }),
@@ -103,7 +100,7 @@ export class Portrait {
     }
     this.stage = new Stage(this.sitter, t("portrait.alt", { name: this.sitter.name }));
     this.title = h("strong.some");
-    fill(this.stages, h("div.column", {}, h("div.row.beside-bar", {}, this.title), this.stage.element));
+    fill(this.stages, h("div.column", h("div.row.beside-bar", this.title), this.stage.element));
     // The screen itself is there; the portrait comes when it is packed.
     this.display().catch(fail);
     if (this.second) this.openBeside(this.second).catch(fail);
@@ -123,7 +120,8 @@ export class Portrait {
 
   async display() {
     const { version, stage } = this;
-    if (this.first?.id !== version?.id) this.first = version && { id: version.id, mix: plainMix(version.mix) };
+    if (this.first?.id !== version?.id)
+      this.first = version && { id: version.id, mix: plainMix(version.mix) };
     this.panel.show(version?.mix ?? STEADY, []);
     const about = await stage.show(version ? { version: version.id } : { style: null });
     if (!about) return;
@@ -143,31 +141,19 @@ export class Portrait {
           h(
             "button.version",
             { "aria-pressed": String(each.id === this.chosen), onclick: () => this.choose(each.id) },
-            each.thumbnail
-              ? h("img", { slow: each.thumbnail, alt: "" })
-              : h("span.blank", {}, icon("portrait")),
+            each.thumbnail ? h("img", { slow: each.thumbnail, alt: "" }) : h("span.blank", icon("portrait")),
             h(
               "span",
-              {},
               h("strong.some", { text: each.name, title: each.name }),
               h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }),
             ),
           ),
           h(
             "div.row.version-tools",
-            {},
             !each.from_command_line &&
-              button(
-                "",
-                doing(() => this.rename(each)),
-                { kind: "quiet tool", drawing: "pencil", name: t("version.rename", { name: each.name }) },
-              ),
+              tool("pencil", t("version.rename", { name: each.name }), () => this.rename(each)),
             !each.from_command_line &&
-              button(
-                "",
-                doing(() => this.remove(each)),
-                { kind: "quiet tool", drawing: "trash", name: t("version.remove", { name: each.name }) },
-              ),
+              tool("trash", t("version.remove", { name: each.name }), () => this.remove(each)),
           ),
         ),
       ),
@@ -201,28 +187,14 @@ export class Portrait {
       this.actions,
       version &&
         (job
-          ? h(
-              "a.button",
-              { href: `#making/${this.sitter.id}` },
-              icon("making"),
-              this.how,
-            )
+          ? h("a.button", { href: `#making/${this.sitter.id}` }, icon("making"), this.how)
           : !version.fine &&
-            button(
-              t("portrait.fine"),
-              doing(async () => {
-                if (this.open) await this.store();
-                keepJob(await post(`/api/projects/${this.sitter.id}/versions/${version.id}/fine`));
-                say(t("portrait.queued"));
-              }),
-              { kind: "main", drawing: "spark" },
-            )),
-      version?.style &&
-        button(
-          t("portrait.copy"),
-          doing(() => this.copy()),
-          { drawing: "plus" },
-        ),
+            action(t("portrait.fine"), { kind: "main", drawing: "spark" }, async () => {
+              if (this.open) await this.store();
+              keepJob(await post(`/api/projects/${this.sitter.id}/versions/${version.id}/fine`));
+              say(t("portrait.queued"));
+            })),
+      version?.style && action(t("portrait.copy"), { drawing: "plus" }, () => this.copy()),
       !version && h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("portrait.choose") }),
       version && !version.style && h("p.small.soft", { text: t("portrait.commands") }),
     );
@@ -309,7 +281,8 @@ export class Portrait {
     const old = this.version,
       path = `/api/projects/${this.sitter.id}/versions/${old.id}`;
     const made = await post(`${path}/copy`, { name });
-    const moved = this.first?.id === old.id && JSON.stringify(this.first.mix) !== JSON.stringify(plainMix(old.mix));
+    const moved =
+      this.first?.id === old.id && JSON.stringify(this.first.mix) !== JSON.stringify(plainMix(old.mix));
     if (moved && !old.fine && !old.from_command_line) await send("PATCH", path, { mix: this.first.mix });
     await this.reload();
     const shown = this.choose(made.id);
@@ -337,10 +310,7 @@ export class Portrait {
     const answer = await ask(
       t("version.remove", { name: version.name }),
       h("p", { text: t("version.remove.text") }),
-      [
-        ["", t("cancel")],
-        ["yes", t("remove"), "danger"],
-      ],
+      [["yes", t("remove"), "danger"]],
     );
     if (!answer) return;
     // Asked before: a reload chooses another one, and what was moved belongs to none any more.

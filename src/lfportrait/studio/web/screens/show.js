@@ -1,12 +1,12 @@
 // Screen 6: which panel, how the head stands in it, what an eye before it sees; and all files.
 
 import { get, picture, post, send } from "../api.js";
-import { button, fill, h, icon, later, segments, slider } from "../dom.js";
+import { fill, h, heading, icon, later, segments, slider } from "../dom.js";
 import { Exports } from "../exports.js";
 import { t } from "../i18n.js";
 import { Panels } from "../panels.js";
 import { changesOf, drawBudget, PLACE, placementPanel } from "../placement.js";
-import { doing, fail } from "../shell.js";
+import { action, fail } from "../shell.js";
 import { fineJob, keepJob, keepProject, on } from "../state.js";
 import { standingOf } from "../times.js";
 
@@ -52,12 +52,7 @@ class Show {
     });
     fill(
       root,
-      h(
-        "header",
-        {},
-        h("div", {}, h("h1", { text: t("step.show") }), h("p.lead", { text: t("show.lead") })),
-        h("div.row", {}, this.versions, tabs),
-      ),
+      heading(t("step.show"), h("p.lead", { text: t("show.lead") }), h("div.row", this.versions, tabs)),
       this.quality,
       this.body,
     );
@@ -111,18 +106,13 @@ class Show {
       icon("fair"),
       h(
         "div.row.between",
-        {},
         h("p", { text: t("show.draft", { name: shown.name }) }),
         job
           ? h("a.button", { href: `#making/${sitter.id}` }, t("portrait.making", { how: standingOf(job) }))
           : !shown.from_command_line &&
-              button(
-                t("portrait.fine"),
-                doing(async () => {
-                  keepJob(await post(`/api/projects/${sitter.id}/versions/${shown.id}/fine`));
-                }),
-                { drawing: "spark" },
-              ),
+              action(t("portrait.fine"), { drawing: "spark" }, async () => {
+                keepJob(await post(`/api/projects/${sitter.id}/versions/${shown.id}/fine`));
+              }),
       ),
     );
   }
@@ -158,7 +148,6 @@ class Show {
         this.body,
         h(
           "div.empty",
-          {},
           icon("show"),
           h("h2", { text: t("show.none") }),
           h("p", { text: t("show.none.text") }),
@@ -224,12 +213,10 @@ class Show {
       this.panels.wizardPlace,
       h(
         "div.show-body",
-        {},
         h(
           "div.stack",
-          {},
-          h("figure.eye.first", {}, this.eye, this.note),
-          h("div.eye-sliders", {}, eyeAt, crosstalk),
+          h("figure.eye.first", this.eye, this.note),
+          h("div.eye-sliders", eyeAt, crosstalk),
           this.budget,
         ),
         h("aside.side.stack.wide", { "aria-label": t("show.settings") }, this.panels.element, placement),

@@ -2,12 +2,23 @@
 
 import { takeFiles } from "../drop.js";
 import { get, leaveScreen, post, send } from "../api.js";
-import { ask, button, fill, h, icon } from "../dom.js";
+import { ask, button, fill, h, heading, icon } from "../dom.js";
 import { named } from "../naming.js";
 import { said, size, t } from "../i18n.js";
-import { doing, fail, preferences, say } from "../shell.js";
+import { action, fail, preferences, say, tool } from "../shell.js";
 import { plainName, uploadsOf } from "../uploads.js";
-import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, project, state, tell } from "../state.js";
+import {
+  isLive,
+  jobsOf,
+  keepJob,
+  keepProject,
+  listen,
+  listenNoMore,
+  on,
+  project,
+  state,
+  tell,
+} from "../state.js";
 import { leftOfJob, standingOf } from "../times.js";
 
 const PICTURES = ".jpg,.jpeg,.png,.webp,.tif,.tiff,.bmp,.avif,.heic,.heif,.hif";
@@ -19,23 +30,18 @@ export async function showSitters(root) {
     fill(
       list,
       [...state.projects].sort((one, other) => other.changed - one.changed).map(card),
-      h("li", {}, newSitter()),
+      h("li", newSitter()),
     );
     list.classList.toggle("first", state.projects.length === 0);
   };
   fill(
     root,
-    h(
-      "header",
-      {},
-      h("div", {}, h("h1", { text: t("sitters.title") }), h("p.lead", { text: t("sitters.lead") })),
-    ),
+    heading(t("sitters.title"), h("p.lead", { text: t("sitters.lead") })),
     state.projects.length === 0 && welcome(),
     list,
     machine,
     h(
       "footer.row.between.soft.small",
-      {},
       h("p", { text: t("sitters.folder", { folder: state.folder, version: state.version }) }),
       end(),
     ),
@@ -73,18 +79,12 @@ export async function showSitters(root) {
 function welcome() {
   return h(
     "section.card.welcome.row",
-    {},
     icon("spark"),
-    h("div.stack", {}, h("h2", { text: t("welcome.title") }), h("p.soft", { text: t("welcome.text") })),
+    h("div.stack", h("h2", { text: t("welcome.title") }), h("p.soft", { text: t("welcome.text") })),
     h(
       "div.row",
-      {},
       photoButton("main"),
-      button(
-        t("sitters.demo"),
-        doing(() => create(t("demo.name"), true)),
-        { kind: "quiet" },
-      ),
+      action(t("sitters.demo"), { kind: "quiet" }, () => create(t("demo.name"), true)),
     ),
   );
 }
@@ -100,13 +100,18 @@ function photoButton(kind) {
       event.target.value = "";
     },
   });
-  return h("span", {}, button(t("sitters.photo"), () => input.click(), { kind, drawing: "photos" }), input);
+  return h(
+    "span",
+    button(t("sitters.photo"), () => input.click(), { kind, drawing: "photos" }),
+    input,
+  );
 }
 
 /** A sitter of files: of one photo the head is made at once, of others after a look at them. */
 async function fromFiles(files) {
   if (!files.length) return;
-  const alone = files.length === 1 && PICTURES.split(",").some((end) => files[0].name.toLowerCase().endsWith(end));
+  const alone =
+    files.length === 1 && PICTURES.split(",").some((end) => files[0].name.toLowerCase().endsWith(end));
   const name = alone ? plainName(files[0].name).replace(/\.[^.]*$/, "") : "";
   const item = alone ? await createFree(name) : await asked();
   if (!item) return;
@@ -167,24 +172,15 @@ function card(item) {
       { href: `#${screen}/${item.id}` },
       item.thumbnail
         ? h("img", { src: item.thumbnail, alt: "", loading: "lazy" })
-        : h("span.blank", {}, icon("sitters")),
+        : h("span.blank", icon("sitters")),
       h("strong.some", { text: item.name, title: item.name }),
       h("span.tag", { class: kind, text }),
       making(item) && h("span.when.small.soft", { text: leftWords(item) }),
     ),
     h(
       "div.row",
-      {},
-      button(
-        "",
-        doing(() => rename(item)),
-        { kind: "quiet tool", drawing: "pencil", name: t("sitter.rename", { name: item.name }) },
-      ),
-      button(
-        "",
-        doing(() => remove(item)),
-        { kind: "quiet tool", drawing: "trash", name: t("sitter.remove", { name: item.name }) },
-      ),
+      tool("pencil", t("sitter.rename", { name: item.name }), () => rename(item)),
+      tool("trash", t("sitter.remove", { name: item.name }), () => remove(item)),
     ),
   );
 }
@@ -208,19 +204,12 @@ function count(list) {
 function newSitter() {
   return h(
     "div.new-sitter.stack",
-    {},
-    button(
-      t("sitters.new"),
-      doing(() => named(t("sitters.new"), "", t("create"), (name) => create(name, false))),
-      { kind: "main", drawing: "plus" },
+    action(t("sitters.new"), { kind: "main", drawing: "plus" }, () =>
+      named(t("sitters.new"), "", t("create"), (name) => create(name, false)),
     ),
     state.projects.length > 0 && photoButton("quiet"),
     state.projects.length > 0 &&
-      button(
-        t("sitters.demo"),
-        doing(() => create(t("demo.name"), true)),
-        { kind: "quiet" },
-      ),
+      action(t("sitters.demo"), { kind: "quiet" }, () => create(t("demo.name"), true)),
   );
 }
 
@@ -247,10 +236,7 @@ async function remove(item) {
   const answer = await ask(
     t("sitter.remove", { name: item.name }),
     h("p", { text: t("sitter.remove.text", { name: item.name, size: size(item.size_bytes) }) }),
-    [
-      ["", t("cancel")],
-      ["yes", t("remove"), "danger"],
-    ],
+    [["yes", t("remove"), "danger"]],
   );
   if (!answer) return;
   const { trash } = await send("DELETE", `/api/projects/${item.id}`, { confirm: item.name });
@@ -279,11 +265,9 @@ function drawMachine(box) {
     missing.length > 0 &&
       h(
         "div.note.fair",
-        {},
         icon("fair"),
         h(
           "div.stack",
-          {},
           h("h2", { text: t("networks.title", { n: missing.length }) }),
           h("p", {
             text: t("networks.text", {
@@ -292,7 +276,6 @@ function drawMachine(box) {
           }),
           h(
             "ul",
-            {},
             missing.map((each) =>
               h("li.small", {
                 text: `${each.name}: ${said(each.for)} (${size(each.size_bytes)}, ${each.licence})`,
@@ -303,14 +286,9 @@ function drawMachine(box) {
             ? h("progress", { max: 1, value: loading.progress ?? null, "aria-label": t("networks.loading") })
             : h(
                 "div",
-                {},
-                button(
-                  t("networks.get"),
-                  doing(async () => {
-                    keepJob(await post("/api/networks", { names: missing.map(({ name }) => name) }));
-                  }),
-                  { drawing: "download" },
-                ),
+                action(t("networks.get"), { drawing: "download" }, async () => {
+                  keepJob(await post("/api/networks", { names: missing.map(({ name }) => name) }));
+                }),
               ),
         ),
       ),
@@ -319,17 +297,14 @@ function drawMachine(box) {
       { open: box.querySelector("details")?.open ?? worst === "bad" },
       h(
         "summary",
-        {},
         h(
           "span.row",
-          {},
           icon(checks ? worst : "info"),
           h("strong", { text: checks ? t(`doctor.${worst}`) : t("doctor.wait") }),
         ),
       ),
       h(
         "ul.checks",
-        {},
         (checks ?? []).map(({ name, grade, text, advice }) =>
           h(
             "li.note",
@@ -337,10 +312,8 @@ function drawMachine(box) {
             icon(grade),
             h(
               "div",
-              {},
               h(
                 "p",
-                {},
                 h("span.unseen", { text: `${t(`check.${grade}`)}: ` }),
                 h("strong", { text: said(name) }),
                 ` · ${said(text)}`,
@@ -355,27 +328,20 @@ function drawMachine(box) {
 }
 
 function end() {
-  return button(
-    t("shutdown"),
-    doing(async () => {
-      const running = state.jobs.some(({ state: how }) => how === "running");
-      const answer = await ask(
-        t("shutdown"),
-        h("p", { text: t(running ? "shutdown.running" : "shutdown.text") }),
-        [
-          ["", t("cancel")],
-          ["yes", t("shutdown"), "main"],
-        ],
-      );
-      if (!answer) return;
-      listenNoMore();
-      await post("/api/shutdown").catch((error) => {
-        listen();
-        throw error;
-      });
-      leaveScreen(); // what is still asked for gets no answer
-      fill(document.getElementById("main"), h("div.empty", {}, h("h1", { text: t("shutdown.done") })));
-    }),
-    { kind: "quiet" },
-  );
+  return action(t("shutdown"), { kind: "quiet" }, async () => {
+    const running = state.jobs.some(({ state: how }) => how === "running");
+    const answer = await ask(
+      t("shutdown"),
+      h("p", { text: t(running ? "shutdown.running" : "shutdown.text") }),
+      [["yes", t("shutdown"), "main"]],
+    );
+    if (!answer) return;
+    listenNoMore();
+    await post("/api/shutdown").catch((error) => {
+      listen();
+      throw error;
+    });
+    leaveScreen(); // what is still asked for gets no answer
+    fill(document.getElementById("main"), h("div.empty", h("h1", { text: t("shutdown.done") })));
+  });
 }

@@ -1,13 +1,13 @@
 // Screen 4: paintings, each seen on this sitter; which face, its landmarks, its regions.
 
 import { get, picture, post, put, send } from "../api.js";
-import { ask, button, fill, h, icon } from "../dom.js";
+import { ask, button, fill, h, heading, icon } from "../dom.js";
 import { said, t } from "../i18n.js";
 import { takeFiles } from "../drop.js";
 import { plainName } from "../uploads.js";
 import { chooseFace } from "../faces.js";
 import { growingPicture, quickPicture, slowly, slowPicture } from "../lane.js";
-import { doing, fail, murmur, say } from "../shell.js";
+import { action, fail, murmur, say, tool } from "../shell.js";
 import { keepProject, on } from "../state.js";
 import { showLandmarks } from "./landmarking.js";
 import { showRegions } from "./painting.js";
@@ -34,14 +34,9 @@ class Gallery {
     this.queue = [];
     fill(
       root,
-      h(
-        "header",
-        {},
-        h("div", {}, h("h1", { text: t("step.style") }), h("p.lead", { text: t("style.lead") })),
-        this.adding(),
-      ),
+      heading(t("step.style"), h("p.lead", { text: t("style.lead") }), this.adding()),
       this.missing,
-      h("div.style-body", {}, this.detail, this.grid),
+      h("div.style-body", this.detail, this.grid),
     );
     // A preview is asked for when its painting is in sight.
     this.sight = new IntersectionObserver(
@@ -80,11 +75,9 @@ class Gallery {
       !has.field &&
         h(
           "p.note.fair",
-          {},
           icon("fair"),
           h(
             "span",
-            {},
             t("style.nohead", { sitter: name }),
             " ",
             h("a", { href: `#making/${id}`, text: t("photos.next") }),
@@ -110,13 +103,8 @@ class Gallery {
     });
     return h(
       "div.row",
-      {},
       button(t("style.add"), () => input.click(), { kind: "main", drawing: "plus" }),
-      button(
-        t("style.paste"),
-        doing(() => this.paste()),
-        { drawing: "paste" },
-      ),
+      action(t("style.paste"), { drawing: "paste" }, () => this.paste()),
       input,
     );
   }
@@ -249,8 +237,7 @@ class Gallery {
 
   drawDetail() {
     const style = this.style();
-    if (!style)
-      return fill(this.detail, h("div.empty", {}, icon("style"), h("p", { text: t("style.none") })));
+    if (!style) return fill(this.detail, h("div.empty", icon("style"), h("p", { text: t("style.none") })));
     const here = `#style/${this.sitter.id}/${style.id}`;
     const own = style.kind !== "builtin";
     const facts = h("ul.stack.facts");
@@ -259,35 +246,17 @@ class Gallery {
       this.both(style),
       h(
         "div.row",
-        {},
         this.sitter.has.field &&
           style.landmarks !== "none" &&
-          button(
-            t("style.use"),
-            doing(() => this.use(style)),
-            { kind: "main", drawing: "portrait" },
-          ),
+          action(t("style.use"), { kind: "main", drawing: "portrait" }, () => this.use(style)),
         own
           ? h("a.button", { href: `${here}/landmarks` }, icon("points"), t("style.landmarks"))
-          : button(
-              t("style.copy"),
-              doing(() => this.copy(style)),
-              { drawing: "points" },
-            ),
+          : action(t("style.copy"), { drawing: "points" }, () => this.copy(style)),
         own && h("a.button", { href: `${here}/regions` }, icon("brush"), t("style.regions")),
         own &&
           style.faces > 1 &&
-          button(
-            t("style.faces", { n: style.faces }),
-            doing(() => this.faces(style)),
-            { drawing: "sitters" },
-          ),
-        own &&
-          button(
-            "",
-            doing(() => this.remove(style)),
-            { kind: "quiet tool", drawing: "trash", name: t("style.remove", { name: style.name }) },
-          ),
+          action(t("style.faces", { n: style.faces }), { drawing: "sitters" }, () => this.faces(style)),
+        own && tool("trash", t("style.remove", { name: style.name }), () => this.remove(style)),
       ),
       facts,
     );
@@ -305,14 +274,12 @@ class Gallery {
       { class: seen ? "" : "alone" },
       h(
         "figure",
-        {},
         growingPicture(painting, style.picture, style.full, shown(style)),
         h("figcaption.soft.small", { text: style.name }),
       ),
       seen &&
         h(
           "figure",
-          {},
           style.preview
             ? h("img", { src: style.preview, alt: t("preview.alt", { sitter: name, name: style.name }) })
             : h(
@@ -358,10 +325,7 @@ class Gallery {
     const answer = await ask(
       t("style.remove", { name: style.name }),
       h("p", { text: t("style.remove.text") }),
-      [
-        ["", t("cancel")],
-        ["yes", t("remove"), "danger"],
-      ],
+      [["yes", t("remove"), "danger"]],
     );
     if (!answer) return;
     await send("DELETE", `/api/styles/${style.id}?project=${this.sitter.id}`);
