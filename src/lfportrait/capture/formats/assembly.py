@@ -34,6 +34,8 @@ from ..camera import Camera, looks_normalised, portrait_frame_from_cameras
 from ..lenses import Lens, some_depth, straightened, undistort
 from ..photos import noted
 
+FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Turns a camera's y and z axes round: from NeRF's to OpenCV's and back."""
 # The camera's axes after its picture was turned clockwise by a quarter turn.
 _QUARTER = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0],
                      [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])

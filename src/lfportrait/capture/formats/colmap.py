@@ -237,11 +237,9 @@ class Colmap(CaptureFormat):
     name, files = "COLMAP", "COLMAP model"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         return path.is_dir() and bool(_colmap_models(path))
 
     def read(self, path: Path, holdout: int) -> DataSet:
-        """See `CaptureFormat.read`."""
         model = _largest_model(_colmap_models(path), path)
         lenses, images = read_model(model)
         finder = Finder()

@@ -25,8 +25,8 @@ from ...files import UNREADABLE_ARRAYS, read_json
 from ...media.folders import list_pictures, stem_key, visible
 from ...media.pictures import open_picture
 from ..lenses import Lens
-from .assembly import CaptureFormat, DataSet, Shot
-from .programs import resizable, warn_unmatched
+from .assembly import FLIP, CaptureFormat, DataSet, Shot
+from .programs import pose_of, resizable, warn_unmatched
 
 # Pixels along the longer side beyond which a reduced copy is preferred.
 _LARGEST_SIDE = 1600
@@ -76,11 +76,9 @@ class Llff(CaptureFormat):
     name, files = "LLFF", "poses_bounds.npy"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         return (path / self.files).is_file()
 
     def read(self, path: Path, holdout: int) -> DataSet:
-        """See `CaptureFormat.read`."""
         source = path / "poses_bounds.npy"
         try:
             table = np.load(source, allow_pickle=False).astype(np.float64)
@@ -149,11 +147,9 @@ class Nsvf(CaptureFormat):
     name, files = "NSVF", "pose/ folder"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         return _nsvf_folders(path) is not None
 
     def read(self, path: Path, holdout: int) -> DataSet:
-        """See `CaptureFormat.read`."""
         folders = _nsvf_folders(path)
         assert folders is not None
         rgb, pose_folder = folders
@@ -180,8 +176,6 @@ class Nsvf(CaptureFormat):
         return DataSet(self.name, shots, rgb, box)
 
 
-
-_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -206,11 +200,9 @@ class Polycam(CaptureFormat):
     name, files = "Polycam", "export of Polycam"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         return _polycam_folders(path) is not None
 
     def read(self, path: Path, holdout: int) -> DataSet:
-        """See `CaptureFormat.read`."""
         folders = _polycam_folders(path)
         assert folders is not None
         pictures, cameras = folders
@@ -251,11 +243,9 @@ class Record3d(CaptureFormat):
     name, files = "Record3D", "export of Record3D"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         return _record3d_files(path) is not None
 
     def read(self, path: Path, holdout: int) -> DataSet:
-        """See `CaptureFormat.read`."""
         from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
 
         files = _record3d_files(path)
@@ -277,8 +267,7 @@ class Record3d(CaptureFormat):
             number = int(picture.stem) if picture.stem.isdecimal() else -1
             if not 0 <= number < len(table):
                 continue
-            pose = np.eye(4)
-            pose[:3, :3], pose[:3, 3] = rotations[number], table[number, 4:]
+            pose = pose_of(rotations[number], table[number, 4:])
             shots.append(_shot(picture, pose, *resizable(lenses[number])))
         if not shots:
             raise UserError(f"{folder} has no pictures 0.jpg, 1.jpg, ... for the poses in {file}")
@@ -290,7 +279,7 @@ class Record3d(CaptureFormat):
 def _shot(picture: Path, pose: Float64, lens: Callable[[int, int], Lens],
           size: tuple[int, int]) -> Shot:
     masks = picture.parent.parent / "masks", picture.parent / "masks"
-    return Shot(picture, picture.name, pose @ _FLIP, lens, size, masks, up=_UP)
+    return Shot(picture, picture.name, pose @ FLIP, lens, size, masks, up=_UP)
 
 
 @contextlib.contextmanager

@@ -47,7 +47,7 @@ from ...files import read_json
 from ...media.folders import folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
 from ..lenses import Lens
-from .assembly import CaptureFormat, DataSet, Shot
+from .assembly import FLIP, CaptureFormat, DataSet, Shot
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _alicevision(data: dict[str, Any]) -> list[Placed]:
     poses = {}
     for record in data.get("poses") or []:
         transform = record["pose"]["transform"]
-        poses[record["poseId"]] = _pose(np.array(transform["rotation"], np.float64).reshape(3, 3),
+        poses[record["poseId"]] = pose_of(np.array(transform["rotation"], np.float64).reshape(3, 3),
                                         transform["center"])
     found = []
     for view in data["views"]:
@@ -154,7 +154,7 @@ def _alicevision(data: dict[str, Any]) -> list[Placed]:
     return found
 
 
-def _pose(rotation: Float64, center: Any) -> Float64:
+def pose_of(rotation: Float64, center: Any) -> Float64:
     """Camera-to-world [4, 4]."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, np.array(center, np.float64)
@@ -215,7 +215,7 @@ def _openmvg(data: dict[str, Any]) -> list[Placed]:
         x, y = (float(number) for number in base["principal_point"])
         lenses[record["key"]] = _bent(Lens(int(base["width"]), int(base["height"]),
                                            (focal, focal), (x, y)), kind, terms)
-    poses = {record["key"]: _pose(np.array(record["value"]["rotation"], np.float64).T,
+    poses = {record["key"]: pose_of(np.array(record["value"]["rotation"], np.float64).T,
                                   record["value"]["center"])
              for record in data.get("extrinsics") or []}
     found = []
@@ -291,7 +291,7 @@ def _components(chunk: ElementTree.Element, photos: list[_Photo]) -> dict[str | 
         pose = worlds.get(photo.component, whole) @ photo.pose
         pose[:3, :3] /= np.cbrt(np.linalg.det(pose[:3, :3]))
         parts.setdefault(photo.component, []).append(
-            Placed(label, pose, lens.resized, (lens.width, lens.height)))
+            Placed(label, pose, *resizable(lens)))
     return parts
 
 
@@ -387,7 +387,6 @@ def _lens(sensor: ElementTree.Element) -> Lens | None:
     return (fisheye if kind == "fisheye" else brown)(lens, k)
 
 
-_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 _COLUMNS = {"x", "y", "alt", "heading", "pitch", "roll", "f"}
 
 
@@ -419,15 +418,12 @@ def read_camera_table(file: Path) -> list[Placed]:
             continue
         place, angles = ([float(row[key] or "") for key in keys]
                          for keys in (("x", "y", "alt"), ("heading", "pitch", "roll")))
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_euler("ZXY", [-angles[0], angles[1], angles[2]],
-                                           degrees=True).as_matrix()
-        pose[:3, 3] = place
+        rotation = Rotation.from_euler("ZXY", [-angles[0], angles[1], angles[2]], degrees=True)
         terms = [float(row.get(key) or 0.0) for key in
                  ("f", "px", "py", "k1", "k2", "k3", "k4", "t1", "t2")]
         if not terms[0] > 0:
             raise ValueError(f"the focal length of {name} is {terms[0]:g}")
-        found.append(Placed(name, pose @ _FLIP, _of_film(terms)))
+        found.append(Placed(name, pose_of(rotation.as_matrix(), place) @ FLIP, _of_film(terms)))
     return found
 
 
@@ -464,10 +460,9 @@ def read_bundler(file: Path) -> list[Placed]:
         focal, k1, k2 = part[0]
         if focal == 0:
             continue  # not aligned
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = np.stack(part[1:4]), part[4]
+        matrix = pose_of(np.stack(part[1:4]), part[4])
         # Its cameras look along -z, y is up.
-        shots.append(Placed(names[number], np.asarray(np.linalg.inv(_FLIP @ matrix), np.float64),
+        shots.append(Placed(names[number], np.asarray(np.linalg.inv(FLIP @ matrix), np.float64),
                           centred(names[number], float(focal), (float(k1), float(k2)))))
     warn_left_out(count - len(shots), count, file)
     return shots
@@ -495,9 +490,7 @@ def read_visualsfm(file: Path) -> list[Placed]:
     for line in rest[1:1 + count]:
         name, numbers = (line.split("\t", 1) if "\t" in line else line.split(" ", 1))
         focal, w, x, y, z, *place, radial = np.array(numbers.split()[:9], np.float64)
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix().T
-        pose[:3, 3] = place
+        pose = pose_of(Rotation.from_quat([x, y, z, w]).as_matrix().T, place)
         shots.append(Placed(name.strip('"'), pose,
                           centred(name, float(focal), _undoing(float(radial)))))
     if len(shots) < count:

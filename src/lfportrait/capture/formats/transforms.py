@@ -25,10 +25,8 @@ from ...media.pictures import read_image
 from ...simd.threads import side_by_side
 from ..camera import Camera
 from ..lenses import Lens, load_depth, save_depth, some_depth
-from .assembly import CaptureFormat, DataSet, Shot, Views
+from .assembly import FLIP, CaptureFormat, DataSet, Shot, Views
 from .programs import brown, fisheye, is_graph
-
-_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def transform_files(path: Path) -> list[Path]:
@@ -176,11 +174,9 @@ class Transforms(CaptureFormat):
     files = "transforms.json"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         return bool(transform_files(path))
 
     def read(self, path: Path, holdout: int) -> DataSet:
-        """See `CaptureFormat.read`."""
         files, finder = transform_files(path), Finder()
         shots: list[Shot] = []
         for file in files:
@@ -227,13 +223,10 @@ def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool, finder: F
         size = _stated_size(frame, data)
     except (TypeError, ValueError, OverflowError) as error:
         raise UserError(f"the camera of {path.name} can't be read: {error}") from error
-    return Shot(path, path.name, pose @ _TO_OPENCV, partial(_lens, frame, data), size,
+    return Shot(path, path.name, pose @ FLIP, partial(_lens, frame, data), size,
                 (path.parent.parent / "masks", path.parent / "masks"),
                 mask=(file.parent / _forward(str(frame["mask_path"])) if frame.get("mask_path")
                       else None), test=_split_of(data, name, file, several))
-
-
-_TO_NERF = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 class Own(Transforms):
@@ -242,7 +235,6 @@ class Own(Transforms):
     name = "lfportrait capture"
 
     def recognises(self, path: Path) -> bool:
-        """See `CaptureFormat.recognises`."""
         files = transform_files(path)
         with suppress(UserError):  # damaged: `Transforms` says of what
             first = read_json(files[0]) if files else None
@@ -250,7 +242,6 @@ class Own(Transforms):
         return False
 
     def write(self, capture: Views, path: Path) -> None:
-        """See `CaptureFormat.write`."""
         try:
             with fresh_folder(path) as temporary:
                 _write(capture, temporary)
@@ -259,7 +250,6 @@ class Own(Transforms):
                             "another folder with --out") from error
 
     def load(self, path: Path, holdout: int) -> Views:
-        """See `CaptureFormat.load`."""
         return self.views(transform_files(path)[0].parent)
 
     def views(self, folder: Path, images: list[UInt8] | None = None,
@@ -271,7 +261,7 @@ class Own(Transforms):
             if images is None:
                 images, alphas = _read_pictures([folder / frame["file_path"] for frame in frames])
             cameras = Camera(
-                np.array([frame["transform_matrix"] for frame in frames]) @ _TO_NERF,
+                np.array([frame["transform_matrix"] for frame in frames]) @ FLIP,
                 np.array([[frame["fl_x"], frame["fl_y"]] for frame in frames]),
                 np.array([[frame["cx"], frame["cy"]] for frame in frames]),
                 np.array([frame["w"] for frame in frames]),
@@ -315,7 +305,7 @@ def _write(capture: Views, folder: Path) -> None:
             "file_path": name, "w": int(camera.width[0]), "h": int(camera.height[0]),
             "fl_x": camera.focal[0, 0], "fl_y": camera.focal[0, 1],
             "cx": camera.center[0, 0], "cy": camera.center[0, 1],
-            "transform_matrix": (camera.pose[0] @ _TO_NERF).tolist(),
+            "transform_matrix": (camera.pose[0] @ FLIP).tolist(),
             "held_out": bool(capture.held_out[view])})
         depth = None if capture.depths is None else capture.depths[view]
         if depth is not None:
