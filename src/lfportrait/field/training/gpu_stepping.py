@@ -22,7 +22,7 @@ from ..gpu.training.steps import STEP
 from ..kernels.rows import put_means
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
-from .stepping import DECAY, Plan, Taken, color_gains
+from .stepping import DECAY, Plan, Taken, color_gains, variation_of
 
 _CALLS = "lfportrait.field.gpu.training.steps"
 _TOGETHER, _FIRST = 64, 4
@@ -145,14 +145,12 @@ class GpuSteps:
         self.taken, self.average, self.basis = taken, average, basis
         geometry = lattice.geometry()
         self._geometry = geometry[2]
-        run = max(1, int(config.tv_sparsity * lattice.count))
-        finest = level == len(config.resolutions) - 1
+        weights, tv_scale, run = variation_of(config, level, lattice.count)
         self._run, self._states = run, average.count if average is not None else 0
         base = ray_numbers(options)
         base["decay"], base["lowest"], base["workers"] = DECAY, lowest, workers
-        base["tv_weight"] = config.lambda_tv * 0.5 ** level / run
-        base["tv_color"] = config.lambda_tv_sh * (0.1 if finest else 1.0) / run
-        base["tv_scale"] = config.resolutions[level] / 256.0
+        base["tv_weight"], base["tv_color"] = weights[0] / run, weights[1] / run
+        base["tv_scale"] = tv_scale
         base["gain"] = color_gains(16 * tiles, 1, 16)[0] / 0.7
         shells = None
         if behind is not None:

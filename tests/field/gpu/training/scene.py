@@ -61,7 +61,7 @@ def gradients(device, given, steps, inputs):
     """Records of one step before they are taken up: rows and orders, and values; and errors."""
     own = Steps(device, given)
     device.write(own.buffers["inputs"], inputs)
-    device.write(own.uniform, own.filled(steps))
+    device.write(own.uniform, own.notes.filled(steps, own.lattice, own.shape))
     own.notes.clear(device)
     device.run(*own.dispatches(0)[:own.names().index("settle")])
     header = own.notes.header(device)

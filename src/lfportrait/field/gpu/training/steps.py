@@ -148,6 +148,20 @@ class Notes:
         notes.buffers = {name: device.buffer(size) for name, size in sizes.items()}
         return notes
 
+    def filled(self, steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int],
+               ) -> NDArray[Any]:
+        """Steps with what only the device's side knows: sizes, room, and where things are."""
+        steps = steps.copy()
+        steps["size"], steps["bricks"] = shape[::-1], lattice.table.shape[::-1]
+        steps["tiles"], steps["links"] = self.tiles, lattice.table.size
+        steps["share"] = 1.0 / (16.0 * self.tiles)
+        steps["input"] = 20 * self.tiles * np.arange(len(steps))
+        steps["output"] = self.tiles * np.arange(len(steps))
+        steps["packet"], steps["empty"] = self.packet, lattice.count
+        steps["block_room"], steps["record_room"] = self.block_room, self.record_room
+        steps["basis"], steps["row"] = lattice.basis, row_floats(lattice.basis)
+        return steps
+
     def header(self, device: Device) -> dict[str, int]:
         """Counts: blocks and records begun, whether a step failed, steps done, most of both."""
         found = device.read(self.buffers["blocks"], np.uint32, _HEADER)
@@ -378,7 +392,7 @@ class Steps:
         device, done = self.device, 0
         device.write(self.buffers["inputs"], inputs)
         while True:
-            device.write(self.uniform, self.filled(steps))
+            device.write(self.uniform, self.notes.filled(steps, self.lattice, self.shape))
             self.notes.clear(device)
             self._send(averaged, looks, done)
             header = self.notes.header(device)
@@ -459,7 +473,7 @@ class Steps:
         # Once, for room and for compiled kernels.
         self.take(steps[:1], inputs[:1], np.zeros(1, bool), np.ones(1, bool))
         device, names = self.device, [*self.names()]
-        device.write(self.uniform, self.filled(steps[:1]))
+        device.write(self.uniform, self.notes.filled(steps[:1], self.lattice, self.shape))
         dispatches, spent = self.dispatches(0), []
         # From the whole step down: what comes after a kernel puts right what it leaves behind.
         for count in range(len(dispatches), 0, -1):
@@ -480,10 +494,6 @@ class Steps:
                 "kernels": [(name, spent[place] - spent[place + 1])
                             for place, name in enumerate(reversed(names))][::-1]}
 
-    def filled(self, steps: NDArray[Any]) -> NDArray[Any]:
-        """Steps with what only the device's side knows: sizes, room, and where things are."""
-        return _filled(steps, self.lattice, self.shape, self.notes)
-
     def names(self) -> list[str]:
         """Names of a step's kernels in their order."""
         pages = len(self.lattice.pages)
@@ -495,23 +505,8 @@ class Steps:
                 "settle", *["paint"] * pages, "vary", *behind, "smooth_run"]
 
 
-def _filled(steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int], notes: Notes,
-            ) -> NDArray[Any]:
-    """Steps with what only the device's side knows."""
-    steps = steps.copy()
-    steps["size"], steps["bricks"] = shape[::-1], lattice.table.shape[::-1]
-    steps["tiles"], steps["links"] = notes.tiles, lattice.table.size
-    steps["share"] = 1.0 / (16.0 * notes.tiles)
-    steps["input"] = 20 * notes.tiles * np.arange(len(steps))
-    steps["output"] = notes.tiles * np.arange(len(steps))
-    steps["packet"], steps["empty"] = notes.packet, lattice.count
-    steps["block_room"], steps["record_room"] = notes.block_room, notes.record_room
-    steps["basis"], steps["row"] = lattice.basis, row_floats(lattice.basis)
-    return steps
-
-
-def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
-                    inputs: NDArray[np.uint32]) -> Float32:
+def largest(device: Device, given: dict[str, Any], steps: NDArray[Any],
+            inputs: NDArray[np.uint32]) -> Float32:
     """The largest weight of each row on the rays of tiles.
 
     Parameters
@@ -540,7 +535,7 @@ def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
     done = 0
     while done < bands:
         resources |= notes.buffers
-        device.write(uniform, _filled(steps, lattice, given["shape"], notes))
+        device.write(uniform, notes.filled(steps, lattice, given["shape"]))
         runs = [(*_bound(device, entry, resources), (groups, 1, 1))
                 for entry, groups in (("march", band), ("largest", band), ("next_band", 1))]
         notes.clear(device)
@@ -620,9 +615,3 @@ def fetch_shells(device: Device) -> tuple[Float32, Float32]:
 def put_average(device: Device, density: Float32, rows: Float32) -> None:
     """Go on with sums of an average, [N + 1] and [N + 1, columns]."""
     device.kept[_KEY].put_sums(density, rows)
-
-
-def largest(device: Device, given: dict[str, Any], steps: NDArray[Any],
-            inputs: NDArray[np.uint32]) -> Float32:
-    """The largest weight of each row on the rays of tiles (`largest_weights`)."""
-    return largest_weights(device, given, steps, inputs)
