@@ -64,7 +64,6 @@ _DENSE = 1.2
 """Degrees between neighbours up to which photos between them show nothing more."""
 
 
-
 class PhotosError(UserError):
     """Photos that can't be placed, with the photos that cause this.
 

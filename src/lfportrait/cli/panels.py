@@ -510,7 +510,6 @@ class Show(Common):
                           "`lfportrait display import` and `lfportrait cast --save-display`",
                           UserWarning, stacklevel=1)
         if self.live or self.simulate:
-
             return run_live(self, self.lightfields, panel, self.config, self.photo,
                             screen=self.screen, simulate=self.simulate, seconds=self.seconds)
         if not self.lightfields:

@@ -224,7 +224,6 @@ def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
                     points = _second_opinion(turned, points)
                 return _turn_back(points, turn, image.shape)
     if thorough and models.available("face-detector") and models.available("face-landmarks-68"):
-
         for turn in turns:
             points = detect_landmarks68(np.ascontiguousarray(np.rot90(image, turn)))
             if points is not None:

@@ -62,7 +62,6 @@ _PALETTE = {"brows": (0.35, 0.2, 0.1), "eyes": (0.1, 0.6, 0.3), "nose": (0.95, 0
 """Colors of a surface's labels in the report."""
 
 
-
 def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, Any],
               progress: Progress | None = None, *,
               kept: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:

@@ -56,7 +56,6 @@ def check_key(project: Project) -> str:
                      for path in project.files()])
 
 
-
 def _placed(project: Project) -> dict[str, dict[str, float]] | None:
     """Where each photo was taken from, by its name without ending; None before it is known."""
     data = record_in(project.job / "capture" / "transforms.json") or {}

@@ -170,7 +170,6 @@ class Styles:
                 and style.path.with_suffix(".regions.png").is_file(), "preview": preview}
 
 
-
 def sources(path: Path) -> list[Path]:
     """A painting's picture, and the files beside it that say what lies in it."""
     return [path, *(path.with_suffix(f".{ending}")

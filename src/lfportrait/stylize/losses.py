@@ -42,7 +42,6 @@ FeatureNetwork = Callable[[torch.Tensor], list[torch.Tensor]]
 Weights = dict[str, torch.Tensor]
 
 
-
 def _use_threads() -> None:
     """As many threads as OpenMP was given, and no more than usable cores.
 

@@ -64,7 +64,6 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
     return 201, panel.entry()
 
 
-
 @TABLE.add("PATCH", "/api/displays/{display}")
 def change(call: Call) -> dict[str, Any]:
     """Other numbers."""

@@ -184,7 +184,6 @@ def command(call: Call) -> dict[str, Any]:
             "folder": str(project.folder), "at": round(time.time(), 3)}
 
 
-
 @TABLE.add("POST", "/api/projects/{project}/uploads")
 def announce(call: Call) -> dict[str, Any]:
     """Say what is to be done with each file that the page has."""

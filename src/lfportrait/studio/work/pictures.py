@@ -139,7 +139,6 @@ _MARGIN = 1.12
 _DISTANCE = 4.0
 
 
-
 def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], size: int) -> Camera:
     """Square cameras on a head, framed so that all of it shows.
 
