@@ -61,10 +61,8 @@ def hash_of(*parts: Any) -> str:
 def key_of(maker: str, *parts: Any) -> str:
     """Key of a result: hash of the code that makes it and of what it is made from, 32 hex digits.
 
-    Parameters
-    ----------
-    maker : The full name of the module that makes it: ``__name__``.
-    parts : Data classes, dictionaries, arrays, numbers, strings, keys of other results.
+    ``maker`` is the full name of the module that makes it (``__name__``); ``parts`` are data
+    classes, dictionaries, arrays, numbers, strings, keys of other results.
     """
     return hash_of(code_of(maker.partition(".")[0]), maker, *parts)
 

@@ -73,17 +73,10 @@ def primaries_to_srgb(primaries: tuple[float, ...]) -> Float64:
 
 def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"],
                 primaries: tuple[float, ...] = BT2020) -> UInt8:
-    """A picture of high dynamic range as sRGB.
+    """A picture of high dynamic range as sRGB, uint8 [H, W, 3]; a diffuse white is nearly white.
 
-    Parameters
-    ----------
-    signal : uint16 [H, W, 3], full range, R'G'B'.
-    curve : HLG (ARIB STD-B67) or PQ (SMPTE ST 2084), as in ITU-R BT.2100.
-    primaries : Chromaticities as in `SRGB`.
-
-    Returns
-    -------
-    picture : uint8 [H, W, 3]; a diffuse white is nearly white.
+    ``signal`` is uint16 [H, W, 3], full range, R'G'B', by the curve HLG (ARIB STD-B67) or PQ (SMPTE
+    ST 2084), as in ITU-R BT.2100; ``primaries`` are chromaticities as in `SRGB`.
     """
     value = np.arange(65536) / 65535.0
     if curve == "hlg":

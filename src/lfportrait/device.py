@@ -60,19 +60,12 @@ def check_device(choice: str) -> None:
 
 @functools.lru_cache(maxsize=16)
 def gpu_adapter(choice: str = "auto") -> Adapter | None:
-    """The WebGPU adapter for a choice of ``--device``.
+    """The WebGPU adapter for a choice of ``--device``; None: compute on the CPU.
 
-    Raises `UserError` if the choice is none of these, or names what is not here.
-
-    Parameters
-    ----------
-    choice : ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best
-        one, if need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the
-        best one with this in its name, upper or lower case.
-
-    Returns
-    -------
-    adapter : None: compute on the CPU.
+    ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best one, if
+    need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the best one with
+    this in its name, upper or lower case. Raises `UserError` if the choice is none of these, or is
+    not here.
     """
     if checked_choice(choice) == "cpu" or (
             choice == "auto" and not (gpu_in_sight() and find_spec("wgpu"))):
@@ -134,17 +127,10 @@ def torch_devices() -> tuple[TorchDevice, ...]:
 def torch_device(choice: str = "auto") -> TorchDevice:
     """Where torch computes for a choice of ``--device``.
 
-    Raises `UserError` if the choice is none of these, or names what is not here.
-
-    Parameters
-    ----------
-    choice : ``"auto"`` and ``"gpu"``: on its first GPU, if it has any. ``"cpu"``: on the CPU.
-        ``"gpu:NAME"``: on the first with this in its name, upper or lower case.
-
-    Returns
-    -------
-    device : The CPU, with a warning, also where the chosen GPU is one that WebGPU can use and
-        torch, as installed, can't.
+    ``"auto"`` and ``"gpu"``: on its first GPU, if it has any. ``"cpu"``: on the CPU.
+    ``"gpu:NAME"``: on the first with this in its name, upper or lower case. On the CPU, with a
+    warning, also where the chosen GPU is one that WebGPU can use and torch, as installed, can't.
+    Raises `UserError` if the choice is none of these, or is not here.
     """
     if checked_choice(choice) == "cpu":
         return TorchDevice()

@@ -66,18 +66,11 @@ class _Meter:
 
 def download(url: str, target: str | Path, sha256: str, size: int = 0, *,
              quiet: bool = False) -> Path:
-    """Download a file and check it.
+    """Download a file from an address, http or https, and check it by its SHA-256 in hex.
 
-    Raises `UserError` if it can't be had: one line with the file, the reason and what to do.
-    Nothing is left under the final name then.
-
-    Parameters
-    ----------
-    url : Its address, http or https.
-    target : Where it goes; the folder is made.
-    sha256 : Its SHA-256 in hex, or the first digits of it.
-    size : Its size in bytes, for the progress line and error messages; 0 if unknown.
-    quiet : Draw no progress line.
+    ``sha256`` may be the first digits of it; ``size`` in bytes, or 0, is for the progress line and
+    error messages. Raises `UserError` if it can't be had: one line with the file, the reason and
+    what to do. Nothing is left under the final name then.
     """
     target = Path(target)
     try:

@@ -84,21 +84,12 @@ def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
 
 
 def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = None) -> RegionStyle:
-    """Parse a region's value.
+    """Parse a region's value: a strength, a style, or both.
 
-    Raises `UserError` if the value is none of these, the style unknown, or the strength out of
-    range.
-
-    Parameters
-    ----------
-    region : Its name.
-    value : A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or
-        ``STYLE:NUMBER``. A style whose name is a number is meant by ``STYLE:NUMBER`` alone.
-    styles : Styles that there are; None where any name may be one, as a picture's path is.
-
-    Returns
-    -------
-    region_style : Without a style of its own, that of the whole is meant.
+    Without a style that of the whole is meant. Text is ``NUMBER``, ``off``, ``STYLE`` or
+    ``STYLE:NUMBER``; a style whose name is a number is meant by the last alone. ``styles`` are
+    those that there are; None where any name may be one, as a picture's path is. Raises `UserError`
+    if it is none of these, the style unknown, or the strength out of range.
     """
     what = f"the strength of {region}"
     if isinstance(value, str):

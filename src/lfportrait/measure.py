@@ -49,18 +49,10 @@ def _status(name: str) -> int:
 
 
 def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
-    """Peak memory of a call beyond that of the process.
+    """Peak memory of a call beyond that of the process, in bytes, and its result.
 
-    Parameters
-    ----------
-    function : What to call.
-
-    Returns
-    -------
-    memory : Peak during the call less the resident memory before it, in bytes; where the system
-        does not report this (other than Linux), by how much the process's largest memory so far
-        grew.
-    result : The function's.
+    The peak during the call less the resident memory before it; where the system does not report
+    this (other than Linux), by how much the process's largest memory so far grew.
     """
     try:
         before = _status("VmRSS")

@@ -152,22 +152,12 @@ def fetchable(name: str) -> bool:
 
 
 def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
-    """Path of a network's weights; they are downloaded if missing.
+    """Path of a network's weights, their SHA-256 checked; they are downloaded if missing.
 
-    Raises `UserError` if the name is unknown, a file's SHA-256 is wrong, or it is not there and
-    can't be downloaded: the message says what it is, where it comes from, its licence and where to
-    put it.
-
-    Parameters
-    ----------
-    name : Name in the registry.
-    download : False downloads nothing: a missing file is an error then. So it is in a process
-        whose environment has ``LFPORTRAIT_OFFLINE``.
-    quiet : Draw no progress line.
-
-    Returns
-    -------
-    path : The file, its SHA-256 checked.
+    Without ``download``, and in a process whose environment has ``LFPORTRAIT_OFFLINE``, a missing
+    file is an error. Raises `UserError` if the name is unknown, a file's SHA-256 is wrong, or it is
+    not there and can't be downloaded: the message says what it is, where it comes from, its licence
+    and where to put it.
     """
     found = _local(name)
     if found is not None:
@@ -217,19 +207,12 @@ def _used(name: str) -> str:
 
 def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
             quiet: bool = False) -> None:
-    """Ensure that networks are installed and intact, before long work starts.
+    """Ensure that networks or groups (`GROUPS`) are installed and intact, before long work starts.
 
-    Raises `UserError` if some are missing and not to be downloaded (or can't be): one line with
-    each of them, the size of all, and the command that gets them. If a file is damaged, or a
-    download fails.
-
-    Parameters
-    ----------
-    names : Networks or groups (`GROUPS`).
-    download : True downloads all that are missing, with a progress line for each; False only
-        checks.
-    purpose : What they are for, the subject of the message.
-    quiet : Draw no progress lines.
+    ``download``: those that are missing are downloaded, with a progress line for each unless
+    ``quiet``. ``purpose`` is the subject of the message. Raises `UserError` if some are missing and
+    not to be downloaded (or can't be): one line with each of them, the size of all, and the command
+    that gets them; or if a file is damaged.
     """
     names = expand(names)
     wanted = missing(names)

@@ -96,13 +96,9 @@ class StageFolder:
             function: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Do a stage, or nothing if it was done from the same inputs before.
 
-        Parameters
-        ----------
-        name : Stage name, also the name of its record.
-        key : Hash of everything that the outputs depend on (`key_of`).
-        outputs : Names of the files or folders, relative to the job's folder, that the stage
-            writes.
-        function : Writes the outputs and returns the stage's figures for ``--json``.
+        ``key`` is the hash of everything that the outputs depend on (`key_of`); these are files or
+        folders relative to the job's folder, which ``function`` writes; it gives the figures for
+        ``--json``.
         """
         record = self.records / f"{name}.json"
         done = finished_record(self.folder, name, key, outputs)

@@ -302,18 +302,11 @@ def laid_over(source: Float64, target: Float64) -> tuple[float, Float64, Float64
 def portrait_frame_from_landmarks(landmarks: Float64, cameras: Camera) -> Float64:
     """Similarity [4, 4] from the cameras' world to the portrait frame of a face.
 
-    Parameters
-    ----------
-    landmarks : float64 [68, 3], triangulated points in iBUG order; NaN rows are unknown.
-    cameras : Decide instead (`portrait_frame_from_cameras`) where too little of the face is
-        known.
-
-    Notes
-    -----
-    A mean adult face (eyes, brows, nose, mouth, chin) is laid over the landmarks by the
-    least-squares similarity. Its unit is the height h from the eyes to the chin; the origin lies
-    0.72 h behind the eyes, and the cube's half edge is 1.8 h, so that chin (1.0 h down), crown
-    (1.0 h up), back of the head and hair lie inside.
+    By its landmarks, float64 [68, 3] in iBUG order, NaN where unknown; where too little is known,
+    by the cameras (`portrait_frame_from_cameras`). A mean adult face (eyes, brows, nose, mouth,
+    chin) is laid over the landmarks by the least-squares similarity. Its unit is the height h from
+    the eyes to the chin; the origin lies 0.72 h behind the eyes, and the cube's half edge is 1.8 h,
+    so that chin (1.0 h down), crown (1.0 h up), back of the head and hair lie inside.
     """
     known, wanted = [], []
     for indices, place in _ANCHORS:

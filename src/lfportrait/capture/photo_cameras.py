@@ -65,12 +65,7 @@ _DENSE = 1.2
 
 
 class PhotosError(UserError):
-    """Photos that can't be placed, with the photos that cause this.
-
-    Attributes
-    ----------
-    marks : What is wrong, by the photo's name.
-    """
+    """Photos that can't be placed; ``marks`` is what is wrong, by the photo's name."""
 
     def __init__(self, message: str, marks: dict[str, str]) -> None:
         super().__init__(message)

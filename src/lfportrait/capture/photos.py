@@ -357,16 +357,10 @@ def relative_sharpness(measures: Float64, groups: Sequence[Any] | None = None,
 def blurred(images: Sequence[UInt8], threshold: float) -> list[int]:
     """Indices of the pictures that are blurred relative to their neighbours, in order.
 
-    Parameters
-    ----------
-    images : V pictures in the order in which they were taken, uint8 [H, W, 3 or 4].
-    threshold : Those whose fine detail, in their worst direction, is below this part of their
-        neighbours' are blurred; 0 finds none.
-
-    Returns
-    -------
-    indices : A quarter of the pictures at most, the worst; none where there are fewer than six,
-        too few to compare.
+    The pictures, uint8 [H, W, 3 or 4], are in the order in which they were taken. Blurred are those
+    whose fine detail, in their worst direction, is below the part ``threshold`` of their
+    neighbours'; the worst, a quarter of the pictures at most; of fewer than six, too few to
+    compare, none.
     """
     if threshold <= 0 or len(images) < 6:
         return []

@@ -140,14 +140,10 @@ class Common:
 
 
 def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Common:
-    """A command with the options of these words.
+    """A command of a class with the options of the words after its name.
 
-    Parameters
-    ----------
-    command : Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``;
-        what differs from the defaults is `given`.
-    arguments : The words after the command's name.
-    program : How help calls it.
+    Each of its `sections` adds its fields as options, ``--NAME.FIELD``; what differs from the
+    defaults is `given`. ``program`` is how help calls it.
     """
     if {"-h", "--help"} & {*arguments} and "--help-all" not in arguments:
         print_short_help(command, program)

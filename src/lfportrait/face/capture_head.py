@@ -107,18 +107,11 @@ def _ears(prior: HeadPrior) -> Bool:
 
 def fit_in_space(prior: HeadPrior, landmarks: Float64, points: Float64, normals: Float64,
                  trust: Float64) -> Float64:
-    """Fit a model to landmarks and a surface.
+    """Fit a model to landmarks and a surface; its vertices, float64 [N, 3], in the portrait frame.
 
-    Parameters
-    ----------
-    landmarks : float64 [68, 3], iBUG order, in the portrait frame; unknown ones are NaN. The
-        jaw's are not used.
-    points, normals : float64 [P, 3] each: places of the surface and its outward unit normals.
-    trust : float64 [P], how far each place is to be trusted, 0 to 1.
-
-    Returns
-    -------
-    vertices : float64 [N, 3], in the portrait frame.
+    The landmarks are float64 [68, 3] in iBUG order there, NaN where unknown; the jaw's are not
+    used. Places of the surface and its outward unit normals are float64 [P, 3], ``trust`` [P] is
+    how far each is to be trusted, 0 to 1.
     """
     solver = _Solver(prior, landmarks, points, normals, trust)
     for turn in range(ROUNDS):

@@ -89,20 +89,13 @@ def _extent(points: Float64) -> float:
 
 def detect_faces(image: UInt8, near: tuple[float, float] | None = None, *,
                  thorough: bool = True) -> list[Float64]:
-    """The 68 landmarks of every face in a picture, the largest first.
+    """The 68 landmarks of every face in a picture, uint8 [H, W, 3] sRGB, the largest first.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    near : A place (x, y) in pixels on the one face that is meant: windows around it are looked
-        at, and only a face whose landmarks surround it is given back. For faces that are
-        overlooked, or where a pattern is taken for one.
-    thorough : Also look at crops. A picture that shows one face gives what `detect_landmarks`
-        finds.
-
-    Returns
-    -------
-    faces : float64 [68, 2] each, as `detect_landmarks`; empty if there is none.
+    As `detect_landmarks`, float64 [68, 2] each. ``near`` is a place (x, y) in pixels on the one
+    face that is meant, for those that are overlooked, or where a pattern is taken for one: windows
+    around it are looked at, and only a face whose landmarks surround it is given back.
+    ``thorough``: crops are looked at, too; a picture that shows one face gives what
+    `detect_landmarks` finds.
     """
     height, width = image.shape[:2]
     windows = list(_windows(height, width) if near is None else _around(near, height, width))
@@ -197,19 +190,12 @@ def _second_opinion(image: UInt8, points: Float64) -> Float64:
 
 def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
                      thorough: bool = True) -> Float64 | None:
-    """The 68 landmarks of the largest face in a picture.
+    """The 68 landmarks of the largest face in a picture, uint8 [H, W, 3] sRGB, or None.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    turns : Quarter turns (counter-clockwise) of the picture to try, e.g. ``(0, 1, 2, 3)``.
-    thorough : Also try crops, and the face-api networks, where the whole picture shows no face;
-        and refine the points by the mean of both networks.
-
-    Returns
-    -------
-    landmarks : float64 [68, 2] in pixels (x right, y down; iBUG order), or None if no face was
-        found.
+    They are float64 [68, 2] in pixels (x right, y down; iBUG order). ``turns`` are the quarter
+    turns (counter-clockwise) of the picture to try, e.g. ``(0, 1, 2, 3)``. ``thorough``: crops, and
+    the face-api networks, are tried where the whole picture shows no face, and points are refined
+    by the mean of both networks.
     """
     for turn in turns:
         turned = np.rot90(image, turn)

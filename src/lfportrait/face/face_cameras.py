@@ -67,18 +67,11 @@ class FaceCameras:
 
 def cameras_from_faces(landmarks: Sequence[Float64 | None], sizes: Sequence[tuple[int, int]],
                        focals: Sequence[float | None], lenses: Sequence[int]) -> FaceCameras | None:
-    """The cameras of photos of one face.
+    """The cameras of photos of one face; None if fewer than three photos fit together.
 
-    Parameters
-    ----------
-    landmarks : float64 [68, 2] in pixels for each photo, or None where no face was found.
-    sizes : Width and height of each photo in pixels.
-    focals : Focal lengths in pixels that the cameras noted, or None.
-    lenses : Number of each photo's lens; those of one lens share a focal length.
-
-    Returns
-    -------
-    found : None if fewer than three photos fit together.
+    Of each photo: landmarks float64 [68, 2] in pixels, or None where no face was found; width and
+    height in pixels; the focal length in pixels that the camera noted, or None; the number of its
+    lens, as those of one lens share a focal length.
     """
     photos = [k for k, points in enumerate(landmarks) if points is not None]
     for _ in range(3):
@@ -96,18 +89,11 @@ def cameras_from_faces(landmarks: Sequence[Float64 | None], sizes: Sequence[tupl
 
 def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress | None = None,
                        ) -> Capture | None:
-    """A capture of photos, or of a video, whose cameras come from the face alone.
+    """A capture of a folder of photos, or of a video, whose cameras come from the face alone.
 
-    Parameters
-    ----------
-    photos : Folder of photos or a video.
-    config : Parameters of calibration.
-
-    Returns
-    -------
-    capture : About in the portrait frame, without landmarks; ``figures`` as `calibrate`'s. None
-        if fewer than three photos, or than three fifths of those with a face, show one and the
-        same head.
+    It is about in the portrait frame and has no landmarks; ``figures`` are as `calibrate`'s. None
+    if fewer than three photos, or than three fifths of those with a face, show one and the same
+    head.
     """
     def say(note: str) -> None:
         if progress is not None:

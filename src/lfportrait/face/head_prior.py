@@ -149,13 +149,9 @@ def _read(path: str) -> HeadPrior:
 def read_ict(path: Path) -> HeadPrior:
     """Read ICT-FaceKit Light (MIT licence, USC Institute for Creative Technologies), repacked.
 
-    Raises `UserError` if the file is damaged or another.
-
-    Parameters
-    ----------
-    path : ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``,
-        ``landmarks68``; ``identity`` and ``expression`` int16 with a float32 scale a mode,
-        ``expression_names``.
+    ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``, ``landmarks68``;
+    ``identity`` and ``expression`` int16 with a float32 scale a mode, ``expression_names``. Raises
+    `UserError` if the file is damaged or another.
     """
     try:
         with np.load(path, allow_pickle=False) as data:

@@ -142,19 +142,11 @@ def _full_size(mask: Float32, shape: tuple[int, ...], turns: int) -> Float32:
 
 
 def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
-    """How much of each pixel is the person.
+    """How much of each pixel is the person, float32 [H, W] in [0, 1]; of 256x256 pixels.
 
-    Raises `UserError` if the network's weights are missing.
-
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    up : Direction [2] in the picture that is up in the world (x right, y down); the picture is
-        turned to the nearest quarter before the network sees it.
-
-    Returns
-    -------
-    matte : float32 [H, W] in [0, 1], of the network's 256x256 resolution.
+    The picture, uint8 [H, W, 3] sRGB, is turned to the nearest quarter before the network sees it:
+    ``up`` is the direction [2] in it that is up in the world (x right, y down). Raises `UserError`
+    if the network's weights are missing.
     """
     return _person(image, quarter_turns(up))
 

@@ -185,18 +185,11 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
                          wanted: int = 20) -> tuple[Float64 | None, dict[str, Any]]:
     """Find the face in a capture: landmarks detected in frontal views and triangulated.
 
-    A few views from all around are tried first, then those nearest to where the face shows most
-    frontally. Points of the jaw (0-16), which detectors let slide along the outline of a turned
-    face, are taken from views that show the face nearly frontally.
-
-    Parameters
-    ----------
-    wanted : Number of views about the front of the face that are searched.
-
-    Returns
-    -------
-    points : float64 [68, 3] in the world, or None if fewer than three views show a face.
-    figures : ``views`` (with a face), ``error_px`` (median), ``outliers`` (share).
+    They are float64 [68, 3] in the world, or None if fewer than three views show a face; figures
+    are ``views`` (with a face), ``error_px`` (median), ``outliers`` (share). A few views from all
+    around are tried first, then the ``wanted`` ones nearest to where the face shows most frontally.
+    Points of the jaw (0-16), which detectors let slide along the outline of a turned face, are
+    taken from views that show the face nearly frontally.
     """
     detected = _look_around(capture, wanted, progress)
     detected = {view: points for view, points in detected.items()

@@ -68,11 +68,8 @@ def cube_rays(cameras: Camera, view: int, center: Float64, radius: Float64,
               pixels: Float64 | None = None) -> Float32:
     """Rays of a view in the coordinates of a box's cube: float32 [K, 6], origin, unit direction.
 
-    Parameters
-    ----------
-    center, radius : float64 [3], the box in the world.
-    pixels : float64 [K, 2], pixel positions (x, y; centres at + 0.5); all pixels in scan order
-        without.
+    The box is float64 [3] each in the world; ``pixels`` are float64 [K, 2] (x, y; centres at +
+    0.5), all pixels in scan order without.
     """
     if pixels is None:
         width, height = int(cameras.width[view]), int(cameras.height[view])

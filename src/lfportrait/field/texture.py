@@ -130,14 +130,10 @@ class SurfaceTexture:
 
     def rows(self, cells: Int32, lattice: Float64,
              footprint: float, whole: bool = False) -> TextureRows:
-        """Arrays for the kernels.
+        """Arrays for the kernels; ``cells`` are charts of the layout's cells (`texture_cells`).
 
-        Parameters
-        ----------
-        cells : Charts of the cells of the field's layout (`texture_cells`).
-        lattice : `VoxelField.lattice`.
-        footprint : Width of the detail that is wanted, world units.
-        whole : Look up an octave.
+        ``footprint`` is the width of the detail that is wanted, world units; ``whole``: look up an
+        octave.
         """
         level = self.level(footprint, whole)
         world = np.eye(4)

@@ -243,12 +243,8 @@ _MOST = 8.0
 class TimeLeft:
     """The steps of a job, as its progress lines name them (`progress.Outlook`).
 
-    Parameters
-    ----------
-    config : Parameters of the job.
-    look, only : Whether a first look is taken, and whether the job ends with it.
-    warmup : Kernels that are being compiled beside.
-    cores : Cores that it may use; by default those of this process.
+    ``look`` and ``only``: a first look is taken, and the job ends with it; ``warmup`` compiles
+    kernels beside; ``cores`` are those that it may use, by default those of this process.
     """
 
     def __init__(self, config: MakeConfig, source: Source, *, look: bool = True,

@@ -162,17 +162,10 @@ def import_ahead(name: str) -> None:
 
 
 class Warmup:
-    """Stages being compiled in the background.
+    """Stages of `FUNCTIONS` being compiled in the background, those first that are needed first.
 
-    Parameters
-    ----------
-    names : Stages of `FUNCTIONS`, in the order in which they are needed. Those that an earlier
-        run compiled are not compiled again.
-
-    Attributes
-    ----------
-    compiled : Functions compiled so far.
-    total : Functions to compile, about.
+    Those that an earlier run compiled are not compiled again. ``compiled`` functions of about
+    ``total`` are done so far.
     """
 
     def __init__(self, names: Sequence[str]) -> None:

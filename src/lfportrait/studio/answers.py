@@ -36,11 +36,7 @@ _LONGEST = 80
 class Refusal(Exception):
     """A request that is not done.
 
-    Parameters
-    ----------
-    code : One of `STATUS`.
-    message : One sentence: what is wrong and what to do.
-    about : Facts for the page.
+    A code of `STATUS`, a sentence with what is wrong and what to do, and facts for the page.
     """
 
     def __init__(self, code: str, message: str, **about: Any) -> None:

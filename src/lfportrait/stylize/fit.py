@@ -94,13 +94,8 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
                  background: float) -> StyleView | None:
     """Render, transfer and linearise one view; None where it shows nothing.
 
-    Parameters
-    ----------
-    cameras, view : Which view.
-    transfer : Example-based transfer; None leaves the content as the example.
-    guide : Guide anchored to the surface; None = from the landmarks' projections in each view.
-    landmarks : float64 [68, 3] in the world.
-    background : Grey level behind the field.
+    Without ``transfer`` the content stays as the example. ``guide`` is anchored to the surface;
+    None: from the projections of ``landmarks``, float64 [68, 3] in the world, in each view.
     """
     first = field.render(cameras, view, background=background)
     camera = _cropped(cameras[view], first.alpha)

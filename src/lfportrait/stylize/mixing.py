@@ -107,15 +107,11 @@ _BAND = 32
 
 def mixed_texels(texels: NDArray[np.int8], rows: Int32, amounts: Mapping[int, Any],
                  identity: float = 0.0, luma_alone: bool = False) -> NDArray[np.int8]:
-    """Texels of a mix, int8 [H, W, 3].
+    """Texels of a mix, int8 [H, W, 3], of S styles' at full strength, int8 [S, H, W, 3].
 
-    Parameters
-    ----------
-    texels : int8 [S, H, W, 3], of S styles at full strength.
-    rows : int32 [H / 4, W / 4], rounded up: the lattice row of each block.
-    amounts : How much of each style, by its number: a number, or one for each lattice row.
-    identity : Share of the luma that gives way to the photo's, 0 to 1.
-    luma_alone : Leave out all chroma.
+    ``rows`` are int32 [H / 4, W / 4], rounded up: the lattice row of each block; ``amounts`` how
+    much of each style, by its number: a number, or one a row. ``identity`` is the share of the luma
+    that gives way to the photo's; ``luma_alone`` leaves out all chroma.
     """
     used = {n: amount for n, amount in amounts.items() if np.any(amount)}
     if len(used) == 1 and identity == 0 and not luma_alone:

@@ -45,17 +45,11 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
               pixels: float, kept: Path | None = None) -> Skin:
     """The skin of the field that was read from ``path``.
 
-    Its file, ``NAME.skin.npz``, lies beside the field's; where it is missing, or was made of
-    another field, other landmarks or at another resolution, the skin is computed and written. If
-    nothing can be written there, it is computed each time. Raises `UserError` if the capture has no
-    landmarks, or ``pixels`` is out of range.
-
-    Parameters
-    ----------
-    field : The field, or what gives it: it is needed only where there is no skin yet.
-    capture : Its capture, with landmarks.
-    pixels : Pixels per world unit.
-    kept : The skin's file, where it is not to lie beside the field's.
+    Its file, ``NAME.skin.npz`` or ``kept``, lies beside the field's; where it is missing, or was
+    made of another field, other landmarks or at another resolution (``pixels`` per world unit), the
+    skin is computed and written. If nothing can be written there, it is computed each time.
+    ``field`` may be what gives it: it is needed only where there is no skin yet. Raises `UserError`
+    if the capture has no landmarks, or ``pixels`` is out of range.
     """
     if capture.landmarks is None:
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "

@@ -366,30 +366,14 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
                          config: StylizeConfig | None = None, progress: Progress | None = None,
                          device: str = "auto", dump: Path | None = None, skin: Skin | None = None,
                          painters: Painters | None = None) -> tuple[StyledField, dict[str, Any]]:
-    """Stylise a field by one or more exemplars.
+    """Stylise a field by one or more exemplars: `stylize`, with the figures for ``--json``.
 
-    Raises `UserError` if the capture has no landmarks, a region to keep is unknown, or weights of
-    networks are missing.
-
-    Parameters
-    ----------
-    field : The real radiance field.
-    capture : Its capture: the landmarks in space, and where the photos were taken from.
-    exemplar : The painting with its landmarks, or several; the field shows the first.
-    device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
-        (`lfportrait.device`).
-    dump : Folder for pictures of intermediates; None writes none.
-    skin : Of the field, where it is known already (`Skin.of`, `kept_skin`).
-    painters : Exemplars that were prepared before (`Session` keeps them).
-
-    Returns
-    -------
-    styled, figures : A field with direction-independent colors, which can be mixed again
-        (`StyledField.mix`), and with the same densities but for its vignette
-        (`lfportrait.stylize.vignette`); and the figures for ``--json``: per-term losses and
-        gradient norms, networks, ``device`` (where the networks computed; painting and fit are
-        on the CPU), ``vignette`` (where the bust is cut off: below, left, right), ``seconds``,
-        ``notices`` on what sitter and exemplar do not share.
+    The field has direction-independent colors, which can be mixed again (`StyledField.mix`), and
+    the same densities but for its vignette (`lfportrait.stylize.vignette`). The figures are
+    per-term losses and gradient norms, networks, ``device`` (where the networks computed; painting
+    and fit are on the CPU), ``vignette`` (where the bust is cut off: below, left, right),
+    ``seconds``, ``notices`` on what sitter and exemplar do not share. ``painters`` are exemplars
+    that were prepared before (`Session` keeps them).
     """
     config = config or StylizeConfig()
     exemplars = [exemplar] if isinstance(exemplar, Exemplar) else list(exemplar)

@@ -85,17 +85,10 @@ def _plausible(one: Float32, other: Float32) -> Bools:
 
 def two_views(one: Float32, other: Float32, fewest: int,
               lenses: tuple[Lens, Lens] | None = None) -> TwoViews | None:
-    """The geometry that explains the matches of two photos; always the same for the same matches.
+    """The geometry that explains the matches of two photos, float32 [M, 2] each in pixels, or None.
 
-    Parameters
-    ----------
-    one, other : float32 [M, 2], pixels.
-    fewest : Matches that must be explained.
-    lenses : Of both photos, if these are known.
-
-    Returns
-    -------
-    geometry : None if none explains enough.
+    It is always the same for the same matches; ``fewest`` of them must be explained. ``lenses`` are
+    those of both photos, if these are known.
     """
     near = np.flatnonzero(_plausible(one, other))
     if len(near) < fewest:

@@ -169,20 +169,11 @@ def _still(features: list[Features], pair: tuple[int, int], matches: Matches) ->
 
 def likeness(features: list[Features], on_progress: Callable[[int, int], None] | None = None,
              ) -> NDArray[np.int64]:
-    """How many of their largest features two photos share, of all pairs.
+    """How many of their largest features two photos share, of all pairs: int64 [V, V].
 
     Half of these features are compared first. Only where they do not show that two photos are alike
-    all of them are, which tells whether they may be.
-
-    Parameters
-    ----------
-    features : Of each photo.
-    on_progress : Called with the number of pairs looked at, and of all.
-
-    Returns
-    -------
-    alike : int64 [V, V], symmetric, 0 on the diagonal: matches among half of the largest
-        features; where these are fewer than `_ALIKE`, those among all of them, up to that.
+    (fewer than `_ALIKE` matches) all of them are, and matches up to that are counted.
+    ``on_progress`` is called with the number of pairs looked at, and of all.
     """
     count = len(features)
     alike = np.zeros((count, count), np.int64)

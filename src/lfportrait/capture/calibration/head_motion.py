@@ -190,16 +190,9 @@ def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int
                   ) -> Capture | None:
     """Cameras by features of the head alone, of photos whose backgrounds are of many places.
 
-    Parameters
-    ----------
-    capture : Photos with rough cameras in the portrait frame, and with landmarks.
-    mattes : V rough mattes of the person, float32 [H, W] in [0, 1].
-    seed : Of the random sampling.
-
-    Returns
-    -------
-    capture : The photos that are placed, with cameras that are laid on the rough ones and have
-        focal lengths of their own; None where fewer than three are.
+    The photos have rough cameras in the portrait frame, landmarks, and rough mattes of the person,
+    float32 [H, W] in [0, 1]. Those that are placed come back, with cameras that are laid on the
+    rough ones and have focal lengths of their own; None where fewer than three are.
     """
     import pycolmap
 
@@ -234,18 +227,10 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
                 tell: Callable[[str], None] | None = None) -> tuple[Capture, HeadMotion]:
     """Let the cameras follow the head where it moved against the room.
 
-    Parameters
-    ----------
-    capture : Undistorted photos with the cameras estimated from the room, in the portrait frame.
-    mattes : V rough mattes of the person, float32 [H, W] in [0, 1].
-    seed : Of the random sampling.
-    tell : Called with a one-line report, if the head moved.
-
-    Returns
-    -------
-    capture, motion : The photos that the head places, with cameras that follow it, together as
-        near to the given ones as can be; the same capture where it held still, or can't be
-        followed.
+    The photos are undistorted, with cameras estimated from the room, in the portrait frame, and
+    rough mattes of the person, float32 [H, W] in [0, 1]. Those that the head places come back, with
+    cameras that follow it, together as near to the given ones as can be, and ``tell`` is called
+    with a line; or the same capture where it held still, or can't be followed.
     """
     import pycolmap
 

@@ -163,15 +163,10 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
                  lens_known: bool = False) -> Placing:
     """Place as many photos as can be.
 
-    Parameters
-    ----------
-    pycolmap : The module.
-    groups : Number of each photo's lens.
-    model : COLMAP's name of the lens model to place them with, of one term of distortion at
-        most.
-    report : Called whenever a photo is placed.
-    say : Called with each try and its result, if the first one leaves photos out.
-    lens_known : Whether the lenses are as the scene says, and stay so.
+    ``groups`` has the number of each photo's lens, ``model`` is COLMAP's name of the lens model to
+    place them with, of one term of distortion at most; ``lens_known``: the lenses are as the scene
+    says and stay so. ``report`` is called whenever a photo is placed, ``say`` with each try and its
+    result, if the first one leaves photos out.
     """
     seen_again = scene.seen_again(pycolmap, groups, model)
     able = int((seen_again > 0).sum())
@@ -341,20 +336,11 @@ def adjust(pycolmap: Any, model: Any, wanted: str,
            triangulated: Callable[[Any], Any] | None = None) -> Any:
     """Adjust all cameras and points, with as many lens terms as the photos determine.
 
-    Parameters
-    ----------
-    pycolmap : The module.
-    model : COLMAP's reconstruction.
-    wanted : A lens model of COLMAP to fit, or ``"auto"``.
-    triangulated : Finds the points once more by the cameras of a reconstruction
-        (`Scene.triangulated`). Which matches are points was decided while the cameras were
-        rough; the cameras are adjusted once more to those that fit the adjusted ones, which
-        makes them better by a fifth.
-
-    Returns
-    -------
-    model : A new reconstruction. With ``"auto"`` its lenses are of one of `TERMS`, the centre of
-        the picture freed where that is earned (a picture that was cropped).
+    ``wanted`` is a lens model of COLMAP, or ``"auto"``: one of `TERMS`, the centre of the picture
+    freed where that is earned (a picture that was cropped). ``triangulated`` finds the points once
+    more by the cameras of a reconstruction (`Scene.triangulated`): which matches are points was
+    decided while the cameras were rough; adjusted once more to those that fit, cameras are better
+    by a fifth.
     """
     deviation = _deviation(_errors(model))
     fitted = (_with_earned_terms(pycolmap, model, deviation) if wanted == "auto" else

@@ -335,10 +335,8 @@ def _upright(shot: Shot, picture: UInt8, noted: int) -> tuple[Float64, Lens, UIn
 class CaptureFormat(ABC):
     """A format in which programs write photos with their cameras.
 
-    Attributes
-    ----------
-    name : The program or format, for people; one among all formats.
-    files : What it is recognised by, such as ``transforms.json``; for people.
+    ``name`` is the program or format, ``files`` what it is recognised by, such as
+    ``transforms.json``; both for people, and names differ.
     """
 
     name: ClassVar[str]

@@ -76,12 +76,9 @@ def missing_relief(ears: Float32, face: Bool, across: Float32, photo: Float32,
                    paint: Float32) -> Float32 | None:
     """Factors [N] of paint that give ears their relief; None where too little is known.
 
-    Parameters
-    ----------
-    ears : float32 [N] in [0, 1], how far each place is an ear that photos saw
-    face : bool [N], places of the face that photos saw
-    across : float32 [N], places from the left (below 0) to the right
-    photo, paint : float32 [N], luma in [0, 1]; NaN where nothing is painted
+    ``ears`` are float32 [N] in [0, 1] and ``face`` bool [N], both as photos saw them; ``across``
+    are places from the left (below 0) to the right, ``photo`` and ``paint`` luma in [0, 1], NaN
+    where nothing is painted.
     """
     paint, photo = (np.log(np.maximum(luma, 0) + np.float32(DARKEST)) for luma in (paint, photo))
     known = np.isfinite(paint)

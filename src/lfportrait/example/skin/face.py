@@ -70,12 +70,8 @@ class CopiedFace:
     def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float) -> Bool:
         """Where the face is painted as on a photo, [N]; the rest is patches.
 
-        Parameters
-        ----------
-        skin, canvas : Of the sitter, at the painting's size.
-        face : float32 [N, 3], `planes` where the guide leads.
-        ratio : float32 [N], how much slower than the plane the guide changes.
-        size : Pixels of the canvas per pixel of the exemplar.
+        ``face`` are float32 [N, 3], `planes` where the guide leads; ``ratio`` [N], how much slower
+        than the plane the guide changes; ``size`` the canvas's pixels per pixel of the exemplar.
         """
         # Hair that hangs over the exemplar's cheek is nothing for a bare one.
         bare = 1 if skin.hair is None else 1 - skin.hair

@@ -330,11 +330,8 @@ def hair_by_relief(plane: HeadPlane, flat: Float32, contours: Float32, seen: Flo
                    ears: Float32) -> Float32 | None:
     """Hair as what is as rough as the crown, float32 [N] in [0, 1]; None if that is smooth.
 
-    Parameters
-    ----------
-    plane, flat : The head's unwrapping, and places [N, 2] in it.
-    contours, seen, ears : float32 [N] in [0, 1]: strength of edges and patterns, how well photos
-        saw a place, ears.
+    Of places ``flat`` [N, 2] in the head's unwrapping; ``contours``, ``seen`` and ``ears`` are
+    float32 [N] in [0, 1]: strength of edges and patterns, how well photos saw a place, ears.
     """
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     shown = seen > 0.5

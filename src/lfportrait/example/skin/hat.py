@@ -103,15 +103,10 @@ class HatPainter:
 
     def paint(self, skin: Skin, canvas: Canvas, position: Float32, anchor: Float32, size: float,
               color: Float32) -> None:
-        """Paint it over a painting, in place.
+        """Paint it over a painting, float32 [H, W, 3] in [0, 1], in place.
 
-        Parameters
-        ----------
-        skin, canvas : The lists of the canvas's N places, and where they lie.
-        position, anchor : float32 [N, 2], where the guide leads, and places in its plane;
-            exemplar pixels.
-        size : Pixels of the canvas per pixel of the exemplar.
-        color : float32 [H, W, 3] in [0, 1].
+        ``position`` and ``anchor`` are float32 [N, 2], where the guide leads, and places in its
+        plane, in the exemplar's pixels; ``size`` is the canvas's pixels per pixel of the exemplar.
         """
         places = self._places(skin, position)
         if not self._beside_hair:
@@ -200,13 +195,9 @@ def _repeated(places: _Places, position: Float32) -> Float32:
 def _edge(turn: Float32, up: Float32, worn: Bool, ears: Float32) -> Float64:
     """Height of its edge in each of `BINS` directions around the head, from the back on.
 
-    That which parts best what is worn from what is not; where the painter saw none, between.
-
-    Parameters
-    ----------
-    turn, up : float32 [N], directions of places (0 forward), and their heights.
-    worn : bool [N], where the guide leads into the hat.
-    ears : float32 [N] in [0, 1]: they stand out, and say nothing.
+    That which parts best what is worn, bool [N] where the guide leads into the hat, from what is
+    not; where the painter saw none, between. ``turn`` and ``up`` are directions of places (0
+    forward) and their heights, [N]; ``ears``, [N] in [0, 1], stand out, and say nothing.
     """
     column = np.clip(((turn / (2 * np.pi) + 0.5) * BINS).astype(int), 0, BINS - 1)
     row = ((up - LOWEST) / (HIGHEST - LOWEST) * STEPS).astype(int)

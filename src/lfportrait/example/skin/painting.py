@@ -92,12 +92,8 @@ EITHER = 0.51
 def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
     """Shares of `MATERIALS` of a skin's N places, float32 [N, 7]; no background, no features.
 
-    Features are painted with the face; elsewhere nobody wants an eye.
-
-    Parameters
-    ----------
-    labels : uint8 [N, K], the exemplar's where the guide leads.
-    present : bool [7], what the exemplar shows; others stand in for the rest.
+    Features are painted with the face; elsewhere nobody wants an eye. ``labels`` are uint8 [N, K],
+    the exemplar's where the guide leads; ``present`` is bool [7], what it shows: others stand in.
     """
     shares = material_shares(labels)
     shares[:, SKIN] += shares[:, FEATURES]
@@ -171,13 +167,8 @@ def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
                        tone: Float32, plain: Bool) -> Float32:
     """How much lighter the face is painted than its tones ask for, float32 [N] (`light_beside`).
 
-    Parameters
-    ----------
-    skin, canvas : of the sitter, as the canvas has it, and of the painting
-    core : bool [N], places of the face that are painted
-    color : float32 [H, W, 3] in [0, 1], its paint
-    tone : float32 [N], the tones asked for
-    plain : bool [N], where it is no beard, whose dark is no shade
+    ``core`` are the places of the face that are painted, ``color`` its paint, float32 [H, W, 3] in
+    [0, 1], ``tone`` the tones asked for, [N]; ``plain``: it is no beard, whose dark is no shade.
     """
     paint = canvas.gathered(grey(color), len(core))
     return light_beside(skin.flat, skin.plane.height, core, paint - tone,
@@ -425,15 +416,11 @@ class SkinPainter:
 
 
 def even_edge(skin: Skin, canvas: Canvas, core: Bool, bare: Float32, color: Float32) -> None:
-    """Let the broad colors of bare skin beside the copied face begin as the face ends.
+    """Let the broad colors of bare skin beside the copied face begin as the face ends, in place.
 
-    Not under the jaw: there a head has an edge of its own, and shade.
-
-    Parameters
-    ----------
-    skin, canvas : Of the sitter, as the canvas has it, and of the painting.
-    core, bare : bool [N], the copied face, and float32 [N] in [0, 1], how far places are flesh.
-    color : float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
+    Not under the jaw: there a head has an edge of its own, and shade. ``core`` is bool [N], the
+    copied face, ``bare`` float32 [N] in [0, 1], how far places are flesh; ``color`` is the
+    painting, float32 [H, W, 3] in [0, 1].
     """
     paint = np.stack([canvas.gathered(color[..., channel], len(core)) for channel in range(3)], 1)
     low = np.clip((UNDER_JAW - skin.flat[:, 1] / skin.plane.height) / JAW_EDGE, 0, 1)

@@ -65,13 +65,9 @@ def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Flo
                  hair: Float32 | None, ears: Float32, clothes: Float32) -> UInt8:
     """Soft labels of a skin's places, uint8 [N, R] by `SURFACE_LABELS`.
 
-    Parameters
-    ----------
-    plane : The head's unwrapping, with its landmarks.
-    camera : That sees the face from the front.
-    points, normals : float32 [N, 3], the places and the large shape's normals there.
-    flat : float32 [N, 2], unwrapped places.
-    hair, ears, clothes : float32 [N] in [0, 1]; hair None: by place.
+    Of places and the large shape's normals there, float32 [N, 3], and unwrapped, [N, 2]; ``camera``
+    sees the face from the front. ``hair`` (None: by place), ``ears`` and ``clothes`` are float32
+    [N] in [0, 1].
     """
     features = _features(plane, camera, points, normals)
     hair = hair_by_place(plane, flat) if hair is None else hair

@@ -81,21 +81,12 @@ def _ratio(points: Float64, colors: Float32, other: DepthMap) -> Float64 | None:
 
 def matte_gains(field: VoxelField, capture: Capture, views: Int64,
                 least: float = 0.02, size: int = 160) -> Float64 | None:
-    """Gains of photos with mattes by comparison with a field.
+    """Gains of photos with mattes by comparison with the field that is being trained on them.
 
-    Parameters
-    ----------
-    field, capture : The field, and the capture that it is being trained on.
-    views : The photos.
-    least : Where the gains' standard deviation is below this, the photos are taken as exposed
-        alike; 0 takes the gains as they are.
-    size : Height or width of the small copies that are compared.
-
-    Returns
-    -------
-    gains : float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and
-        for a field that is too inaccurate: one whose brightness is off by more from part to
-        part of a photo than from photo to photo.
+    They are float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike (the
+    gains' standard deviation is below ``least``; 0 takes them as they are), and for a field that is
+    too inaccurate: one whose brightness is off by more from part to part of a photo than from photo
+    to photo. ``size`` is the height or width of the small copies that are compared.
     """
     # Layouts are built on first use: not by several threads.
     _ = field.bricks.rows

@@ -70,20 +70,12 @@ def _clearance(distance: Float32) -> UInt8:
 
 def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float,
                    most: int = 3) -> Float64:
-    """Planes that have the object and the cameras before them.
+    """Planes that have the object and the cameras before them, float64 [P, 4], ``most`` at most.
 
-    Parameters
-    ----------
-    points : float64 [K, 3], points of surfaces.
-    persons : float32 [K], how much the mattes call each of them the person.
-    cameras : float64 [V, 3], where the cameras stand.
-    usual : How much the mattes usually call the object the person. A plane that they call so
-        nearly as much is part of it (a back, a chest).
-    most : How many planes to look for.
-
-    Returns
-    -------
-    planes : float64 [P, 4], unit normals and offsets: ``normal . x > offset`` before the plane.
+    They are unit normals and offsets: ``normal . x > offset`` before the plane. Of points of
+    surfaces, float64 [K, 3], ``persons`` says how much the mattes call each of them the person, and
+    ``usual`` how much they call the object so: a plane that they call so nearly as much is part of
+    it (a back, a chest).
     """
     random = np.random.default_rng(0)
     near = np.linalg.norm(points, axis=1) < REACH + 0.2

@@ -42,20 +42,13 @@ def _votes(cameras: Camera, alphas: Sequence[UInt8], shape: tuple[int, ...], cen
 
 def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int], center: Float64,
                 radius: Float64, tolerance: float = 0.03) -> Bool:
-    """Lattice points that (nearly) no matte rules out.
+    """Lattice points that (nearly) no matte, uint8 [H, W] a view, rules out: bool [Z, Y, X].
 
-    Parameters
-    ----------
-    cameras, alphas : Views and their mattes, uint8 [H, W].
-    shape : Lattice points along z, y, x.
-    center, radius : The box of the lattice, float64 [3] each (x, y, z).
-    tolerance : A point is carved away when more than this share of the views that have it in the
-        picture show nothing within a voxel of it (mattes from a network err now and then).
-
-    Returns
-    -------
-    hull : bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
-        nothing would keep them from becoming floaters.
+    The lattice has ``shape`` points along z, y, x in its box, float64 [3] each (x, y, z). A point
+    is carved away when more than the share ``tolerance`` of the views that have it in the picture
+    show nothing within a voxel of it (mattes from a network err now and then). Points that fewer
+    than a twentieth of the pictures show are not in it: nothing would keep them from becoming
+    floaters.
     """
     return _hull(cameras, alphas, shape, center, radius, tolerance)[0]
 

@@ -174,19 +174,11 @@ def settled(trainer: Trainer, field: VoxelField, share: float | None = None,
             shape: bool = True, new: tuple[Float64, Float64] | None = None) -> VoxelField:
     """A field of a trainer's photos, with matter added to it, after some more rays.
 
-    Parameters
-    ----------
-    trainer : Its last level is done. It stays as it is.
-    field : Without a texture, on a lattice as fine as the last level's.
-    share : Rays that are cast, over those of the last level; None: a quarter, or two fifths of
-        ``new``.
-    shape : Whether densities are trained, too.
-    new : Places of the surface that was added, and its outward normals there, float64 [N, 3]
-        each: only tiles that show any are asked; None: all are.
-
-    Returns
-    -------
-    field : The same lattice points.
+    The trainer's last level is done, and it stays as it is. The field has no texture and a lattice
+    as fine as the last level's, and its lattice points stay. ``share`` are the rays that are cast,
+    over those of the last level; None: a quarter, or two fifths of ``new``: places of the surface
+    that was added and its outward normals there, float64 [N, 3] each; only tiles that show any are
+    asked. ``shape``: densities are trained, too.
     """
     config, level = trainer.config, len(trainer.config.resolutions) - 1
     count, colors = len(field.density), 3 * trainer.basis

@@ -51,21 +51,12 @@ class _Photo:
 
 def aligned(field: VoxelField, capture: Capture, given: Camera, views: Int64,
             gains: Float64, steps: int = 2) -> Camera:
-    """Cameras under which the field looks more like the photos.
+    """Cameras of W views under which the field, as it is, looks more like the photos.
 
-    Parameters
-    ----------
-    field : The field as far as it is trained.
-    capture : The photos, with the cameras to start from.
-    given : The cameras of all views before any correction, which hold the corrected ones.
-    views : Which views, W of them.
-    gains : float64 [W, 3], their exposures.
-    steps : Steps of Gauss-Newton at most.
-
-    Returns
-    -------
-    cameras : One for each of ``views``, at the photos' own size; where nothing was better, as it
-        was.
+    One for each of ``views``, at the photos' own size; where nothing was better, as it was. The
+    capture has the cameras to start from, ``given`` are those of all views before any correction,
+    which hold the corrected ones; ``gains`` are float64 [W, 3], exposures, ``steps`` those of
+    Gauss-Newton.
     """
     poses = [_align(field, _small(field, capture, int(view), gain), given.pose[view], steps)
              for view, gain in zip(views, gains)]

@@ -30,13 +30,7 @@ Handler = Callable[["Call"], Any]
 
 
 class Call:
-    """One request.
-
-    Attributes
-    ----------
-    request, desk : The request, and the studio.
-    data : Its JSON; empty for uploads and for what only reads.
-    """
+    """One request; ``data`` is its JSON, empty for uploads and for what only reads."""
 
     def __init__(self, request: Request, desk: Desk, data: dict[str, Any]) -> None:
         self.request, self.desk, self.data = request, desk, data

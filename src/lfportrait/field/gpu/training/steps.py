@@ -54,17 +54,13 @@ class DeviceLattice:
 
     @staticmethod
     def of(device: Device, given: dict[str, Any]) -> DeviceLattice:
-        """Copy a lattice to the device.
+        """Copy a lattice to the device: ``table``, ``links``, ``density`` and, to train it, more.
 
-        Raises `GpuLostError` if a part is larger than what a shader can see.
-
-        Parameters
-        ----------
-        device : Where to.
-        given : ``table`` int32 [BZ, BY, BX] and ``links`` int32 [bricks * 128] as of
-            `lfportrait.field.kernels.bricks.brick_table`; ``density`` float32 [N + 1]; and to
-            train it ``rows`` float32 [N + 1, width], whose last two values are its states,
-            ``neighbours`` int32 [N, 6] and ``basis``.
+        ``table`` int32 [BZ, BY, BX] and ``links`` int32 [bricks * 128] are as of
+        `lfportrait.field.kernels.bricks.brick_table`, ``density`` float32 [N + 1]; to be trained
+        ``rows`` are float32 [N + 1, width], whose last two values are its states, ``neighbours``
+        int32 [N, 6], and there is ``basis``. Raises `GpuLostError` if a part is larger than what a
+        shader can see.
         """
         table, links, density = given["table"], given["links"], given["density"]
         count, basis = len(density) - 1, int(given.get("basis", 1))
@@ -507,18 +503,10 @@ class Steps:
 
 def largest(device: Device, given: dict[str, Any], steps: NDArray[Any],
             inputs: NDArray[np.uint32]) -> Float32:
-    """The largest weight of each row on the rays of tiles.
+    """The largest weight of each row on the rays of tiles, uint32 [T, 20]: float32 [N + 1].
 
-    Parameters
-    ----------
-    device : Where.
-    given : ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes them.
-    steps : `STEP` [1], of which the rays' numbers count.
-    inputs : uint32 [T, 20], the tiles.
-
-    Returns
-    -------
-    weights : float32 [N + 1].
+    ``given`` has ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes
+    them; of ``steps``, `STEP` [1], the rays' numbers count.
     """
     lattice = DeviceLattice.of(device, given)
     band = min(_BAND, len(inputs))
