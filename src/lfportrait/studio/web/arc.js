@@ -72,10 +72,10 @@ export function drawArc({ gaps = [], yaws = [], placed = false }, photos, onpick
         return h(
           "svg:circle.shot",
           { cx: x.toFixed(1), cy: y.toFixed(1), r: 4.5, class: photo.grade, onclick: () => onpick(photo.id) },
-          h("svg:title", { text: `${photo.name}: ${yaw.toFixed(0)}°` }),
+          h("svg:title", `${photo.name}: ${yaw.toFixed(0)}°`),
         );
       }),
     ),
-    h("figcaption.small.soft", { text: t(placed ? "arc.placed" : "arc.guessed") }),
+    h("figcaption.small.soft", t(placed ? "arc.placed" : "arc.guessed")),
   );
 }

@@ -63,7 +63,7 @@ export function button(text, onclick, { kind = "", name = null, drawing = null, 
 
 /** The heading of a screen: its title, what is said below it, and what stands beside both. */
 export function heading(title, lead, ...beside) {
-  return h("header", h("div", h("h1", { text: title }), lead), beside);
+  return h("header", h("div", h("h1", title), lead), beside);
 }
 
 /** Put children in the place of all that is there; the keyboard stays where it was. */

@@ -37,7 +37,7 @@ export class LandmarkEditor {
       "div.editor",
       this.tools(onreset),
       this.view.element,
-      h("p.small.soft.hint", { text: t("editor.hint") }),
+      h("p.small.soft.hint", t("editor.hint")),
     );
     this.element.addEventListener("keydown", (event) => this.shortcut(event));
     landmarks.watch(() => this.draw());
@@ -88,7 +88,7 @@ export class LandmarkEditor {
       this.reach,
       (reach) => this.setReach(reach),
     );
-    this.spoken = h("output.spoken.small", { text: t("editor.none") });
+    this.spoken = h("output.spoken.small", t("editor.none"));
     return h(
       "div.tools",
       { role: "toolbar", "aria-label": t("editor.tools") },

@@ -45,7 +45,7 @@ export class Exports {
       [...new Set(kinds.map(({ group }) => group))].map((group) =>
         h(
           "section.stack",
-          h("h2", { text: known("files", group) }),
+          h("h2", known("files", group)),
           h(
             "ul.kinds-grid",
             kinds.filter((kind) => kind.group === group).map((kind) => this.kind(kind)),
@@ -108,7 +108,7 @@ export class Exports {
     for (const job of running) this.drawHow(job.id);
     fill(
       this.made,
-      h("h2", { text: t("files.made") }),
+      h("h2", t("files.made")),
       h(
         "ul.files",
         running.map((job) =>
@@ -116,10 +116,10 @@ export class Exports {
             "li.card.row.between",
             h(
               "div",
-              h("strong", { text: job.title ?? this.title(job.export) }),
+              h("strong", job.title ?? this.title(job.export)),
               " ",
               this.parts.get(job.id).how,
-              h("p.small.soft", { text: this.kindOf(job.export, job.version, job.quality !== "preview") }),
+              h("p.small.soft", this.kindOf(job.export, job.version, job.quality !== "preview")),
             ),
             job.state === "failed"
               ? h(
@@ -149,11 +149,11 @@ export class Exports {
               "li.card.row.between",
               h(
                 "div",
-                h("strong", { text: file.name }),
+                h("strong", file.name),
                 " ",
-                h("span.small.soft", { text: size(file.size_bytes) }),
-                h("p.small.soft", { text: this.kindOf(file.kind, file.version, file.fine) }),
-                h("p.small.soft.path", { text: file.path }),
+                h("span.small.soft", size(file.size_bytes)),
+                h("p.small.soft", this.kindOf(file.kind, file.version, file.fine)),
+                h("p.small.soft.path", file.path),
               ),
               h(
                 "div.row",
@@ -179,15 +179,16 @@ export class Exports {
   kind(kind) {
     return h(
       "li.card.kind-card",
-      h("h3", { text: said(kind.title) }),
-      h("p.small.soft", { text: said(kind.purpose) }),
+      h("h3", said(kind.title)),
+      h("p.small.soft", said(kind.purpose)),
       h(
         "div.row.between",
-        h("span.small.soft", {
-          text: [kind.suffix, kind.about_bytes && t("files.about", { size: size(kind.about_bytes, 0) })]
+        h(
+          "span.small.soft",
+          [kind.suffix, kind.about_bytes && t("files.about", { size: size(kind.about_bytes, 0) })]
             .filter(Boolean)
             .join(" · "),
-        }),
+        ),
         action(t("files.make"), { "aria-label": t("files.make.one", { name: said(kind.title) }) }, () =>
           this.make(kind),
         ),
@@ -230,10 +231,10 @@ export class Exports {
       h(
         "div.stack",
         wrong && h("p.note.bad", { role: "alert" }, icon("bad"), wrong),
-        h("p.soft", { text: said(kind.purpose) }),
-        kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
+        h("p.soft", said(kind.purpose)),
+        kind.needs_display && h("p.small", t("files.display", { name: this.display().name })),
         !fine && h("p.note.fair", icon("fair"), t("files.draft")),
-        h("label.field", h("span", { text: t("name") }), name),
+        h("label.field", h("span", t("name")), name),
         kind.options.map((option) => this.option(option, values)),
       ),
       [
@@ -258,7 +259,7 @@ export class Exports {
           ".checked": values[name],
           onchange: (event) => put(event.target.checked),
         }),
-        h("code", { text: name }),
+        h("code", name),
       );
     const isNumber = type === "number" || type === "whole";
     const input =
@@ -283,7 +284,7 @@ export class Exports {
           });
     return h(
       "div.field",
-      h("label", { for: id }, h("code", { text: name })),
+      h("label", { for: id }, h("code", name)),
       input,
       h("small.soft", { id: `${id}-note`, text: said(note) }),
     );

@@ -24,7 +24,7 @@ export async function chooseFace(sitter, style) {
           for (const each of boxes) each.setAttribute("aria-pressed", String(each === one));
         },
       },
-      h("span", { text: number }),
+      h("span", number),
     );
     one.style.left = `${(100 * x) / width}%`;
     one.style.top = `${(100 * y) / height}%`;
@@ -34,7 +34,7 @@ export async function chooseFace(sitter, style) {
   });
   const answer = await ask(
     t("face.title"),
-    h("div.stack", h("p.soft", { text: t("face.text") }), h("div.face-choice", canvas, boxes)),
+    h("div.stack", h("p.soft", t("face.text")), h("div.face-choice", canvas, boxes)),
     [["yes", t("face.take"), "main"]],
   );
   if (!answer || picked === chosen) return false;

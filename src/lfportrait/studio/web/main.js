@@ -91,8 +91,8 @@ function unseen(root, screen, error) {
     root,
     h(
       "div.empty",
-      h("h1", { text: t(`step.${screen}`) }),
-      h("p", { text: error.code === undefined ? t("error.page") : error.message }),
+      h("h1", t(`step.${screen}`)),
+      h("p", error.code === undefined ? t("error.page") : error.message),
       button(t("again"), () => route(true), { drawing: "reset" }),
     ),
   );
@@ -111,10 +111,7 @@ async function begin() {
   } catch (error) {
     fail(error);
     const text = error.code === "no_session" ? t("error.no_session") : error.message;
-    return fill(
-      document.getElementById("main"),
-      h("div.empty", h("h1", { text: "lfportrait studio" }), h("p", { text })),
-    );
+    return fill(document.getElementById("main"), h("div.empty", h("h1", "lfportrait studio"), h("p", text)));
   }
   watchServer();
   listen();

@@ -61,18 +61,13 @@ export class MixPanel {
         "label.check",
         { for: "keep-colors" },
         this.keepColors,
-        h(
-          "span",
-          h("code", { text: "keep_colors" }),
-          " ",
-          h("span.soft.small", { text: t("mix.keep_colors") }),
-        ),
+        h("span", h("code", "keep_colors"), " ", h("span.soft.small", t("mix.keep_colors"))),
       ),
       regions.length > 0 &&
         h(
           "details",
           { open },
-          h("summary", { text: t("mix.regions") }),
+          h("summary", t("mix.regions")),
           h(
             "div.stack.regions",
             regions.map((name) => this.region(name)),
@@ -160,8 +155,8 @@ export class MixPanel {
         "label.check.small",
         { for: `keep-${name}` },
         box,
-        h("span", { text: t("mix.keep") }),
-        h("span.unseen", { text: known("region", name, name) }),
+        h("span", t("mix.keep")),
+        h("span.unseen", known("region", name, name)),
       ),
     );
   }

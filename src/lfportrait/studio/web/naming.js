@@ -50,7 +50,7 @@ export async function nameOf(title, value, word, wrong = "") {
     h(
       "div.stack",
       wrong && h("p.note.bad", { role: "alert" }, icon("bad"), wrong),
-      h("label.field", h("span", { text: t("name") }), input),
+      h("label.field", h("span", t("name")), input),
     ),
     [["yes", word, "main"]],
   );

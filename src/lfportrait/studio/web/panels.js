@@ -65,8 +65,8 @@ export class Panels {
     });
     fill(
       this.element,
-      h("label.field", { for: "display" }, h("span", { text: t("display.choose") }), choice),
-      h("p.small.soft", { text: said(display.summary) }),
+      h("label.field", { for: "display" }, h("span", t("display.choose")), choice),
+      h("p.small.soft", said(display.summary)),
       !display.calibrated && h("p.note.fair.small", icon("fair"), t("display.uncalibrated")),
       h(
         "div.row",
@@ -117,7 +117,7 @@ export class Panels {
         ? "0"
         : await ask(
             t("display.bridge.which"),
-            h("p.soft", { text: t("display.bridge.text") }),
+            h("p.soft", t("display.bridge.text")),
             displays.map(({ name }, index) => [String(index), name]),
           );
     if (answer !== "") await this.add({ name: displays[Number(answer)].name, bridge: Number(answer) });
@@ -125,11 +125,9 @@ export class Panels {
 
   async remove() {
     const { display } = this;
-    const answer = await ask(
-      t("display.remove", { name: display.name }),
-      h("p", { text: t("display.remove.text") }),
-      [["yes", t("remove"), "danger"]],
-    );
+    const answer = await ask(t("display.remove", { name: display.name }), h("p", t("display.remove.text")), [
+      ["yes", t("remove"), "danger"],
+    ]);
     if (!answer) return;
     await send("DELETE", `/api/displays/${display.id}`);
     this.displays = this.displays.filter(({ id }) => id !== display.id);

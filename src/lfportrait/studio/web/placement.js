@@ -55,7 +55,7 @@ export function placementPanel(place, onchange, onreset) {
   const choice = (name, values) =>
     h(
       "div.field",
-      h("span", h("code", { text: name })),
+      h("span", h("code", name)),
       segments(
         name,
         values.map((value) => [value, t(`${name}.${value}`)]),
@@ -66,16 +66,12 @@ export function placementPanel(place, onchange, onreset) {
   return h(
     "section.stack",
     { "aria-label": t("place.title") },
-    h(
-      "div.row.between",
-      h("h2", { text: t("place.title") }),
-      button(t("place.reset"), onreset, { kind: "quiet" }),
-    ),
+    h("div.row.between", h("h2", t("place.title")), button(t("place.reset"), onreset, { kind: "quiet" })),
     h(
       "label.check",
       { for: "compose" },
       compose,
-      h("span", h("code", { text: "compose" }), " ", h("span.soft.small", { text: t("place.compose") })),
+      h("span", h("code", "compose"), " ", h("span.soft.small", t("place.compose"))),
     ),
     sliders,
     choice("ground", ["painted", "black", "white"]),
@@ -111,7 +107,7 @@ export function drawBudget(box, { lines, sharp, head }) {
     ),
     h(
       "ul.small.soft",
-      lines.map((text) => h("li", { text: said(text) })),
+      lines.map((text) => h("li", said(text))),
     ),
   );
 }

@@ -50,10 +50,10 @@ export function selection(sitter, display) {
         }
       }),
     },
-    h("summary", h("strong", { text: t("select.title") })),
+    h("summary", h("strong", t("select.title"))),
     h(
       "div.stack",
-      h("p.soft", { text: t("select.text") }),
+      h("p.soft", t("select.text")),
       list,
       h(
         "div.row",
@@ -84,21 +84,16 @@ function picked(chosen) {
 function show(box, kind, { file, command, text, out, page, notes }) {
   fill(
     box,
-    h("p", t("select.written"), " ", h("code.path", { text: file })),
+    h("p", t("select.written"), " ", h("code.path", file)),
     (notes ?? []).map((note) => h("p.note.small", icon("info"), said(note))),
-    h("p", { text: t("select.run") }),
+    h("p", t("select.run")),
     h("pre.small.command", { text: command, tabindex: 0, "aria-label": t("select.run") }),
-    h(
-      "p",
-      t(`select.${kind}.then`),
-      " ",
-      h("code.path", { text: kind === "batch" ? `${out}/index.html` : page }),
-    ),
+    h("p", t(`select.${kind}.then`), " ", h("code.path", kind === "batch" ? `${out}/index.html` : page)),
     // The study's file is the command itself.
     text.trim() !== command &&
       h(
         "details",
-        h("summary", { text: t("select.contents") }),
+        h("summary", t("select.contents")),
         h("pre.small", { text, tabindex: 0, "aria-label": file }),
       ),
   );

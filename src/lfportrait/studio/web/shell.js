@@ -20,7 +20,7 @@ export function say(text, { wrong = false, back = null } = {}) {
   if ([...box.children].some((each) => each.textContent === text)) return;
   const toast = h(
     "div.toast",
-    h("p", { text }),
+    h("p", text),
     back &&
       action(t("undo"), { kind: "quiet" }, async () => {
         await back();
@@ -150,7 +150,7 @@ export function drawShell(screen, id, again) {
   fill(find("skip"), t("skip"));
   fill(
     find("top"),
-    h("a.brand", { href: "#sitters" }, "lfportrait ", h("span", { text: "studio" })),
+    h("a.brand", { href: "#sitters" }, "lfportrait ", h("span", "studio")),
     sitter &&
       h(
         "a.who",
@@ -160,7 +160,7 @@ export function drawShell(screen, id, again) {
           : h("span.face"),
         h(
           "span",
-          h("span.small.soft", { text: t("sitter") }),
+          h("span.small.soft", t("sitter")),
           h("strong.some", { text: sitter.name, title: sitter.name }),
         ),
       ),
@@ -186,7 +186,7 @@ export function drawShell(screen, id, again) {
               "data-step": name,
             },
             icon(name),
-            h("span", { text: t(`step.${name}`) }),
+            h("span", t(`step.${name}`)),
             h("span.state"),
           ),
         );
@@ -205,7 +205,7 @@ export function watchServer() {
     gone?.remove();
     gone = null;
     if (yes) return say(t("line.back"));
-    gone = h("div.toast", h("p", { text: t("line.gone") }));
+    gone = h("div.toast", h("p", t("line.gone")));
     find("alerts").append(gone);
   });
   on("disk", ({ free_bytes: free }) => say(t("disk.low", { n: (free / 1e9).toFixed(1) }), { wrong: true }));

@@ -49,13 +49,13 @@ export class Wizard {
     this.answer = {};
     this.status = h("p.small.soft", { role: "status" });
     const numbers = ["pitch", "slant", "offset"].map((name) =>
-      h("div", h("dt", h("code", { text: name })), h("dd", { text: Number(display[name]).toFixed(5) })),
+      h("div", h("dt", h("code", name)), h("dd", Number(display[name]).toFixed(5))),
     );
     fill(
       this.element,
       h(
         "div.row.between",
-        h("h2", { text: t("wizard.title") }),
+        h("h2", t("wizard.title")),
         tool("close", t("close"), () => this.leave()),
       ),
       h(
@@ -70,7 +70,7 @@ export class Wizard {
       ),
       h("dl.row.numbers", numbers),
       this.said && h("p.note.good", icon("info"), this.said),
-      h("p", { text: t(`wizard.${this.step}.text`) }),
+      h("p", t(`wizard.${this.step}.text`)),
       h(
         "div.row",
         action(t("wizard.open"), { drawing: "external", kind: "main" }, () =>
@@ -134,7 +134,7 @@ export class Wizard {
         : choices.map((choice) => [String(choice ?? ""), t(`ask.${this.step}.${name}.${choice ?? "none"}`)]);
     return h(
       "div.field",
-      h("span", { text }),
+      h("span", text),
       segments(text, options, "", (value) => set(kind === "yesno" ? value === "true" : value || null)),
     );
   }
@@ -172,9 +172,9 @@ export class Wizard {
     closePanel();
     fill(
       this.element,
-      h("h2", { text: t("wizard.done") }),
-      this.said && h("p", { text: this.said }),
-      h("p.soft", { text: t("wizard.done.text", { name: this.display.name }) }),
+      h("h2", t("wizard.done")),
+      this.said && h("p", this.said),
+      h("p.soft", t("wizard.done.text", { name: this.display.name })),
       h(
         "div.row",
         button(t("wizard.again"), () => {

@@ -97,8 +97,8 @@ class Making {
       return h(
         "div.empty",
         icon("photos"),
-        h("h2", { text: t("making.photos.first") }),
-        h("p", { text: t("making.photos.text") }),
+        h("h2", t("making.photos.first")),
+        h("p", t("making.photos.text")),
         h("a.button.main", { href: `#photos/${this.id}` }, t("step.photos")),
       );
     }
@@ -108,18 +108,14 @@ class Making {
     const quick = h("input", { type: "checkbox", id: "quick", ".checked": Boolean(sitter.options?.quick) });
     return h(
       "div.card.stack.begin",
-      h("h2", { text: t(sitter.has.field ? "making.again" : "making.ready", { n: sitter.photos }) }),
+      h("h2", t(sitter.has.field ? "making.again" : "making.ready", { n: sitter.photos })),
       h(
         "ol.stack.plan",
         HEAD.map((name) =>
-          h(
-            "li",
-            h("strong", { text: t(`stage.${name}`) }),
-            h("p.soft.small", { text: t(`stage.${name}.${what(name)}`) }),
-          ),
+          h("li", h("strong", t(`stage.${name}`)), h("p.soft.small", t(`stage.${name}.${what(name)}`))),
         ),
       ),
-      h("label.check", { for: "quick" }, quick, h("span", { text: t("making.quick") })),
+      h("label.check", { for: "quick" }, quick, h("span", t("making.quick"))),
       h(
         "div",
         action(t("making.start"), { kind: "main", drawing: "play", "data-act": "start" }, () =>
@@ -158,7 +154,7 @@ class Making {
         { "aria-label": t("making.stages") },
         h(
           "div.row.between",
-          h("h2", { text: nameOfJob(job) }),
+          h("h2", nameOfJob(job)),
           h("span.tag", { class: { done: "good", failed: "bad" }[how] ?? "", text: t(`job.${how}`) }),
         ),
         isLive(job) && h("div.stack.tight", this.total, this.left),
@@ -210,8 +206,8 @@ class Making {
             "div",
             h(
               "div.row.between",
-              h("strong", { text: known("stage", stage.name, stage.title) }),
-              h("span.soft.small.when", { text: this.when(stage, job) }),
+              h("strong", known("stage", stage.name, stage.title)),
+              h("span.soft.small.when", this.when(stage, job)),
             ),
             stage.state === "running" &&
               h("progress", {
@@ -219,7 +215,7 @@ class Making {
                 value: stage.progress,
                 "aria-label": known("stage", stage.name, stage.title),
               }),
-            h("p.soft.small.said", { text: stage.state === "running" ? said(stage.note ?? "") : "" }),
+            h("p.soft.small.said", stage.state === "running" ? said(stage.note ?? "") : ""),
           ),
         ),
       ),
@@ -292,7 +288,7 @@ class Making {
     const old = this.still.querySelector("img");
     if (!stage) {
       const text = t(job.state === "waiting" ? "making.turn" : isLive(job) ? "making.soon" : "making.none");
-      return fill(this.still, h("div.empty", icon("making"), h("p", { text })));
+      return fill(this.still, h("div.empty", icon("making"), h("p", text)));
     }
     const text = t("stage.alt", { stage: known("stage", stage.name, stage.title) });
     if (old?.getAttribute("src") === stage.picture) return;
@@ -303,7 +299,7 @@ class Making {
     next.setAttribute("src", stage.picture);
     next
       .decode()
-      .then(() => fill(still, next, h("p.soft.small", { text: known("stage", stage.name, stage.title) })))
+      .then(() => fill(still, next, h("p.soft.small", known("stage", stage.name, stage.title))))
       .catch(() => {});
   }
 
@@ -335,7 +331,7 @@ class Making {
     const order = [...waiting].sort((one, other) => turn(one) - turn(other));
     fill(
       this.queue,
-      h("h2", { text: t("queue.title") }),
+      h("h2", t("queue.title")),
       h(
         "ol.queue.stack",
         order.map((job) =>
@@ -346,11 +342,11 @@ class Making {
               { href: `#making/${job.project}` },
               h("strong", { text: job.name ?? job.project, title: job.name ?? job.project }),
               " ",
-              h("span.soft", { text: nameOfJob(job) }),
+              h("span.soft", nameOfJob(job)),
             ),
             h(
               "div.row",
-              h("span.tag", { text: standingOf(job) }),
+              h("span.tag", standingOf(job)),
               job.state === "waiting" &&
                 job.place > 0 &&
                 action(t("queue.first"), { kind: "quiet" }, async () => {

@@ -34,7 +34,7 @@ export async function showRegions(root, sitter, id) {
     regions,
     about.labels,
     doing(async () => {
-      const answer = await ask(t("regions.reset"), h("p", { text: t("regions.reset.text") }), [
+      const answer = await ask(t("regions.reset"), h("p", t("regions.reset.text")), [
         ["yes", t("regions.reset"), "danger"],
       ]);
       if (!answer) return;
@@ -99,7 +99,7 @@ class Brush {
       "div.editor",
       this.tools(labels, onreset),
       this.view.element,
-      h("p.small.soft.hint", { text: t("regions.hint") }),
+      h("p.small.soft.hint", t("regions.hint")),
     );
     this.element.addEventListener("keydown", (event) => this.shortcut(event));
     this.buttons();

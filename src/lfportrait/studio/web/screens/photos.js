@@ -32,7 +32,7 @@ class Photos {
     this.next = h("div.row");
     fill(
       root,
-      heading(t("step.photos"), h("p.lead", { text: t("photos.lead") }), this.next),
+      heading(t("step.photos"), h("p.lead", t("photos.lead")), this.next),
       this.zone(),
       this.way,
       h("div.judged", this.arc, this.advice),
@@ -95,11 +95,7 @@ class Photos {
       "section.drop",
       { "aria-label": t("photos.add") },
       icon("upload"),
-      h(
-        "div",
-        h("p", h("strong", { text: t("photos.drop") })),
-        h("p.small.soft", { text: t("photos.kinds") }),
-      ),
+      h("div", h("p", h("strong", t("photos.drop"))), h("p.small.soft", t("photos.kinds"))),
       h(
         "div.row",
         button(t("photos.files"), () => files.click(), { drawing: "photos" }),
@@ -132,8 +128,8 @@ class Photos {
     const { checked, looked, faces } = this.data;
     fill(
       this.advice,
-      h("h2", { text: t("photos.advice") }),
-      !checked && h("p.soft", { text: t("photos.unchecked") }),
+      h("h2", t("photos.advice")),
+      !checked && h("p.soft", t("photos.unchecked")),
       checked && !advice.length && h("p.note.good", icon("good"), t("photos.well", { n: looked, faces })),
       advice.map((line) => h("p.note.fair", icon("fair"), said(line))),
     );
@@ -165,12 +161,12 @@ class Photos {
             },
             text,
             " ",
-            h("span", { text: n }),
+            h("span", n),
           ),
         ),
       ),
       checking
-        ? h("p.soft", { text: t("photos.checking", { done: checking.done, total: checking.total }) })
+        ? h("p.soft", t("photos.checking", { done: checking.done, total: checking.total }))
         : !checked &&
             photos.length > 0 &&
             action(t("photos.check"), { drawing: "eye" }, async () => {
@@ -215,8 +211,8 @@ class Photos {
       h(
         "p.small.grade",
         MARKS[photo.grade] && icon(MARKS[photo.grade]),
-        h("span", { text: reasons || word }),
-        reasons && h("span.unseen", { text: ` (${word})` }),
+        h("span", reasons || word),
+        reasons && h("span.unseen", ` (${word})`),
       ),
       h(
         "div.row",
@@ -272,7 +268,7 @@ class Photos {
         { "aria-label": t("upload.title") },
         h(
           "div.row.between",
-          h("p", { text }),
+          h("p", text),
           busy && button(t("upload.stop"), () => this.uploads.stop(), { kind: "quiet" }),
         ),
         busy && h("progress", { max: bytes || 1, value: sent, "aria-label": t("upload.title") }),
@@ -281,7 +277,7 @@ class Photos {
           h(
             "details",
             { open: wrong.length < 8 },
-            h("summary", { text: t("upload.wrong", { n: wrong.length }) }),
+            h("summary", t("upload.wrong", { n: wrong.length })),
             h(
               "ul.stack",
               wrong.map(({ name, error }) =>
@@ -289,7 +285,7 @@ class Photos {
                   "li.note.bad",
                   icon("bad"),
                   // Most sentences begin with the file's name already.
-                  h("span", !error.startsWith(name) && h("strong", { text: `${name} ` }), error),
+                  h("span", !error.startsWith(name) && h("strong", `${name} `), error),
                 ),
               ),
             ),

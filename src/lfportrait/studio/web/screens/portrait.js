@@ -49,7 +49,7 @@ export class Portrait {
     this.ways = h("div.row", this.compare, next);
     fill(
       root,
-      heading(t("step.portrait"), h("p.lead", { text: t("portrait.lead") }), this.ways),
+      heading(t("step.portrait"), h("p.lead", t("portrait.lead")), this.ways),
       h(
         "div.portrait-body",
         this.stages,
@@ -91,8 +91,8 @@ export class Portrait {
         h(
           "div.empty",
           icon("portrait"),
-          h("h2", { text: t("portrait.none") }),
-          h("p", { text: t("portrait.none.text") }),
+          h("h2", t("portrait.none")),
+          h("p", t("portrait.none.text")),
           h("a.button.main", { href: `#making/${this.sitter.id}`, text: t("step.making") }),
         ),
       );
@@ -145,7 +145,7 @@ export class Portrait {
             h(
               "span",
               h("strong.some", { text: each.name, title: each.name }),
-              h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }),
+              h("span.small.soft", t(each.fine ? "version.fine" : "version.draft")),
             ),
           ),
           h(
@@ -196,7 +196,7 @@ export class Portrait {
             })),
       version?.style && action(t("portrait.copy"), { drawing: "plus" }, () => this.copy()),
       !version && h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("portrait.choose") }),
-      version && !version.style && h("p.small.soft", { text: t("portrait.commands") }),
+      version && !version.style && h("p.small.soft", t("portrait.commands")),
     );
   }
 
@@ -307,11 +307,9 @@ export class Portrait {
   }
 
   async remove(version) {
-    const answer = await ask(
-      t("version.remove", { name: version.name }),
-      h("p", { text: t("version.remove.text") }),
-      [["yes", t("remove"), "danger"]],
-    );
+    const answer = await ask(t("version.remove", { name: version.name }), h("p", t("version.remove.text")), [
+      ["yes", t("remove"), "danger"],
+    ]);
     if (!answer) return;
     // Asked before: a reload chooses another one, and what was moved belongs to none any more.
     const shown = version.id === this.chosen;

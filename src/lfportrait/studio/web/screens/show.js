@@ -52,7 +52,7 @@ class Show {
     });
     fill(
       root,
-      heading(t("step.show"), h("p.lead", { text: t("show.lead") }), h("div.row", this.versions, tabs)),
+      heading(t("step.show"), h("p.lead", t("show.lead")), h("div.row", this.versions, tabs)),
       this.quality,
       this.body,
     );
@@ -106,7 +106,7 @@ class Show {
       icon("fair"),
       h(
         "div.row.between",
-        h("p", { text: t("show.draft", { name: shown.name }) }),
+        h("p", t("show.draft", { name: shown.name })),
         job
           ? h("a.button", { href: `#making/${sitter.id}` }, t("portrait.making", { how: standingOf(job) }))
           : !shown.from_command_line &&
@@ -149,8 +149,8 @@ class Show {
         h(
           "div.empty",
           icon("show"),
-          h("h2", { text: t("show.none") }),
-          h("p", { text: t("show.none.text") }),
+          h("h2", t("show.none")),
+          h("p", t("show.none.text")),
           h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("step.style") }),
         ),
       );

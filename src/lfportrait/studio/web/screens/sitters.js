@@ -36,13 +36,13 @@ export async function showSitters(root) {
   };
   fill(
     root,
-    heading(t("sitters.title"), h("p.lead", { text: t("sitters.lead") })),
+    heading(t("sitters.title"), h("p.lead", t("sitters.lead"))),
     state.projects.length === 0 && welcome(),
     list,
     machine,
     h(
       "footer.row.between.soft.small",
-      h("p", { text: t("sitters.folder", { folder: state.folder, version: state.version }) }),
+      h("p", t("sitters.folder", { folder: state.folder, version: state.version })),
       end(),
     ),
     preferences(() => dispatchEvent(new HashChangeEvent("hashchange"))),
@@ -80,7 +80,7 @@ function welcome() {
   return h(
     "section.card.welcome.row",
     icon("spark"),
-    h("div.stack", h("h2", { text: t("welcome.title") }), h("p.soft", { text: t("welcome.text") })),
+    h("div.stack", h("h2", t("welcome.title")), h("p.soft", t("welcome.text"))),
     h(
       "div.row",
       photoButton("main"),
@@ -175,7 +175,7 @@ function card(item) {
         : h("span.blank", icon("sitters")),
       h("strong.some", { text: item.name, title: item.name }),
       h("span.tag", { class: kind, text }),
-      making(item) && h("span.when.small.soft", { text: leftWords(item) }),
+      making(item) && h("span.when.small.soft", leftWords(item)),
     ),
     h(
       "div.row",
@@ -235,7 +235,7 @@ async function rename(item) {
 async function remove(item) {
   const answer = await ask(
     t("sitter.remove", { name: item.name }),
-    h("p", { text: t("sitter.remove.text", { name: item.name, size: size(item.size_bytes) }) }),
+    h("p", t("sitter.remove.text", { name: item.name, size: size(item.size_bytes) })),
     [["yes", t("remove"), "danger"]],
   );
   if (!answer) return;
@@ -268,18 +268,17 @@ function drawMachine(box) {
         icon("fair"),
         h(
           "div.stack",
-          h("h2", { text: t("networks.title", { n: missing.length }) }),
-          h("p", {
-            text: t("networks.text", {
+          h("h2", t("networks.title", { n: missing.length })),
+          h(
+            "p",
+            t("networks.text", {
               size: size(missing.reduce((sum, { size_bytes: bytes }) => sum + bytes, 0)),
             }),
-          }),
+          ),
           h(
             "ul",
             missing.map((each) =>
-              h("li.small", {
-                text: `${each.name}: ${said(each.for)} (${size(each.size_bytes)}, ${each.licence})`,
-              }),
+              h("li.small", `${each.name}: ${said(each.for)} (${size(each.size_bytes)}, ${each.licence})`),
             ),
           ),
           loading
@@ -300,7 +299,7 @@ function drawMachine(box) {
         h(
           "span.row",
           icon(checks ? worst : "info"),
-          h("strong", { text: checks ? t(`doctor.${worst}`) : t("doctor.wait") }),
+          h("strong", checks ? t(`doctor.${worst}`) : t("doctor.wait")),
         ),
       ),
       h(
@@ -314,11 +313,11 @@ function drawMachine(box) {
               "div",
               h(
                 "p",
-                h("span.unseen", { text: `${t(`check.${grade}`)}: ` }),
-                h("strong", { text: said(name) }),
+                h("span.unseen", `${t(`check.${grade}`)}: `),
+                h("strong", said(name)),
                 ` · ${said(text)}`,
               ),
-              advice && h("p.small.soft", { text: said(advice) }),
+              advice && h("p.small.soft", said(advice)),
             ),
           ),
         ),
@@ -330,11 +329,9 @@ function drawMachine(box) {
 function end() {
   return action(t("shutdown"), { kind: "quiet" }, async () => {
     const running = state.jobs.some(({ state: how }) => how === "running");
-    const answer = await ask(
-      t("shutdown"),
-      h("p", { text: t(running ? "shutdown.running" : "shutdown.text") }),
-      [["yes", t("shutdown"), "main"]],
-    );
+    const answer = await ask(t("shutdown"), h("p", t(running ? "shutdown.running" : "shutdown.text")), [
+      ["yes", t("shutdown"), "main"],
+    ]);
     if (!answer) return;
     listenNoMore();
     await post("/api/shutdown").catch((error) => {
@@ -342,6 +339,6 @@ function end() {
       throw error;
     });
     leaveScreen(); // what is still asked for gets no answer
-    fill(document.getElementById("main"), h("div.empty", h("h1", { text: t("shutdown.done") })));
+    fill(document.getElementById("main"), h("div.empty", h("h1", t("shutdown.done"))));
   });
 }

@@ -34,7 +34,7 @@ class Gallery {
     this.queue = [];
     fill(
       root,
-      heading(t("step.style"), h("p.lead", { text: t("style.lead") }), this.adding()),
+      heading(t("step.style"), h("p.lead", t("style.lead")), this.adding()),
       this.missing,
       h("div.style-body", this.detail, this.grid),
     );
@@ -175,7 +175,7 @@ class Gallery {
             (style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank")),
         ),
         h("span.name", { text: style.name, title: style.name }),
-        style.kind === "builtin" && h("span.unseen", { text: t("style.builtin") }),
+        style.kind === "builtin" && h("span.unseen", t("style.builtin")),
       ),
     );
   }
@@ -237,7 +237,7 @@ class Gallery {
 
   drawDetail() {
     const style = this.style();
-    if (!style) return fill(this.detail, h("div.empty", icon("style"), h("p", { text: t("style.none") })));
+    if (!style) return fill(this.detail, h("div.empty", icon("style"), h("p", t("style.none"))));
     const here = `#style/${this.sitter.id}/${style.id}`;
     const own = style.kind !== "builtin";
     const facts = h("ul.stack.facts");
@@ -275,7 +275,7 @@ class Gallery {
       h(
         "figure",
         growingPicture(painting, style.picture, style.full, shown(style)),
-        h("figcaption.soft.small", { text: style.name }),
+        h("figcaption.soft.small", style.name),
       ),
       seen &&
         h(
@@ -286,9 +286,9 @@ class Gallery {
                 "div.blank",
                 { role: "img", "aria-label": t("preview.wait") },
                 icon("spark"),
-                h("span.small", { text: t("preview.wait") }),
+                h("span.small", t("preview.wait")),
               ),
-          h("figcaption.soft.small", { text: name }),
+          h("figcaption.soft.small", name),
         ),
     );
   }
@@ -306,7 +306,7 @@ class Gallery {
     fill(
       list,
       facts.map(({ grade, text }) =>
-        h("li.note.small", { class: grade }, icon(grade), h("span", { text: said(text) })),
+        h("li.note.small", { class: grade }, icon(grade), h("span", said(text))),
       ),
     );
   }
@@ -322,11 +322,9 @@ class Gallery {
   }
 
   async remove(style) {
-    const answer = await ask(
-      t("style.remove", { name: style.name }),
-      h("p", { text: t("style.remove.text") }),
-      [["yes", t("remove"), "danger"]],
-    );
+    const answer = await ask(t("style.remove", { name: style.name }), h("p", t("style.remove.text")), [
+      ["yes", t("remove"), "danger"],
+    ]);
     if (!answer) return;
     await send("DELETE", `/api/styles/${style.id}?project=${this.sitter.id}`);
     await this.load();
