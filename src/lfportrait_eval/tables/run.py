@@ -346,7 +346,7 @@ class _Run:
                                                       self.seed))
                   if METHODS[method].kind == "field"
                   else view_config(method, self.sizes, self.seed))
-        others = [name for name in models.registry() if name not in self.measuring]
+        others = [name for name in models.REGISTRY if name not in self.measuring]
         exemplar = self.exemplars[style]
         return key_of(__name__, "painting", self._base(source), exemplar.image,
                       exemplar.landmarks, method, chosen, _networks(others))

@@ -176,7 +176,7 @@ def test_lpips_without_its_networks_tells_how_to_get_them(shelf):
 
 def test_the_packed_part_of_vgg16_is_not_enough_for_lpips(shelf):
     folder, _ = shelf
-    (folder / models.registry()["vgg16"][0].file).write_bytes(b"")
+    (folder / models.REGISTRY["vgg16"][0].file).write_bytes(b"")
     assert models.available("vgg16")
     assert models.missing(features.LPIPS_NETWORKS["vgg"]) == ["lpips", "vgg16-torchvision"]
 
