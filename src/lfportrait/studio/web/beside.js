@@ -1,6 +1,6 @@
 // A second portrait beside the first: another version, or the photographed head, seen from the same place.
 
-import { h } from "./dom.js";
+import { check, h } from "./dom.js";
 import { t } from "./i18n.js";
 import { fail } from "./shell.js";
 import { linkCameras, Stage } from "./stage.js";
@@ -20,21 +20,16 @@ export class Beside {
       versions.map((each) => h("option", { value: each.id, text: each.name })),
       h("option", { value: "photo", text: t("portrait.photo") }),
     );
-    const linked = h("input", {
-      type: "checkbox",
-      ".checked": true,
-      id: "linked",
-      onchange: () => {
-        this.linked = linked.checked;
-        this.link();
-      },
-    });
+    const follow = (linked) => {
+      this.linked = linked;
+      this.link();
+    };
     this.element = h(
       "div.column",
       h(
         "div.row.between.beside-bar",
         this.picker,
-        h("label.check.small", { for: "linked" }, linked, t("portrait.link")),
+        check({ id: "linked", checked: true, small: true, onchange: follow }, t("portrait.link")),
       ),
       this.stage.element,
     );

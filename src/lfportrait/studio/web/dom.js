@@ -61,6 +61,24 @@ export function button(text, onclick, { kind = "", name = null, drawing = null, 
   );
 }
 
+/** A button with a drawing alone, whose name is read out. */
+export function sign(drawing, name, onclick, kind = "tool") {
+  return button("", onclick, { kind, drawing, name });
+}
+
+/** A box to tick with a text beside it. */
+export function check({ id, checked, small = false, onchange }, ...text) {
+  const input = h("input", {
+    id,
+    type: "checkbox",
+    ".checked": Boolean(checked),
+    onchange: () => onchange?.(input.checked),
+  });
+  const whole = h(small ? "label.check.small" : "label.check", { for: id }, input, text);
+  whole.input = input;
+  return whole;
+}
+
 /** The heading of a screen: its title, what is said below it, and what stands beside both. */
 export function heading(title, lead, ...beside) {
   return h("header", h("div", h("h1", title), lead), beside);

@@ -1,6 +1,6 @@
 // The landmark editor: points and lines over a painting, a loupe, hands and keys.
 
-import { button, h, segments } from "./dom.js";
+import { h, segments, sign } from "./dom.js";
 import { t } from "./i18n.js";
 import { LINES, moving, partOf } from "./landmarks.js";
 import { say } from "./shell.js";
@@ -62,22 +62,10 @@ export class LandmarkEditor {
   }
 
   tools(onreset) {
-    this.back = button("", () => this.landmarks.undo(), {
-      kind: "tool",
-      drawing: "undo",
-      name: t("editor.undo"),
-    });
-    this.again = button("", () => this.landmarks.redo(), {
-      kind: "tool",
-      drawing: "redo",
-      name: t("editor.redo"),
-    });
-    this.fold = button("", () => this.mirror(), {
-      kind: "tool",
-      drawing: "mirror",
-      name: t("editor.mirror"),
-    });
-    const reset = button("", onreset, { kind: "tool", drawing: "reset", name: t("editor.reset") });
+    this.back = sign("undo", t("editor.undo"), () => this.landmarks.undo());
+    this.again = sign("redo", t("editor.redo"), () => this.landmarks.redo());
+    this.fold = sign("mirror", t("editor.mirror"), () => this.mirror());
+    const reset = sign("reset", t("editor.reset"), onreset);
     this.reaches = segments(
       t("editor.moves"),
       [

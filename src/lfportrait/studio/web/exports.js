@@ -1,7 +1,7 @@
 // Files of a portrait: what each is for and how large, and those that are made.
 
 import { get, post, send } from "./api.js";
-import { ask, fill, fresh, h, icon } from "./dom.js";
+import { ask, check, fill, fresh, h, icon } from "./dom.js";
 import { known, said, size, t } from "./i18n.js";
 import { answered } from "./naming.js";
 import { action, fail, say, tool } from "./shell.js";
@@ -249,18 +249,7 @@ export class Exports {
     const put = (value) => {
       values[name] = value;
     };
-    if (type === "bool")
-      return h(
-        "label.check",
-        { for: id },
-        h("input", {
-          id,
-          type: "checkbox",
-          ".checked": values[name],
-          onchange: (event) => put(event.target.checked),
-        }),
-        h("code", name),
-      );
+    if (type === "bool") return check({ id, checked: values[name], onchange: put }, h("code", name));
     const isNumber = type === "number" || type === "whole";
     const input =
       type === "choice"

@@ -1,6 +1,6 @@
 // What of the photo and what of the painting is seen: sliders, and their mix as the server takes it.
 
-import { fill, h, slider } from "./dom.js";
+import { check, fill, h, slider } from "./dom.js";
 import { known, t } from "./i18n.js";
 
 export const STEADY = { strength: 1, identity: 0, regions: {}, keep_colors: false, keep: [] };
@@ -44,23 +44,16 @@ export class MixPanel {
       ...mix_,
       identity: value,
     }));
-    this.keepColors = h("input", {
-      type: "checkbox",
-      id: "keep-colors",
-      ".checked": this.mix.keep_colors,
-      onchange: () => {
-        this.mix.keep_colors = this.keepColors.checked;
-        this.onend(this.mix);
-      },
-    });
+    const keepColors = (kept) => {
+      this.mix.keep_colors = kept;
+      this.onend(this.mix);
+    };
     fill(
       this.element,
       this.strength,
       this.identity,
-      h(
-        "label.check",
-        { for: "keep-colors" },
-        this.keepColors,
+      check(
+        { id: "keep-colors", checked: this.mix.keep_colors, onchange: keepColors },
         h("span", h("code", "keep_colors"), " ", h("span.soft.small", t("mix.keep_colors"))),
       ),
       regions.length > 0 &&
@@ -135,26 +128,17 @@ export class MixPanel {
       known("region", name, name),
     );
     one.input.disabled = kept;
-    const box = h("input", {
-      type: "checkbox",
-      ".checked": kept,
-      id: `keep-${name}`,
-      onchange: () => {
-        this.mix = {
-          ...this.mix,
-          keep: box.checked ? [...this.mix.keep, name] : this.mix.keep.filter((each) => each !== name),
-        };
-        one.input.disabled = box.checked;
-        this.onend(this.mix);
-      },
-    });
+    const keep = (yes) => {
+      const others = this.mix.keep.filter((each) => each !== name);
+      this.mix = { ...this.mix, keep: yes ? [...others, name] : others };
+      one.input.disabled = yes;
+      this.onend(this.mix);
+    };
     return h(
       "div.region",
       one,
-      h(
-        "label.check.small",
-        { for: `keep-${name}` },
-        box,
+      check(
+        { id: `keep-${name}`, checked: kept, small: true, onchange: keep },
         h("span", t("mix.keep")),
         h("span.unseen", known("region", name, name)),
       ),

@@ -1,6 +1,6 @@
 // How the head stands in a panel: the command line's parameters, and the depth that the panel has.
 
-import { button, fill, h, segments, slider } from "./dom.js";
+import { button, check, fill, h, segments, slider } from "./dom.js";
 import { said, t } from "./i18n.js";
 
 export const PLACE = {
@@ -46,12 +46,6 @@ export function placementPanel(place, onchange, onreset) {
       oninput: (value) => put(name, value),
     }),
   );
-  const compose = h("input", {
-    type: "checkbox",
-    id: "compose",
-    ".checked": place.compose,
-    onchange: () => put("compose", compose.checked),
-  });
   const choice = (name, values) =>
     h(
       "div.field",
@@ -67,10 +61,8 @@ export function placementPanel(place, onchange, onreset) {
     "section.stack",
     { "aria-label": t("place.title") },
     h("div.row.between", h("h2", t("place.title")), button(t("place.reset"), onreset, { kind: "quiet" })),
-    h(
-      "label.check",
-      { for: "compose" },
-      compose,
+    check(
+      { id: "compose", checked: place.compose, onchange: (yes) => put("compose", yes) },
       h("span", h("code", "compose"), " ", h("span.soft.small", t("place.compose"))),
     ),
     sliders,

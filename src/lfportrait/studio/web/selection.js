@@ -1,7 +1,7 @@
 // Versions of all sitters, for a batch or a study.
 
 import { get, post } from "./api.js";
-import { fill, fresh, h, icon } from "./dom.js";
+import { check, fill, fresh, h, icon } from "./dom.js";
 import { said, t } from "./i18n.js";
 import { action, doing } from "./shell.js";
 import { state } from "./state.js";
@@ -26,22 +26,16 @@ export function selection(sitter, display) {
           const each = state.projects[index];
           list.append(
             ...versions.map((version) => {
-              const id = fresh("pick");
+              const id = fresh("pick"),
+                key = `${each.id} ${version.id}`;
               return h(
                 "li",
-                h(
-                  "label.check",
-                  { for: id },
-                  h("input", {
+                check(
+                  {
                     id,
-                    type: "checkbox",
-                    ".checked": chosen.has(`${each.id} ${version.id}`),
-                    onchange: (event) => {
-                      const key = `${each.id} ${version.id}`;
-                      if (event.target.checked) chosen.set(key, [each.id, version.id]);
-                      else chosen.delete(key);
-                    },
-                  }),
+                    checked: chosen.has(key),
+                    onchange: (yes) => (yes ? chosen.set(key, [each.id, version.id]) : chosen.delete(key)),
+                  },
                   `${each.name}: ${version.name}${version.fine ? "" : ` (${t("version.draft")})`}`,
                 ),
               );

@@ -1,7 +1,7 @@
 // The frame about the screens: steps, sitter, theme, language, messages.
 
 import { watchLine } from "./api.js";
-import { button, fill, h, icon, segments } from "./dom.js";
+import { button, fill, h, icon, segments, sign } from "./dom.js";
 import { LANGUAGES, language, speak, t } from "./i18n.js";
 import { isLive, jobsOf, on, project } from "./state.js";
 import { shareOf } from "./times.js";
@@ -75,9 +75,9 @@ export function action(text, looks, act) {
   return button(text, doing(act), looks);
 }
 
-/** A small one with a drawing alone, whose name is read out. */
+/** The same with a drawing alone. */
 export function tool(drawing, name, act) {
-  return action("", { kind: "quiet tool", drawing, name }, act);
+  return sign(drawing, name, doing(act), "quiet tool");
 }
 
 /** Theme and language. */

@@ -1,6 +1,6 @@
 // A picture that can be enlarged and moved about under its drawings: wheel, pinch, keys, buttons.
 
-import { h, icon } from "./dom.js";
+import { h, sign } from "./dom.js";
 import { t } from "./i18n.js";
 
 const LARGEST = 40; // pixels of the window for one of the picture
@@ -189,14 +189,12 @@ export class Viewport {
 
   /** Buttons for those who have no wheel. */
   buttons() {
-    const one = (name, drawing, act) =>
-      h("button.button.tool", { "aria-label": name, title: name, onclick: act }, icon(drawing));
     return h(
       "div.zoom",
       { role: "group", "aria-label": t("view.zoom") },
-      one(t("view.closer"), "plus", () => this.zoom(1.4)),
-      one(t("view.further"), "minus", () => this.zoom(1 / 1.4)),
-      one(t("view.whole"), "fit", () => this.fit()),
+      sign("plus", t("view.closer"), () => this.zoom(1.4)),
+      sign("minus", t("view.further"), () => this.zoom(1 / 1.4)),
+      sign("fit", t("view.whole"), () => this.fit()),
     );
   }
 }

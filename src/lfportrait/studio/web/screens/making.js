@@ -1,7 +1,7 @@
 // Screen 3: the stages with time left, the picture of each as soon as it is there, and the queue.
 
 import { post } from "../api.js";
-import { fill, h, heading, icon } from "../dom.js";
+import { check, fill, h, heading, icon } from "../dom.js";
 import { duration, known, said, t } from "../i18n.js";
 import { action, murmur, tool } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepJobs, on, project, state, tell } from "../state.js";
@@ -105,7 +105,7 @@ class Making {
     // One photo or two: a head is fitted to the face.
     const few = !sitter.demo && !sitter.video && sitter.photos <= 2;
     const what = (name) => (few && name !== "surface" ? "few" : "what");
-    const quick = h("input", { type: "checkbox", id: "quick", ".checked": Boolean(sitter.options?.quick) });
+    const quick = check({ id: "quick", checked: sitter.options?.quick }, h("span", t("making.quick")));
     return h(
       "div.card.stack.begin",
       h("h2", t(sitter.has.field ? "making.again" : "making.ready", { n: sitter.photos })),
@@ -115,11 +115,11 @@ class Making {
           h("li", h("strong", t(`stage.${name}`)), h("p.soft.small", t(`stage.${name}.${what(name)}`))),
         ),
       ),
-      h("label.check", { for: "quick" }, quick, h("span", t("making.quick"))),
+      quick,
       h(
         "div",
         action(t("making.start"), { kind: "main", drawing: "play", "data-act": "start" }, () =>
-          this.start(quick.checked),
+          this.start(quick.input.checked),
         ),
       ),
     );

@@ -1,7 +1,7 @@
 // Regions of a painting, painted over by a brush where the detector is wrong.
 
 import { bitmap, get, put, send } from "../api.js";
-import { ask, button, fill, h, later, slider } from "../dom.js";
+import { ask, fill, h, later, sign, slider } from "../dom.js";
 import { t } from "../i18n.js";
 import { Preview } from "../preview.js";
 import { COLORS, labelsOf, Regions } from "../regions.js";
@@ -122,16 +122,8 @@ class Brush {
       if (COLORS[label]) one.firstChild.style.background = `rgb(${COLORS[label].join(" ")})`;
       return one;
     });
-    this.back = button("", () => this.after(this.regions.undo()), {
-      kind: "tool",
-      drawing: "undo",
-      name: t("editor.undo"),
-    });
-    this.again = button("", () => this.after(this.regions.redo()), {
-      kind: "tool",
-      drawing: "redo",
-      name: t("editor.redo"),
-    });
+    this.back = sign("undo", t("editor.undo"), () => this.after(this.regions.undo()));
+    this.again = sign("redo", t("editor.redo"), () => this.after(this.regions.redo()));
     this.width = slider(t("regions.size"), {
       min: 1,
       max: Math.round(Math.max(...this.regions.size) / 6),
@@ -150,7 +142,7 @@ class Brush {
       this.width,
       this.back,
       this.again,
-      button("", onreset, { kind: "tool", drawing: "reset", name: t("regions.reset") }),
+      sign("reset", t("regions.reset"), onreset),
     );
   }
 
