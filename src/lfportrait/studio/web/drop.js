@@ -1,8 +1,23 @@
-// Files that are dropped anywhere on a screen, or pasted.
+// Files that are chosen, dropped anywhere on a screen, or pasted.
 
+import { button, h } from "./dom.js";
 import { droppedFiles } from "./uploads.js";
 
 const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+
+/** A button by which files are chosen, and the input behind it; `take` is called with the files. */
+export function chooser(text, looks, attributes, take) {
+  const input = h("input", {
+    type: "file",
+    hidden: true,
+    ...attributes,
+    onchange: () => {
+      take([...input.files]);
+      input.value = "";
+    },
+  });
+  return [button(text, () => input.click(), looks), input];
+}
 
 /**
  * Take files that are dropped on the screen or pasted, until the function that comes back is called.

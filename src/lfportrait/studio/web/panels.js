@@ -1,10 +1,11 @@
 // Which panel: presets, files, those that Bridge knows; its wizard, and its own window.
 
 import { get, post, send } from "./api.js";
-import { ask, button, fill, h, icon } from "./dom.js";
+import { ask, fill, h, icon } from "./dom.js";
+import { chooser } from "./drop.js";
 import { said, t } from "./i18n.js";
 import { showOnPanel } from "./panelwindow.js";
-import { action, doing, say, tool } from "./shell.js";
+import { action, doing, fail, say, tool } from "./shell.js";
 import { keepProject } from "./state.js";
 import { Wizard } from "./wizard.js";
 
@@ -52,17 +53,10 @@ export class Panels {
       );
     });
     const choice = h("select", { id: "display", onchange: doing(() => this.choose(choice.value)) }, groups);
-    const file = h("input", {
-      type: "file",
-      hidden: true,
-      accept: ".json,.toml,application/json",
-      id: "display-file",
-      onchange: doing(async () => {
-        const [one] = file.files;
-        if (one) await this.add({ name: one.name.replace(/\.[^.]*$/, ""), text: await one.text() });
-        file.value = "";
-      }),
-    });
+    const file = { accept: ".json,.toml,application/json", id: "display-file" };
+    const read = async ([one]) => {
+      if (one) await this.add({ name: one.name.replace(/\.[^.]*$/, ""), text: await one.text() });
+    };
     fill(
       this.element,
       h("label.field", { for: "display" }, h("span", t("display.choose")), choice),
@@ -70,9 +64,8 @@ export class Panels {
       !display.calibrated && h("p.note.fair.small", icon("fair"), t("display.uncalibrated")),
       h(
         "div.row",
-        button(t("display.file"), () => file.click(), { drawing: "folder" }),
+        chooser(t("display.file"), { drawing: "folder" }, file, (files) => read(files).catch(fail)),
         action(t("display.bridge.ask"), { drawing: "link" }, () => this.ask()),
-        file,
       ),
       h(
         "div.row",

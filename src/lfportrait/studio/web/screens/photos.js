@@ -3,7 +3,7 @@
 import { get, post, send } from "../api.js";
 import { drawArc } from "../arc.js";
 import { button, fill, h, heading, icon } from "../dom.js";
-import { takeFiles } from "../drop.js";
+import { chooser, takeFiles } from "../drop.js";
 import { known, said, size, t } from "../i18n.js";
 import { action, fail, murmur, say, tool } from "../shell.js";
 import { isLive, jobsOf, keepJob, on, project } from "../state.js";
@@ -71,26 +71,16 @@ class Photos {
   take(files) {
     if (!files.length) return say(t("photos.nothing"));
     this.uploads
-      .add([...files])
+      .add(files)
       .then(() => this.load())
       .catch(fail);
   }
 
   /** Where photos are chosen; they are dropped anywhere. */
   zone() {
-    const input = (more) =>
-      h("input", {
-        type: "file",
-        hidden: true,
-        multiple: true,
-        ...more,
-        onchange: (event) => {
-          this.take(event.target.files);
-          event.target.value = "";
-        },
-      });
-    const files = input({ accept: KINDS, id: "photo-files" }),
-      folder = input({ webkitdirectory: true, id: "photo-folder" });
+    const take = (files) => this.take(files);
+    const files = { multiple: true, accept: KINDS, id: "photo-files" },
+      folder = { multiple: true, webkitdirectory: true, id: "photo-folder" };
     this.drop = h(
       "section.drop",
       { "aria-label": t("photos.add") },
@@ -98,11 +88,9 @@ class Photos {
       h("div", h("p", h("strong", t("photos.drop"))), h("p.small.soft", t("photos.kinds"))),
       h(
         "div.row",
-        button(t("photos.files"), () => files.click(), { drawing: "photos" }),
-        button(t("photos.folder"), () => folder.click(), { drawing: "folder" }),
+        chooser(t("photos.files"), { drawing: "photos" }, files, take),
+        chooser(t("photos.folder"), { drawing: "folder" }, folder, take),
       ),
-      files,
-      folder,
     );
     return this.drop;
   }

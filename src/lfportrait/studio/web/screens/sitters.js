@@ -1,8 +1,8 @@
 // Screen 1: the sitters, and whether this machine is ready.
 
-import { takeFiles } from "../drop.js";
+import { chooser, takeFiles } from "../drop.js";
 import { get, leaveScreen, post, send } from "../api.js";
-import { ask, button, fill, h, heading, icon } from "../dom.js";
+import { ask, fill, h, heading, icon } from "../dom.js";
 import { named } from "../naming.js";
 import { said, size, t } from "../i18n.js";
 import { action, fail, preferences, say, tool } from "../shell.js";
@@ -91,19 +91,10 @@ function welcome() {
 
 /** Choose one photo, which is enough for a head. */
 function photoButton(kind) {
-  const input = h("input", {
-    type: "file",
-    hidden: true,
-    accept: PICTURES,
-    onchange: (event) => {
-      fromFiles([...event.target.files]).catch(fail);
-      event.target.value = "";
-    },
-  });
+  const looks = { kind, drawing: "photos" };
   return h(
     "span",
-    button(t("sitters.photo"), () => input.click(), { kind, drawing: "photos" }),
-    input,
+    chooser(t("sitters.photo"), looks, { accept: PICTURES }, (files) => fromFiles(files).catch(fail)),
   );
 }
 

@@ -1,9 +1,9 @@
 // Screen 4: paintings, each seen on this sitter; which face, its landmarks, its regions.
 
 import { get, picture, post, put, send } from "../api.js";
-import { ask, button, fill, h, heading, icon } from "../dom.js";
+import { ask, fill, h, heading, icon } from "../dom.js";
 import { said, t } from "../i18n.js";
-import { takeFiles } from "../drop.js";
+import { chooser, takeFiles } from "../drop.js";
 import { plainName } from "../uploads.js";
 import { chooseFace } from "../faces.js";
 import { growingPicture, quickPicture, slowly, slowPicture } from "../lane.js";
@@ -90,22 +90,11 @@ class Gallery {
   }
 
   adding() {
-    const input = h("input", {
-      type: "file",
-      accept: "image/*,.heic,.heif,.avif",
-      hidden: true,
-      multiple: true,
-      id: "painting-files",
-      onchange: () => {
-        this.add([...input.files]);
-        input.value = "";
-      },
-    });
+    const files = { accept: "image/*,.heic,.heif,.avif", multiple: true, id: "painting-files" };
     return h(
       "div.row",
-      button(t("style.add"), () => input.click(), { kind: "main", drawing: "plus" }),
+      chooser(t("style.add"), { kind: "main", drawing: "plus" }, files, (chosen) => this.add(chosen)),
       action(t("style.paste"), { drawing: "paste" }, () => this.paste()),
-      input,
     );
   }
 
