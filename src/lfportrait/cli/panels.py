@@ -75,7 +75,7 @@ class Encode(Common):
     def run(self) -> dict[str, Any]:
         """Code and write."""
         from ..field import VoxelField
-        from ..lightfield import composed, encode_with_figures, quilt_of
+        from ..lightfield import composed, encode_with_figures
 
         if self.sequence.frames:
             return self._moving()
@@ -241,41 +241,6 @@ class Deinterlace(Common):
             print(f"{out}: {count} views of {width} x {height}")
         return {"views": count, "view_size": [width, height], "display": panel.name, "out": out,
                 "seconds": {"deinterlace": round(time.perf_counter() - start, 4)}}
-
-
-def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: EncodeConfig,
-             photo: Path | None, *, screen: int, simulate: bool, seconds: float) -> dict[str, Any]:
-    """Show a field until the viewer closes the window, or the time is up; the figures.
-
-    ``photo`` is the field to mix with; None: one of the same points beside it. ``screen`` is the
-    number of the panel's screen, -1 that which has its pixels; ``simulate`` an ordinary window
-    instead.
-    """
-    from ..lightfield.screens import (
-        LiveWindow,
-        check_packages,
-        fields_to_show,
-        live_adapter,
-        show_live,
-    )
-
-    if len(fields) != 1 or fields[0].suffix.lower() != ".npz":
-        raise UserError("name one field to show live: lfportrait show styled.npz --live")
-    if command.device != "cpu":
-        check_packages()
-    adapter = live_adapter(command.device)
-    window = LiveWindow(panel, screen, simulate)
-    with command.progress("live") as progress:
-        progress.update(0, fields[0].name)
-        field, real = fields_to_show(fields[0], photo)
-
-        def say(line: str, stays: bool) -> None:
-            if stays:
-                progress.say(line)
-            else:
-                progress.update(0, line)
-
-        return show_live(window, adapter, field, config, panel, real, seconds=seconds, say=say)
 
 
 @dataclass
@@ -510,8 +475,7 @@ class Show(Common):
                           "`lfportrait display import` and `lfportrait cast --save-display`",
                           UserWarning, stacklevel=1)
         if self.live or self.simulate:
-            return run_live(self, self.lightfields, panel, self.config, self.photo,
-                            screen=self.screen, simulate=self.simulate, seconds=self.seconds)
+            return self._live(panel)
         if not self.lightfields:
             raise UserError("name the coded picture to show: lfportrait show lightfield.png")
         if any(path.suffix.lower() == ".npz" for path in self.lightfields):
@@ -520,3 +484,32 @@ class Show(Common):
         images = [read_coded(path, panel) for path in self.lightfields]
         screen = show(images, panel, screen=self.screen, seconds=self.seconds)
         return {"screen": screen, "display": panel.name, "pictures": len(images)}
+
+    def _live(self, panel: Display) -> dict[str, Any]:
+        """Show a field until the viewer closes the window, or the time is up; the figures."""
+        from ..lightfield.screens import (
+            LiveWindow,
+            check_packages,
+            fields_to_show,
+            live_adapter,
+            show_live,
+        )
+
+        if len(self.lightfields) != 1 or self.lightfields[0].suffix.lower() != ".npz":
+            raise UserError("name one field to show live: lfportrait show styled.npz --live")
+        if self.device != "cpu":
+            check_packages()
+        adapter = live_adapter(self.device)
+        window = LiveWindow(panel, self.screen, self.simulate)
+        with self.progress("live") as progress:
+            progress.update(0, self.lightfields[0].name)
+            field, real = fields_to_show(self.lightfields[0], self.photo)
+
+            def say(line: str, stays: bool) -> None:
+                if stays:
+                    progress.say(line)
+                else:
+                    progress.update(0, line)
+
+            return show_live(window, adapter, field, self.config, panel, real,
+                             seconds=self.seconds, say=say)
