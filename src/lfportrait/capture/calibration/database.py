@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64, Int64
 from ...simd.threads import side_by_side
 from ..photos import Photo
 from .features import FEWEST, Features, Matches
@@ -42,8 +43,6 @@ _FITS = 0.95
 _SHARE = 0.25
 """Part of a pair's matches that must be explained."""
 
-Float32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 Lens = tuple[float, tuple[int, int]]
 """Focal length in pixels, and size (width, height) of the photo."""
 
@@ -55,16 +54,16 @@ class TwoViews:
     # COLMAP's name of it: ``CALIBRATED`` (with `essential`), ``UNCALIBRATED`` (with `fundamental`)
     # or ``PLANAR_OR_PANORAMIC`` (with `homography`).
     kind: Literal["CALIBRATED", "UNCALIBRATED", "PLANAR_OR_PANORAMIC"]
-    inliers: Bools  # bool [M], the matches that it explains.
+    inliers: Bool  # bool [M], the matches that it explains.
     # fundamental, essential, homography: float64 [3, 3] each, by pixels, by image planes at
     # distance 1, and by pixels; zero where it is not known.
-    fundamental: NDArray[np.float64]
-    essential: NDArray[np.float64]
-    homography: NDArray[np.float64]
+    fundamental: Float64
+    essential: Float64
+    homography: Float64
 
 
 def _robust(estimate: Any, one: NDArray[Any], other: NDArray[Any], *options: Any,
-            ) -> tuple[NDArray[np.float64], Bools]:
+            ) -> tuple[Float64, Bool]:
     """A matrix [3, 3] and its inliers [M] by one of OpenCV's estimators, zero where it fails."""
     try:
         matrix, mask = estimate(one, other, *options)
@@ -75,7 +74,7 @@ def _robust(estimate: Any, one: NDArray[Any], other: NDArray[Any], *options: Any
     return np.asarray(matrix, np.float64), np.asarray(mask.ravel() > 0)
 
 
-def _plausible(one: Float32, other: Float32) -> Bools:
+def _plausible(one: Float32, other: Float32) -> Bool:
     """Which matches [M] one fundamental matrix explains within a few pixels, found in a hurry.
 
     It takes half a millisecond to see that nothing explains most of a pair's matches.
@@ -117,8 +116,7 @@ def two_views(one: Float32, other: Float32, fewest: int,
                     homography if kind == "PLANAR_OR_PANORAMIC" else zero)
 
 
-def _by_lenses(one: Float32, other: Float32, lenses: tuple[Lens, Lens],
-               ) -> tuple[NDArray[np.float64], Bools]:
+def _by_lenses(one: Float32, other: Float32, lenses: tuple[Lens, Lens]) -> tuple[Float64, Bool]:
     """The essential matrix of known lenses, and its inliers."""
     planes = [(places - np.array(size, np.float64) / 2) / focal
               for places, (focal, size) in zip((one, other), lenses)]
@@ -207,7 +205,7 @@ class Scene:
             cameras.append(camera)
         return cameras
 
-    def _places(self, pair: tuple[int, int], own: Matches) -> list[NDArray[np.float32]]:
+    def _places(self, pair: tuple[int, int], own: Matches) -> list[Float32]:
         """Where both photos of a pair have its matches, two times float32 [M, 2]."""
         return [np.ascontiguousarray(self.features[number].places[own[:, side], :2])
                 for side, number in enumerate(pair)]
@@ -302,7 +300,7 @@ class Scene:
         return pycolmap.triangulate_points(pycolmap.Reconstruction(model), database, self.work,
                                            folder, clear_points=True, options=options)
 
-    def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> NDArray[np.int64]:
+    def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> Int64:
         """How many features of each photo have a checked match in some other, int64 [V].
 
         Pairs of photos with fewer than `FEWEST` checked matches don't count.
@@ -314,7 +312,7 @@ class Scene:
         return np.array([int(own.sum()) for own in used])
 
     def checked(self, pycolmap: Any, groups: Sequence[int], model: str,
-                ) -> dict[tuple[int, int], tuple[Matches, NDArray[np.float64]]]:
+                ) -> dict[tuple[int, int], tuple[Matches, Float64]]:
         """Matches that two cameras can explain, uint32 [K, 2], and E [3, 3], by pairs of photos.
 
         Pairs of photos with fewer than `FEWEST` of them don't count. The matrix is zero where the

@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Int64, UInt8
 from ...simd.threads import side_by_side
 
 __all__ = ["FEWEST", "Features", "camera_stands_still", "camera_stood_still", "enough",
@@ -62,12 +63,12 @@ _ASKED = 32
 class Features:
     """Features of one photo."""
 
-    places: NDArray[np.float32]  # float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
-    descriptors: NDArray[np.uint8]  # uint8 [K, 128], of length 512 within rounding.
-    large: NDArray[np.int64]  # int64 [F], indices of the largest features, F at most 700.
+    places: Float32  # float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
+    descriptors: UInt8  # uint8 [K, 128], of length 512 within rounding.
+    large: Int64  # int64 [F], indices of the largest features, F at most 700.
 
 
-def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] | None = None,
+def sift_features(image: UInt8, most: int, mask: UInt8 | None = None,
                   contrast: float = _CONTRAST) -> Features:
     """The strongest SIFT features, ``most`` at most, of a photo uint8 [H, W, 3].
 
@@ -92,7 +93,7 @@ def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] |
                     np.argsort(-sizes, kind="stable")[:_FEW])
 
 
-def match_features(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> Matches:
+def match_features(one: UInt8, other: UInt8) -> Matches:
     """Pairs of descriptors that are each other's nearest, clearly before the second.
 
     Of uint8 [K, 128] and [L, 128] of two photos; uint32 [M, 2], indices into both.
@@ -161,14 +162,14 @@ def without_still(features: list[Features], matches: dict[tuple[int, int], Match
             for (one, other), own in matches.items()}
 
 
-def _still(features: list[Features], pair: tuple[int, int], matches: Matches) -> NDArray[np.bool_]:
+def _still(features: list[Features], pair: tuple[int, int], matches: Matches) -> Bool:
     """Which of the matches of a pair of photos lie at one place in both."""
     one, other = (features[photo].places[matches[:, side], :2] for side, photo in enumerate(pair))
     return np.asarray(np.abs(one - other).max(axis=1, initial=0.0) < _STILL)
 
 
 def likeness(features: list[Features], on_progress: Callable[[int, int], None] | None = None,
-             ) -> NDArray[np.int64]:
+             ) -> Int64:
     """How many of their largest features two photos share, of all pairs: int64 [V, V].
 
     Half of these features are compared first. Only where they do not show that two photos are alike
@@ -197,13 +198,13 @@ def likeness(features: list[Features], on_progress: Callable[[int, int], None] |
     return alike
 
 
-def _plenty(alike: NDArray[np.int64]) -> bool:
+def _plenty(alike: Int64) -> bool:
     """Whether half of the likely pairs of photos have matches in plenty."""
     likely = alike[alike >= _ALIKE]
     return bool(len(likely)) and bool(np.median(likely) >= _PLENTY)
 
 
-def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
+def worth_placing(alike: Int64) -> Int64:
     """The photos, int64 [K] in order, of a dense sweep that are enough: others lie between them.
 
     In a sweep of 96 frames over 28 degrees before a wall full of things, each photo is at least
@@ -231,7 +232,7 @@ def worth_placing(alike: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.sort(kept)
 
 
-def likely_pairs(alike: NDArray[np.int64]) -> list[tuple[int, int]]:
+def likely_pairs(alike: Int64) -> list[tuple[int, int]]:
     """Pairs (i, j), i < j, of photos that may show the same, by their `likeness`; in order."""
     count = len(alike)
     chosen = (alike >= _ALIKE) & ~_plenty(alike)

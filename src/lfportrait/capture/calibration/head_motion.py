@@ -23,8 +23,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float32, Float64, UInt8
 from ...simd.threads import side_by_side
 from ...temporary import temporary_folder
 from ..camera import Camera, pose_corrections, without_drift
@@ -54,7 +54,6 @@ _ENOUGH, _NEARER = 0.8, 0.5
 then."""
 _MODEL = "SIMPLE_PINHOLE"
 
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ class HeadMotion:
     followed: list[int] = field(default_factory=list)
 
 
-def _head(capture: Capture, view: int, matte: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _head(capture: Capture, view: int, matte: Float32) -> UInt8:
     """Where a photo shows the head, 1 and 0; the whole person where the face is not known."""
     inside = matte > 0.5
     height, width = matte.shape
@@ -89,7 +88,7 @@ def _head(capture: Capture, view: int, matte: NDArray[np.float32]) -> NDArray[np
     return np.asarray(cv2.erode(inside.astype(np.uint8), np.ones((rim, rim), np.uint8)), np.uint8)
 
 
-def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
+def _seen(capture: Capture, view: int, matte: Float32) -> Features:
     """Features of the head, as of a camera with square pixels and its axis in the middle."""
     image = capture.images[view]
     height, width = image.shape[:2]
@@ -109,7 +108,7 @@ def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
     return replace(found, places=places.astype(np.float32))
 
 
-def _scene(capture: Capture, mattes: list[NDArray[np.float32]], work: Path, seed: int) -> Scene:
+def _scene(capture: Capture, mattes: list[Float32], work: Path, seed: int) -> Scene:
     features = side_by_side(lambda view: _seen(capture, view, mattes[view]), range(len(mattes)))
     pairs = likely_pairs(likeness(features))
     matches = dict(zip(pairs, side_by_side(
@@ -126,7 +125,7 @@ def _lenses(scene: Scene) -> list[int]:
     return [list(dict.fromkeys(kinds)).index(kind) for kind in kinds]
 
 
-def epipolar_distance(essential: Float, one: Float, other: Float) -> Float:
+def epipolar_distance(essential: Float64, one: Float64, other: Float64) -> Float64:
     """First-order distance of matches from an epipolar geometry (Sampson 1982), float64 [N].
 
     ``essential`` is E of other^T E one = 0, the places are float64 [N, 2] in the image planes at
@@ -138,14 +137,14 @@ def epipolar_distance(essential: Float, one: Float, other: Float) -> Float:
     return np.asarray(np.abs((other * ahead).sum(1)) / np.sqrt(np.maximum(slope, 1e-30)))
 
 
-def _essential(cameras: Camera, one: int, other: int) -> Float:
+def _essential(cameras: Camera, one: int, other: int) -> Float64:
     """E of the cameras' places, [3, 3]."""
     between = np.linalg.inv(cameras.pose[other]) @ cameras.pose[one]
     x, y, z = between[:3, 3]
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ between[:3, :3]
 
 
-def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) -> Float:
+def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) -> Float64:
     """Median distances of each pair's matches by the cameras and by its own two, [P, 2] pixels."""
     found = []
     for (i, j), (matches, own) in scene.checked(pycolmap, lenses, _MODEL).items():
@@ -186,8 +185,7 @@ def _placed_part(capture: Capture, placed: list[int], cameras: Camera) -> Captur
                    held_out=capture.held_out[placed])
 
 
-def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,
-                  ) -> Capture | None:
+def place_by_head(capture: Capture, mattes: list[Float32], seed: int = 0) -> Capture | None:
     """Cameras by features of the head alone, of photos whose backgrounds are of many places.
 
     The photos have rough cameras in the portrait frame, landmarks, and rough mattes of the person,
@@ -205,7 +203,7 @@ def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int
     return _placed_part(capture, placed, cameras) if placed else None
 
 
-def _clearly_still(pycolmap: Any, capture: Capture, mattes: list[NDArray[np.float32]],
+def _clearly_still(pycolmap: Any, capture: Capture, mattes: list[Float32],
                    seed: int) -> HeadMotion | None:
     """That the head held still, where some of the photos show it beyond doubt; else None."""
     if len(capture) < 2 * _SAMPLE:
@@ -223,7 +221,7 @@ def _clearly_still(pycolmap: Any, capture: Capture, mattes: list[NDArray[np.floa
     return None
 
 
-def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,
+def follow_head(capture: Capture, mattes: list[Float32], seed: int = 0,
                 tell: Callable[[str], None] | None = None) -> tuple[Capture, HeadMotion]:
     """Let the cameras follow the head where it moved against the room.
 

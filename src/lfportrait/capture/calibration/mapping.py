@@ -31,8 +31,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Float64, Int64
 from ..formats import lens_of
 from .database import USUAL_FOCAL, Scene
 
@@ -50,7 +50,7 @@ _FOCALS = (0.75, 2.4, 3.8)
 """Focal lengths over the longer side that are tried besides the usual one: 27, 86, 137 mm."""
 
 
-def placed(model: Any, seen_again: NDArray[np.int64] | None = None) -> list[int]:
+def placed(model: Any, seen_again: Int64 | None = None) -> list[int]:
     """Numbers (from 0) of the photos that COLMAP's reconstruction places surely.
 
     ``seen_again`` int64 [V]: features of each photo that have a checked match (`Scene.seen_again`).
@@ -74,7 +74,7 @@ class Placing:
 class _Mapper:
     """COLMAP's two ways of mapping, with fixed seeds and on one thread: the same every time."""
 
-    def __init__(self, pycolmap: Any, scene: Scene, model: str, seen_again: NDArray[np.int64],
+    def __init__(self, pycolmap: Any, scene: Scene, model: str, seen_again: Int64,
                  report: Callable[[], None], lens_known: bool) -> None:
         self.pycolmap, self.scene, self.model, self.report = pycolmap, scene, model, report
         self.seen_again, self.lens_known = seen_again, lens_known
@@ -220,7 +220,7 @@ class _Fit:
     """A model after its adjustment: errors [N] in pixels, and how many parameters it has."""
 
     model: Any
-    errors: NDArray[np.float64]
+    errors: Float64
     parameters: int
 
 
@@ -245,7 +245,7 @@ def _with_model(pycolmap: Any, model: Any, name: str) -> Any:
     return copy
 
 
-def _errors(model: Any) -> NDArray[np.float64]:
+def _errors(model: Any) -> Float64:
     """Distances in pixels between observed and projected points, float64 [N]."""
     found = []
     for image in model.images.values():
@@ -264,7 +264,7 @@ def _errors(model: Any) -> NDArray[np.float64]:
     return np.where(np.isfinite(errors), errors, 1e3)
 
 
-def _deviation(errors: NDArray[np.float64]) -> float:
+def _deviation(errors: Float64) -> float:
     """Deviation in pixels, along each axis, of right matches among these errors [N] in pixels.
 
     From their median, which few wrong ones do not change (Huber 1981, "Robust Statistics").
