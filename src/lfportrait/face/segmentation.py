@@ -131,14 +131,14 @@ def quarter_turns(up: NDArray[Any] | None) -> int:
 def _resized(image: UInt8, size: int) -> UInt8:
     """The picture as the networks want it: [size, size, 3]."""
     # Whole blocks of pixels first, where there are some: as good, and several times faster.
-    return np.asarray(Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR,
-                                                    reducing_gap=1.0))
+    return np.asarray(Image.fromarray(np.ascontiguousarray(image)).resize(
+        (size, size), Image.Resampling.BILINEAR, reducing_gap=1.0))
 
 
-def _full_size(mask: Float32, shape: tuple[int, ...], turns: int) -> Float32:
-    """One map [h, w] of a network as a matte of the picture before it was turned."""
-    back = cv2.resize(mask, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
-    return np.ascontiguousarray(np.rot90(np.clip(back, 0, 1), -turns), np.float32)
+def _full_size(mask: Float32, image: UInt8) -> Float32:
+    """One map [h, w] of a network as a matte of its picture."""
+    full = cv2.resize(mask, (image.shape[1], image.shape[0]), interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(np.clip(full, 0, 1), np.float32)
 
 
 def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
@@ -148,79 +148,60 @@ def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
     ``up`` is the direction [2] in it that is up in the world (x right, y down). Raises `UserError`
     if the network's weights are missing.
     """
-    return _person(image, quarter_turns(up))
+    turns = quarter_turns(up)
+    upright = np.ascontiguousarray(np.rot90(image, turns))
+    if models.available(_MULTICLASS):
+        matte = 1 - _shares(upright)[..., 0]
+    else:
+        matte = _run("person-segmentation", _resized(upright, 256))[..., 0]
+    return np.ascontiguousarray(np.rot90(_full_size(matte, upright), -turns))
 
 
-def hair_mask(image: UInt8, up: NDArray[Any] | None = None, size: int = 512) -> Float32:
-    """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`.
+def hair_mask(image: UInt8, size: int = 512) -> Float32:
+    """How much of each pixel of a picture, as for `person_matte`, is hair: likewise.
 
     ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
     512; on photos 384 takes two thirds of the time and differs in less than one pixel of 200, 256
     two fifths and in less than one of 100; paintings want 512. The network of six parts always sees
     256.
     """
-    return _hair(image, quarter_turns(up), size)
-
-
-def mattes(image: UInt8, up: NDArray[Any] | None = None, size: int = 512,
-           ) -> tuple[Float32, Float32]:
-    """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
-    turns = quarter_turns(up)
     if models.available(_MULTICLASS):
-        shares, shape = _shares(image, turns)
-        return _full_size(1 - shares[..., 0], shape, turns), _full_size(shares[..., 1], shape,
-                                                                        turns)
-    return _person(image, turns), _hair(image, turns, size)
+        return _full_size(_shares(image)[..., 1], image)
+    # The fourth channel is the hair of the frame before, of which nothing is known.
+    frame = np.dstack([_resized(image, size), np.zeros((size, size), np.uint8)])
+    return _full_size(_softmax(_run("hair-segmentation", frame))[..., 1], image)
 
 
-def parts(image: UInt8, up: NDArray[Any] | None = None) -> dict[str, Float32]:
+def mattes(image: UInt8, size: int = 512) -> tuple[Float32, Float32]:
+    """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
+    if not models.available(_MULTICLASS):
+        return person_matte(image), hair_mask(image, size)
+    shares = _shares(image)
+    return _full_size(1 - shares[..., 0], image), _full_size(shares[..., 1], image)
+
+
+def parts(image: UInt8) -> dict[str, Float32]:
     """How much of each pixel is each part of a person, by the network of six parts.
 
-    float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1. The arguments are those of
-    `person_matte`. This is written against the network's documented input and outputs, and tested
-    with a stand-in of the same shapes: its file was not at hand. Raises `UserError` if the network
-    (``multiclass-segmentation``) is missing, or its file has other outputs.
+    float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1. This is written against the
+    network's documented input and outputs, and tested with a stand-in of the same shapes: its file
+    was not at hand. Raises `UserError` if the network (``multiclass-segmentation``) is missing, or
+    its file has other outputs.
     """
-    turns = quarter_turns(up)
-    shares, shape = _shares(image, turns)
-    return {name: _full_size(shares[..., index], shape, turns)
-            for index, name in enumerate(SEGMENTS)}
+    shares = _shares(image)
+    return {name: _full_size(shares[..., index], image) for index, name in enumerate(SEGMENTS)}
 
 
-def _upright(image: UInt8, turns: int) -> UInt8:
-    return np.ascontiguousarray(np.rot90(image, turns))
-
-
-def _shares(image: UInt8, turns: int) -> tuple[Float32, tuple[int, ...]]:
-    """Confidences [256, 256, 6] of the classes, and height and width of the upright picture."""
-    upright = _upright(image, turns)
-    result = _run(_MULTICLASS, _resized(upright, 256))
+def _shares(image: UInt8) -> Float32:
+    """Confidences [256, 256, 6] of the classes."""
+    result = _run(_MULTICLASS, _resized(image, 256))
     if result.shape[-1] != len(SEGMENTS):
         raise UserError(f"the network {_MULTICLASS} has {result.shape[-1]} classes instead of "
                         f"{len(SEGMENTS)}; get its file again: lfportrait models fetch "
                         f"{_MULTICLASS}")
     # The documents call its output logits in one place, confidences in another.
     ready = bool((result >= 0).all()) and bool((abs(result.sum(-1) - 1) < 1e-3).all())
-    return (result if ready else _softmax(result)), upright.shape[:2]
-
-
-def _person(image: UInt8, turns: int) -> Float32:
-    if models.available(_MULTICLASS):
-        shares, shape = _shares(image, turns)
-        return _full_size(1 - shares[..., 0], shape, turns)
-    upright = _upright(image, turns)
-    matte = _run("person-segmentation", _resized(upright, 256))
-    return _full_size(matte[..., 0], upright.shape[:2], turns)
-
-
-def _hair(image: UInt8, turns: int, size: int) -> Float32:
-    if models.available(_MULTICLASS):
-        shares, shape = _shares(image, turns)
-        return _full_size(shares[..., 1], shape, turns)
-    upright = _upright(image, turns)
-    # The fourth channel is the hair of the frame before, of which nothing is known.
-    frame = np.dstack([_resized(upright, size), np.zeros((size, size), np.uint8)])
-    return _full_size(_softmax(_run("hair-segmentation", frame))[..., 1], upright.shape[:2], turns)
+    return result if ready else _softmax(result)
 
 
 _LOCK = threading.Lock()

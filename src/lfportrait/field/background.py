@@ -64,17 +64,14 @@ def head_points(field: VoxelField, most: int = 8192) -> Float32:
     return np.asarray(points if len(points) else np.zeros((1, 3)), np.float32)
 
 
-def cube_rays(cameras: Camera, view: int, center: Float64, radius: Float64,
-              pixels: Float64 | None = None) -> Float32:
-    """Rays of a view in the coordinates of a box's cube: float32 [K, 6], origin, unit direction.
+def cube_rays(cameras: Camera, view: int, center: Float64, radius: Float64) -> Float32:
+    """Rays of a view's pixels in the coordinates of a box's cube: float32 [H W, 6].
 
-    The box is float64 [3] each in the world; ``pixels`` are float64 [K, 2] (x, y; centres at +
-    0.5), all pixels in scan order without.
+    Origin and unit direction each; the box is float64 [3] each in the world.
     """
-    if pixels is None:
-        width, height = int(cameras.width[view]), int(cameras.height[view])
-        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-        pixels = np.stack([x.ravel(), y.ravel()], 1)
+    width, height = int(cameras.width[view]), int(cameras.height[view])
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    pixels = np.stack([x.ravel(), y.ravel()], 1)
     local = np.column_stack([(pixels - cameras.center[view]) / cameras.focal[view],
                              np.ones(len(pixels))])
     directions = local @ cameras.pose[view, :3, :3].T / radius

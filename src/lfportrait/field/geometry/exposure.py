@@ -19,6 +19,8 @@ from ..grid import VoxelField
 from .sweep import DepthMap
 
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
+_SMALL = 160
+"""Height or width of the small copies that photos with mattes are compared in."""
 
 
 def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float64, Float64]:
@@ -79,29 +81,29 @@ def _ratio(points: Float64, colors: Float32, other: DepthMap) -> Float64 | None:
     return np.asarray(np.median(np.log((there + _DARK) / (colors[seen] + _DARK)), axis=0))
 
 
-def matte_gains(field: VoxelField, capture: Capture, views: Int64,
-                least: float = 0.02, size: int = 160) -> Float64 | None:
+def matte_gains(field: VoxelField, capture: Capture, views: Int64, least: float = 0.02,
+                ) -> Float64 | None:
     """Gains of photos with mattes by comparison with the field that is being trained on them.
 
     They are float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike (the
     gains' standard deviation is below ``least``; 0 takes them as they are), and for a field that is
     too inaccurate: one whose brightness is off by more from part to part of a photo than from photo
-    to photo. ``size`` is the height or width of the small copies that are compared.
+    to photo.
     """
     # Layouts are built on first use: not by several threads.
     _ = field.bricks.rows
-    found = side_by_side(lambda view: _matte_gain(field, capture, view, size), views.tolist())
+    found = side_by_side(lambda view: _matte_gain(field, capture, view), views.tolist())
     gains, spreads = np.array([one for one, _ in found]), [spread for _, spread in found]
     if least > 0:
         least = max(least, float(np.median(spreads)))
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
 
 
-def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int) -> tuple[Float64, float]:
+def _matte_gain(field: VoxelField, capture: Capture, view: int) -> tuple[Float64, float]:
     """Logarithm of a photo's gains [3], and how much they differ from part to part of it."""
     assert capture.alphas is not None
     camera = capture.cameras[view]
-    camera = camera.scaled(min(1.0, size / float(max(camera.width[0], camera.height[0]))))
+    camera = camera.scaled(min(1.0, _SMALL / float(max(camera.width[0], camera.height[0]))))
     shot = field.render(camera, 0, background=0.0)
     high, wide = shot.alpha.shape
     photo = cv2.resize(capture.images[view], (wide, high), interpolation=cv2.INTER_AREA)

@@ -40,53 +40,47 @@ def _votes(cameras: Camera, alphas: Sequence[UInt8], shape: tuple[int, ...], cen
     return lattice_votes(cameras, covered, center, radius, shape, limit, asked)
 
 
+_CARVED = 0.03
+"""Share of the views that have a point in the picture and show nothing within a voxel of it, above
+which it is carved away: mattes from a network err now and then."""
+_RULED_OUT = 0.08
+"""The same of a fine lattice, where less than a quarter of the light is covered within half a
+voxel."""
+_SELDOM = 0.2
+"""Share of all views below which a point is hardly shown."""
+
+
 def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int], center: Float64,
-                radius: Float64, tolerance: float = 0.03) -> Bool:
+                radius: Float64) -> Bool:
     """Lattice points that (nearly) no matte, uint8 [H, W] a view, rules out: bool [Z, Y, X].
 
-    The lattice has ``shape`` points along z, y, x in its box, float64 [3] each (x, y, z). A point
-    is carved away when more than the share ``tolerance`` of the views that have it in the picture
-    show nothing within a voxel of it (mattes from a network err now and then). Points that fewer
-    than a twentieth of the pictures show are not in it: nothing would keep them from becoming
-    floaters.
+    The lattice has ``shape`` points along z, y, x in its box, float64 [3] each (x, y, z). Points
+    that fewer than a twentieth of the pictures show are not in it: nothing would keep them from
+    becoming floaters.
     """
-    return _hull(cameras, alphas, shape, center, radius, tolerance)[0]
+    return _hull(cameras, alphas, shape, center, radius)[0]
 
 
 def _hull(cameras: Camera, alphas: Sequence[UInt8], shape: tuple[int, ...], center: Float64,
-          radius: Float64, tolerance: float = 0.03) -> tuple[Bool, Float32]:
+          radius: Float64) -> tuple[Bool, Float32]:
     """`visual_hull`, and how many views have each of its points in the picture."""
     seen, against = _votes(cameras, alphas, shape, center, radius, wide=True,
-                           limit=tolerance * len(alphas))
-    hull = (seen >= max(1, round(0.05 * len(alphas)))) & (against <= tolerance * seen)
-    return hull, seen
+                           limit=_CARVED * len(alphas))
+    return (seen >= max(1, round(0.05 * len(alphas)))) & (against <= _CARVED * seen), seen
 
 
 def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool, center: Float64,
-              radius: Float64, tolerance: float = 0.08, seldom: float = 0.2) -> tuple[Bool, Bool]:
-    """Points of a fine lattice that mattes rule out, though the hull on a coarse one held them.
+              radius: Float64) -> tuple[Bool, Bool]:
+    """Points of a fine lattice that mattes rule out, and those that are hardly shown.
 
-    Crumbs about an outline come from mattes that are a pixel too wide here and there; most other
-    views that look past the outline at that place show nothing.
-
-    Parameters
-    ----------
-    cameras, alphas : Views and their mattes, uint8 [H, W].
-    filled : bool [Z, Y, X], the points in question.
-    center, radius : The box of the lattice, float64 [3] each (x, y, z).
-    tolerance : A point is ruled out when more than this share of the views that have it in the
-        picture show less than a quarter of the light covered within half a voxel of it.
-    seldom : Share of the views.
-
-    Returns
-    -------
-    ruled_out, hardly_shown : bool [Z, Y, X]; points that fewer views than ``seldom`` have in the
-        picture.
+    The hull on a coarse lattice held them, bool [Z, Y, X] in a box as for `visual_hull`. Crumbs
+    about an outline come from mattes that are a pixel too wide here and there; most other views
+    that look past the outline at that place show nothing.
     """
     seen, against = _votes(cameras, alphas, filled.shape, center, radius, wide=False, asked=filled)
     wrong, hardly = np.zeros(filled.shape, bool), np.zeros(filled.shape, bool)
     seen, against = seen[filled], against[filled]
-    wrong[filled], hardly[filled] = against > tolerance * seen, seen < seldom * len(alphas)
+    wrong[filled], hardly[filled] = against > _RULED_OUT * seen, seen < _SELDOM * len(alphas)
     return wrong, hardly
 
 

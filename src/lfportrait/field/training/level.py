@@ -171,14 +171,14 @@ _AVERAGED = 0.5
 
 
 def settled(trainer: Trainer, field: VoxelField, share: float | None = None,
-            shape: bool = True, new: tuple[Float64, Float64] | None = None) -> VoxelField:
+            new: tuple[Float64, Float64] | None = None) -> VoxelField:
     """A field of a trainer's photos, with matter added to it, after some more rays.
 
     The trainer's last level is done, and it stays as it is. The field has no texture and a lattice
     as fine as the last level's, and its lattice points stay. ``share`` are the rays that are cast,
     over those of the last level; None: a quarter, or two fifths of ``new``: places of the surface
     that was added and its outward normals there, float64 [N, 3] each; only tiles that show any are
-    asked. ``shape``: densities are trained, too.
+    asked.
     """
     config, level = trainer.config, len(trainer.config.resolutions) - 1
     count, colors = len(field.density), 3 * trainer.basis
@@ -212,7 +212,7 @@ def settled(trainer: Trainer, field: VoxelField, share: float | None = None,
         tiles = batches.step(step)
         steps.take(Plan(
             tiles, batches.blocks, generator.random(len(tiles), np.float32),
-            np.float32(0) if step < _STILL or not shape else rate, np.float32(config.lr_sh_final),
+            np.float32(0) if step < _STILL else rate, np.float32(config.lr_sh_final),
             float(generator.random()), (0.0, 0.0),
             Average.due(step / number, (step + 1) / number, _AVERAGED)))
     steps.flush()
