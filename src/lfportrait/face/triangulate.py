@@ -19,10 +19,10 @@ from .segmentation import quarter_turns
 
 _SPREAD = 24
 """Views tried first, spread over the capture."""
-
+_WANTED = 20
+"""Views about the front of the face that are searched."""
 _ENOUGH = 3
 """Views with a face that landmarks in space are found from, at least."""
-
 _MOST_TURNED = 0.9
 """`face_yaw` beyond which a view says little about the hidden half of the face."""
 
@@ -140,7 +140,7 @@ def _detect(capture: Capture, view: int, thorough: bool) -> Float64 | None:
     return detect_landmarks(image, turns=(quarter_turns(up),), thorough=thorough)
 
 
-def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> dict[int, Float64]:
+def _look_around(capture: Capture, progress: Progress | None) -> dict[int, Float64]:
     """Landmarks by view: views spread over the capture first, then those about the best of them.
 
     The portrait frame may be a guess by the cameras alone, so where the face looks is learnt from
@@ -177,21 +177,21 @@ def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> di
         best = np.array(list(detected))[np.argsort(yaws, kind="stable")[:3]]
         front = np.median(away[best], axis=0)
         near = np.argsort(-(away @ front), kind="stable")
-        look(near[:wanted], thorough)
+        look(near[:_WANTED], thorough)
     return detected
 
 
-def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
-                         wanted: int = 20) -> tuple[Float64 | None, dict[str, Any]]:
+def landmarks_of_capture(capture: Capture, progress: Progress | None = None,
+                         ) -> tuple[Float64 | None, dict[str, Any]]:
     """Find the face in a capture: landmarks detected in frontal views and triangulated.
 
     They are float64 [68, 3] in the world, or None if fewer than three views show a face; figures
     are ``views`` (with a face), ``error_px`` (median), ``outliers`` (share). A few views from all
-    around are tried first, then the ``wanted`` ones nearest to where the face shows most frontally.
+    around are tried first, then those nearest to where the face shows most frontally.
     Points of the jaw (0-16), which detectors let slide along the outline of a turned face, are
     taken from views that show the face nearly frontally.
     """
-    detected = _look_around(capture, wanted, progress)
+    detected = _look_around(capture, progress)
     detected = {view: points for view, points in detected.items()
                 if abs(face_yaw(points)) < _MOST_TURNED}
     if len(detected) < _ENOUGH:
