@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
@@ -12,11 +12,17 @@ from ..arrays import Float32, Float64, Int32, UInt8
 from ..capture import Camera
 from .kernels.shells import shells_backward, shells_forward, shells_mark, shells_step
 
-if TYPE_CHECKING:
-    from .grid import VoxelField
-
 SOLID = 10.0
 """Density from which a voxel stops light within about a twentieth of a head."""
+
+
+class _Solid(Protocol):
+    """What is asked of a field; see `VoxelField`."""
+
+    density: Float32
+
+    def lattice_points(self) -> Float64:
+        """See `VoxelField`."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ class Backdrop:
         return np.asarray(self.picture.mean(axis=(0, 1)) / 255.0, np.float64)
 
 
-def head_points(field: VoxelField, most: int = 8192) -> Float32:
+def head_points(field: _Solid, most: int = 8192) -> Float32:
     """Places of the field's solid voxels, float32 [P, 3] in the world, at most so many.
 
     Their choice is random, but always the same.

@@ -30,7 +30,7 @@ from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,13 +46,27 @@ from .background import Backdrop, Background
 from .kernels.bricks import floats_of, halves
 from .texture import SurfaceTexture
 
-if TYPE_CHECKING:
-    from .grid import VoxelField
+
+class FieldData(Protocol):
+    """What a file keeps of a `VoxelField`; see there for shapes and units."""
+
+    links: Int32
+    density: Float32
+    sh: Float32
+    center: Float64
+    radius: Float64
+    frame: Float64
+    background: Background | None
+    texture: SurfaceTexture | None
+    backdrop: Backdrop | None
+    cone: float
+    hair: UInt8 | None
+
 
 Loaded = tuple[Int32, Float32, Float32, Float64,
                Float64, Float64, Background | None, SurfaceTexture | None,
                Backdrop | None, float, UInt8 | None]
-"""What a file keeps of a field, as `VoxelField` takes it."""
+"""The same in that order, as `VoxelField` takes it."""
 
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts",
              "backdrop_picture", "hair")
@@ -74,8 +88,7 @@ def check_field_path(path: Any) -> None:
     check_writable(Path(path).parent)
 
 
-def save_field(field: VoxelField, path: Any, *, deflated: Collection[str] = (),
-               **more: Any) -> None:
+def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), **more: Any) -> None:
     """Write a field, and further arrays by name; coefficients become float16, as svox2's are.
 
     ``deflated`` are those that are worth compressing. Raises `UserError` if the file does not end
@@ -94,12 +107,12 @@ def save_field(field: VoxelField, path: Any, *, deflated: Collection[str] = (),
     _write(field, path, deflated, more)
 
 
-def save_checkpoint(field: VoxelField, path: Any) -> None:
+def save_checkpoint(field: FieldData, path: Any) -> None:
     """Write a field with svox2's own keys alone, in the order in which svox2 writes them."""
     _write(field, path, (), {})
 
 
-def _write(field: VoxelField, path: Any, deflated: Collection[str], more: dict[str, Any]) -> None:
+def _write(field: FieldData, path: Any, deflated: Collection[str], more: dict[str, Any]) -> None:
     check_field_path(path)
     behind: dict[str, Any] = {}
     if field.background is not None:
@@ -116,7 +129,7 @@ def _write(field: VoxelField, path: Any, deflated: Collection[str], more: dict[s
             **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *_NOISY, *deflated))
 
 
-def read_back(field: VoxelField) -> Loaded:
+def read_back(field: FieldData) -> Loaded:
     """What `load_field` gives of the file that `save_field` writes."""
     behind, texture, drop = field.background, field.texture, field.backdrop
     if behind is not None:

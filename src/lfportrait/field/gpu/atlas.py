@@ -15,7 +15,7 @@ import functools
 import math
 from dataclasses import dataclass
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,7 @@ from ...arrays import Float32, Float64, Int32, UInt8
 from ...gpu import GpuProcess
 from ...gpu.device import BINDING, Device, bands
 from ..kernels.bricks import SLOTS, Bricks, row_width
-from ..texture import TextureRows
-
-if TYPE_CHECKING:
-    from ..grid import VoxelField
+from ..texture import SurfaceTexture, TextureRows
 
 
 @functools.cache
@@ -434,7 +431,24 @@ class _Viewer:
 _STAGE = "lfportrait.field.gpu"
 
 
-def keep_field(process: GpuProcess, field: VoxelField, layers: int, footprint: float,
+class Castable(Protocol):
+    """What is sent of a field (`lfportrait.field.VoxelField`, whose module loads this one)."""
+
+    texture: SurfaceTexture | None
+
+    @property
+    def bricks(self) -> Bricks:
+        """The layout for casting."""
+
+    @property
+    def lattice(self) -> Float64:
+        """Points along x, y, z; scale and offset."""
+
+    def texture_rows(self, footprint: float, whole: bool = False) -> TextureRows:
+        """Charts of cells, projections, texels."""
+
+
+def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: float,
                whole: bool = True) -> tuple[str, str]:
     """Have a field and its texture on the device's process; their names there.
 
@@ -454,7 +468,7 @@ def keep_field(process: GpuProcess, field: VoxelField, layers: int, footprint: f
     return key, name
 
 
-def views_on_gpu(process: GpuProcess, field: VoxelField, job: ViewJob, footprint: float) -> Any:
+def views_on_gpu(process: GpuProcess, field: Castable, job: ViewJob, footprint: float) -> Any:
     """Render views on the device (`render_views`), where the field is sent first if it must be."""
     keys = keep_field(process, field, 1, footprint, whole=False)
     return process.call(f"{_STAGE}.atlas:render_views", keys, job)

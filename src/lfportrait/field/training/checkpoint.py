@@ -7,17 +7,54 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from ...arrays import UInt8
+from ...arrays import Float32, Float64, Int32, UInt8
+from ...capture import Capture
 from ...files import UNREADABLE_ARRAYS, atomic_write
-from ..background import Background
+from ..background import Background, BackgroundTrainer
+from ..config import Settings
 from .lattice import Average, Lattice
+from .pixels import Batches
+from .poses import PoseRefiner
 
-if TYPE_CHECKING:
-    from .trainer import Trainer
+
+class State(Protocol):
+    """The state of a running reconstruction (`Trainer`) that a checkpoint keeps."""
+
+    key: str
+    capture: Capture
+    config: Settings
+    level: int
+    step: int
+    rays_done: int
+    began: float
+    level_done: float
+    lattice: Lattice | None
+    gains: Float64
+    test_gains: Float64
+    recent: Float64
+    average: Average | None
+    table: Int32 | None
+    laid: UInt8 | None
+    poses: PoseRefiner | None
+    background: Background | None
+    behind: BackgroundTrainer | None
+    batches: Batches | None
+
+    def place(self, capture: Capture) -> None:
+        """Go on with other cameras of the same photos."""
+
+    def lay_mattes(self, mattes: list[UInt8]) -> None:
+        """Go on with other mattes."""
+
+    def background_trainer(self, mean_square: Float32 | None = None) -> BackgroundTrainer | None:
+        """What trains the background."""
+
+    def new_batches(self) -> Batches:
+        """The order of the level's rays."""
 
 
 def deflated(mattes: list[UInt8]) -> UInt8:
@@ -33,7 +70,7 @@ def _inflated(data: UInt8, like: Sequence[UInt8]) -> list[UInt8]:
             for part, matte in zip(np.split(flat, ends[:-1]), like, strict=True)]
 
 
-def write_checkpoint(trainer: Trainer, path: Path) -> None:
+def write_checkpoint(trainer: State, path: Path) -> None:
     """Write the state that the rest of the training depends on."""
     lattice = trainer.lattice
     assert lattice is not None
@@ -64,7 +101,7 @@ def write_checkpoint(trainer: Trainer, path: Path) -> None:
         np.savez(stream, **state)
 
 
-def read_checkpoint(trainer: Trainer, path: Path) -> None:
+def read_checkpoint(trainer: State, path: Path) -> None:
     """Load a checkpoint of the same capture and parameters; others are ignored."""
     try:
         with np.load(path, allow_pickle=False) as data:

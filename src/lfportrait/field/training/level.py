@@ -11,20 +11,21 @@ as many rays these are looked at more than twice as often, and a face stays as i
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from ...arrays import Float32, Float64
+from ...gpu import GpuProcess
+from ...progress import Progress
+from ..config import Settings
 from ..geometry.mattes import refined_mattes
 from ..grid import VoxelField
+from .checkpoint import State
 from .gpu_stepping import GpuSteps, fits_gpu, warn
 from .lattice import Average, Lattice
-from .pixels import IMPORTANCE, Batches
+from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .stepping import CpuSteps, Plan, Steps, falling
-
-if TYPE_CHECKING:
-    from .trainer import Trainer
 
 LR_SH = 2.5
 """Learning rate of the colors at the start: 1 / N, if a color is the running mean over N rays.
@@ -38,10 +39,55 @@ _LAY_AGAIN = 0.4
 """Share of the finest level after which mattes are recomputed: its outline is finer by then."""
 
 
+class Trained(Protocol):
+    """What is read of a trainer (`Trainer`)."""
+
+    data: TrainingPixels
+    config: Settings
+    basis: int
+    width: int
+    workers: int
+    rays_done: int
+
+    @property
+    def scale(self) -> Float32:
+        """What 8-bit colors of each view are multiplied with, [V, 3]."""
+
+    def options(self) -> Float64:
+        """Options of the kernels."""
+
+
+class Training(State, Trained, Protocol):
+    """The state of a reconstruction (`Trainer`) as its levels read and change it."""
+
+    process: GpuProcess | None
+    progress: Progress | None
+    steps: Steps | None
+    lays_mattes: bool
+
+    def deadline(self) -> float:
+        """When the level must end, by the clock of `time.perf_counter`."""
+
+    def pace(self, least: float = 0.0) -> float:
+        """When the level has had its share of the time."""
+
+    def field(self) -> VoxelField:
+        """The field as it is."""
+
+    def sync(self, last: bool = False) -> None:
+        """Bring here what the steps have come to."""
+
+    def tell(self, done: float) -> None:
+        """Report the progress."""
+
+    def save_now_and_then(self) -> None:
+        """Write a checkpoint if it is time."""
+
+
 class Level:
     """The level that a trainer is at, whose state is up to date after each step."""
 
-    def __init__(self, trainer: Trainer) -> None:
+    def __init__(self, trainer: Training) -> None:
         self.trainer = trainer
         config, lattice = trainer.config, trainer.lattice
         assert lattice is not None
@@ -170,7 +216,7 @@ _AVERAGED = 0.5
 """Share of the steps, at the end, whose states are averaged."""
 
 
-def settled(trainer: Trainer, field: VoxelField, share: float | None = None,
+def settled(trainer: Trained, field: VoxelField, share: float | None = None,
             new: tuple[Float64, Float64] | None = None) -> VoxelField:
     """A field of a trainer's photos, with matter added to it, after some more rays.
 
