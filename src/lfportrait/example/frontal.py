@@ -195,10 +195,6 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
     """An exemplar from the front: itself, if its face is turned by less than `FRONTAL` degrees.
 
     ``pose`` is its face's, if it is known.
-
-    Raises
-    ------
-    UserError : If the face is next to a profile.
     """
     pose = pose or exemplar.pose()
     if abs(pose.yaw) < FRONTAL:
@@ -223,10 +219,6 @@ def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
     Parameters
     ----------
     landmarks : [68, 2], of the photo's face.
-
-    Raises
-    ------
-    UserError : As `frontalised`.
     """
     painted = exemplar.pose().yaw
     photo = face_pose(landmarks).yaw

@@ -42,12 +42,7 @@ class PhotoMethod:
 
 
 def photo_method(name: str) -> PhotoMethod:
-    """A method of another package.
-
-    Raises
-    ------
-    UserError : If no installed package has it.
-    """
+    """A method of another package."""
     found: PhotoMethod = chosen(GROUP, name, (OWN,))
     return found
 

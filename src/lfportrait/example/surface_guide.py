@@ -183,10 +183,6 @@ class HeadPlane:
     ----------
     origin : float64 [3], on the head's vertical axis at the height of the brows.
     radius, height : Of the cylinder, and from the brows down to the chin, world units.
-
-    Raises
-    ------
-    UserError : If fewer than 20 landmarks are known.
     """
 
     def __init__(self, landmarks3d: NDArray[np.floating]) -> None:
@@ -227,10 +223,6 @@ class SurfaceGuide:
     landmarks3d : float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are
         unknown.
     regions : Its regions where they are known already (`Transfer.regions`).
-
-    Raises
-    ------
-    UserError : If fewer than 20 landmarks are known.
     """
 
     def __init__(self, landmarks3d: NDArray[np.floating], exemplar: Exemplar,

@@ -135,10 +135,6 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
     fringe : Whether a painted fringe is taken off (`bared`).
     lids : Which eyes are shut.
     wear : What is left on: ``"spectacles"``.
-
-    Raises
-    ------
-    UserError : As `frontalised`.
     """
     front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
     return closed(_with_both_eyes(front), lids)
@@ -528,12 +524,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
 
 
 def face_landmarks(image: NDArray[np.generic]) -> Float64:
-    """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3].
-
-    Raises
-    ------
-    UserError : If no face is found.
-    """
+    """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3]."""
     from ..face import detect_landmarks
 
     landmarks = detect_landmarks(np.asarray(image, np.uint8))

@@ -393,10 +393,6 @@ class VideoTransfer:
         Returns
         -------
         float32 [H, W, 3] in [0, 1].
-
-        Raises
-        ------
-        UserError : If there is no face in the first frame.
         """
         step = self._follow(frame, landmarks)
         self._result = self._painting(step, self._result)

@@ -138,10 +138,6 @@ def chosen(choice: str) -> Adapter | None:
     ----------
     choice : ``"auto"`` takes the best real GPU and never software, ``"gpu"`` the best of all,
         ``"gpu:NAME"`` the best whose name contains NAME; ``"cpu"`` none.
-
-    Raises
-    ------
-    UserError : If a GPU was asked for and there is none of that name.
     """
     if choice == "cpu":
         return None

@@ -242,10 +242,6 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
     Returns
     -------
     entries : Arguments of `Display`.
-
-    Raises
-    ------
-    UserError : If the file is missing or does not describe a display.
     """
     if path.suffix.lower() != ".json":
         try:

@@ -106,12 +106,7 @@ def panel_reach(display: Display, depth: float) -> tuple[float, float, float]:
 
 
 def backdrop_of(field: VoxelField, config: EncodeConfig) -> Backdrop | None:
-    """What a configuration asks to be shown behind a field; None: a grey level.
-
-    Raises
-    ------
-    UserError : If the ground is no picture.
-    """
+    """What a configuration asks to be shown behind a field; None: a grey level."""
     own = field.backdrop
     if config.ground == "painted":
         # Who asks for a grey level gets it.

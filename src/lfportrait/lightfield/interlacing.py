@@ -38,12 +38,7 @@ from .quilts import QuiltLayout, layout_for, warn_of_misfit
 
 
 def check_size(image: UInt8, display: Display) -> None:
-    """Raise `UserError` if a picture does not have the panel's size.
-
-    Raises
-    ------
-    UserError : If the sizes differ.
-    """
+    """Raise `UserError` if a picture does not have the panel's size."""
     if image.shape[:2] != (display.height, display.width):
         raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
                         f"display {display.name} has {display.width} x {display.height}: a coded "
@@ -51,12 +46,7 @@ def check_size(image: UInt8, display: Display) -> None:
 
 
 def lossless(path: str | Path) -> Path:
-    """The path, if its format keeps every sub-pixel.
-
-    Raises
-    ------
-    UserError : If it is a JPEG or the like, which mixes the views.
-    """
+    """The path, if its format keeps every sub-pixel."""
     path = Path(path)
     if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
         raise UserError("a coded picture must keep every sub-pixel: write it as .png, not "
@@ -65,12 +55,7 @@ def lossless(path: str | Path) -> Path:
 
 
 def read_coded(path: str | Path, display: Display) -> UInt8:
-    """A coded picture as the viewer sees the panel, uint8 [H, W, 3].
-
-    Raises
-    ------
-    UserError : If the file is missing or not of the panel's size.
-    """
+    """A coded picture as the viewer sees the panel, uint8 [H, W, 3]."""
     image = np.ascontiguousarray(read_image(path)[..., :3])
     check_size(image, display)
     return display.to_panel(image)
@@ -100,12 +85,7 @@ class InterlaceConfig:
 
 
 def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
-    """The views of a quilt, view 0 first: uint8 [columns * rows, h, w, 3].
-
-    Raises
-    ------
-    UserError : If the picture has fewer pixels than tiles.
-    """
+    """The views of a quilt, view 0 first: uint8 [columns * rows, h, w, 3]."""
     height, width = quilt.shape[0] // layout.rows, quilt.shape[1] // layout.columns
     if height < 1 or width < 1:
         raise UserError(f"a picture of {quilt.shape[1]} x {quilt.shape[0]} pixels is no quilt of "
@@ -154,11 +134,6 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     Returns
     -------
     views, aspect : uint8 [V, h, w, 3], and width over height of what they show.
-
-    Raises
-    ------
-    UserError : If there is no picture, nothing gives a quilt's layout, or the pictures of a
-        folder differ in size.
     """
     source = Path(source)
     if not source.is_dir():

@@ -286,10 +286,6 @@ def read_mask(path: Path) -> UInt8:
     Returns
     -------
     mask : uint8 [H, W], 255 is the person.
-
-    Raises
-    ------
-    UserError : If the file is missing, damaged, or no mask.
     """
     try:
         with open_picture(path) as picture:
@@ -303,12 +299,7 @@ def read_mask(path: Path) -> UInt8:
 
 
 def mask_values(picture: Image.Image, name: str) -> UInt8:
-    """A decoded picture of any mode as a mask, uint8 [H, W], 255 is the person.
-
-    Raises
-    ------
-    UserError : If it is no mask.
-    """
+    """A decoded picture of any mode as a mask, uint8 [H, W], 255 is the person."""
     if picture.mode == "P" and "transparency" not in picture.info:
         return _of_palette(picture, name)
     if picture.mode.startswith(("I", "F")):

@@ -197,10 +197,6 @@ def write_loop(field: VoxelField, path: Path, config: LoopConfig,
     Returns
     -------
     figures : ``frames``.
-
-    Raises
-    ------
-    UserError : If the file can't be written.
     """
     frames = _frames(field, config, context)
     if path.suffix.lower() == ".mp4":

@@ -216,10 +216,6 @@ def write_report(path: str | Path, report: Report) -> None:
     path : ``report.html``; it appears when it is complete.
     report : What to show. Texts are escaped; sections without content, and files that don't
         exist, are left out.
-
-    Raises
-    ------
-    UserError : If a picture is damaged or the file can't be written.
     """
     sections = [section for section in report.sections if not section.empty()]
     links = "".join(f'<a href="#{_anchor(section.title)}">{html.escape(section.title)}</a>'

@@ -94,10 +94,6 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
     Returns
     -------
     count : Number of frames written.
-
-    Raises
-    ------
-    UserError : If there are no frames, the format is unknown or the file can't be written.
     """
     import av
 
@@ -312,11 +308,6 @@ def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
     Returns
     -------
     figures : ``frames``: their number; ``kept``: how many of them were there.
-
-    Raises
-    ------
-    UserError : If there are no frames, ``out`` is neither a video nor a folder, or the folder
-        holds pictures of another sequence.
     """
     out = Path(out)
     if sequence.frames < 1:

@@ -204,12 +204,7 @@ def features() -> dict[str, bool]:
 
 
 def limit_vectors() -> None:
-    """Compile for the vector unit that `SETTING` names, if any.
-
-    Raises
-    ------
-    UserError : If it is no level, or one that this processor does not have.
-    """
+    """Compile for the vector unit that `SETTING` names, if any."""
     level = _level()
     if level is None:
         return

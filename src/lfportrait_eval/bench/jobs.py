@@ -91,10 +91,6 @@ def bench_jobs(captures: Sequence[Path] = (), *, style: str = "fauve", display: 
         ``device``, ``totals`` (the total seconds of all runs). ``failed``: by name, why a job
         failed. Also ``repeats``, ``vectors``, ``machine``, and ``device`` and
         ``peak_memory_bytes`` of all jobs.
-
-    Raises
-    ------
-    UserError : If there is nothing to repeat.
     """
     if repeats < 1:
         raise UserError(f"--repeat is {repeats}; it must be at least 1")

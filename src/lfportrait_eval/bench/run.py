@@ -391,12 +391,7 @@ def commit_of_checkout() -> str:
 
 
 def read_measured(path: Path) -> dict[str, Any]:
-    """The file's content, or an empty one where there is none.
-
-    Raises
-    ------
-    UserError : If it is no such file.
-    """
+    """The file's content, or an empty one where there is none."""
     if not path.exists():
         return {"runs": {}, "figures": {}}
     found = read_json(path)
@@ -417,10 +412,6 @@ def record(path: Path, what: str, figures: Mapping[str, Any], command: str, *,
     figures : As the command's ``--json`` has them, with ``machine``.
     command : The command.
     date, commit : By default today's, and that of the checkout.
-
-    Raises
-    ------
-    UserError : If the file exists and is none of measured figures.
     """
     known = read_measured(path)
     commit = commit or commit_of_checkout()

@@ -271,10 +271,6 @@ def inception_features(pictures: Iterable[UInt8], batch: int = 8, *,
     Returns
     -------
     features : ``"64"``, ``"192"``, ``"768"``, and ``"2048"``: float64 [N, 64] and so on.
-
-    Raises
-    ------
-    UserError : If the weights (``inception``; ``inception-2048`` for the last) are missing.
     """
     import torch
 
@@ -403,10 +399,6 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
     Returns
     -------
     distance : 0 for equal pictures, about 0.7 for unlike ones. NaN where the mask is empty.
-
-    Raises
-    ------
-    UserError : If its networks (`LPIPS_NETWORKS`) are missing; nothing is downloaded.
     """
     import torch
 

@@ -178,10 +178,6 @@ def evaluate_job(job: str | Path, exemplar: Exemplar | None = None, *,
     -------
     figures : Those of `evaluate_field`, and ``test``: PSNR and SSIM of the held-out views of the
         real field.
-
-    Raises
-    ------
-    UserError : If the folder is not a finished job.
     """
     job = Path(job)
     for name in ("capture", "field.npz", "styled.npz"):

@@ -379,10 +379,6 @@ def read_answers(files: Sequence[Path], study: Path | None = None,
     Returns
     -------
     answers, left_out : What can be used, and files with the reason why they can't.
-
-    Raises
-    ------
-    UserError : If no file can be used; the reasons are in it.
     """
     design = None if study is None else _design(study)
     read: list[Answers] = []

@@ -97,10 +97,6 @@ def questions_of(choice: str) -> tuple[Question, ...]:
     ----------
     choice : ``"all"``, ``"paper"`` or a text file, one ``name: text`` a line; ``#`` begins a
         comment.
-
-    Raises
-    ------
-    UserError : If the file is missing or a line is not a question.
     """
     if choice in ("all", "paper"):
         return QUESTIONS if choice == "all" else QUESTIONS[:1]
@@ -250,10 +246,6 @@ def entries_of(jobs: Sequence[str], pictures: Sequence[Path] = ()) -> list[Entry
     -------
     entries : In order of sitter, style and method. Those of one sitter and style have the same
         painting and photo.
-
-    Raises
-    ------
-    UserError : If something is missing, a method occurs twice, or there is nothing to compare.
     """
     entries = _named([_entry(word) for word in jobs])
     extra = {path.stem: _on_white(read_image(path)) for path in pictures}
@@ -367,10 +359,6 @@ def sheets_of(pairs: Sequence[Pair], pairs_per_person: int = 0) -> list[Sheet]:
     Returns
     -------
     sheets : Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
-
-    Raises
-    ------
-    UserError : If there are fewer pairs than a person should see.
     """
     if not 0 <= pairs_per_person <= len(pairs):
         raise UserError(f"--pairs-per-person must be 1 to {len(pairs)}, the number of pairs, or 0 "
@@ -479,11 +467,6 @@ def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None
     figures : ``study`` (its name), ``methods``, ``groups`` of sitter and style, ``pairs``,
         ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of
         the ``media`` beside it.
-
-    Raises
-    ------
-    UserError : If an input can't be used, or the folder holds another study: answers to it would
-        be lost.
     """
     config, out = config or StudyConfig(), Path(out)
     questions = questions_of(config.questions)
@@ -560,12 +543,7 @@ def _frames(container: Any) -> Iterator[UInt8]:
 
 
 def clip_of(path: Path) -> Clip:
-    """Read a video; formats that browsers may not show are re-encoded as H.264.
-
-    Raises
-    ------
-    UserError : If it can't be read or has no pictures.
-    """
+    """Read a video; formats that browsers may not show are re-encoded as H.264."""
     import av
 
     try:

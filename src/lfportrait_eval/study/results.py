@@ -156,10 +156,6 @@ def write_results(files: Sequence[str | Path], out: str | Path, *, study: Path |
     -------
     figures : Those of `analyse`, and ``left_out``: files that can't be used, each with the
         ``reason``.
-
-    Raises
-    ------
-    UserError : If no file can be used.
     """
     people, left_out = read_answers([Path(file) for file in files], study)
     figures = analyse(people, seed)

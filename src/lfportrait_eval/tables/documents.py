@@ -359,12 +359,7 @@ def _csv(cells: Sequence[Cell], floors: dict[str, dict[str, Any]]) -> str:
 
 
 def place_in(path: Path) -> tuple[str, str]:
-    """The text before and after the tables in a Markdown file.
-
-    Raises
-    ------
-    UserError : If the file can't be read, or has no lines `BEGIN` and `END`.
-    """
+    """The text before and after the tables in a Markdown file."""
     try:
         text = path.read_text("utf-8")
     except OSError as error:

@@ -176,12 +176,7 @@ class TablesConfig:
     are set by the options above."""
 
     def all_sizes(self) -> Sizes:
-        """The sizes of this run: those that are given, else those of ``size``.
-
-        Raises
-        ------
-        UserError : If there is no such size or it is no number.
-        """
+        """The sizes of this run: those that are given, else those of ``size``."""
         kinds = {"float": float, "int": int}
         known = {one.name: kinds[str(one.type)] for one in fields(Sizes)}
         given: dict[str, Any] = {}
@@ -269,10 +264,6 @@ def sources_of(captures: tuple[str, ...], fields: tuple[str, ...] = ()) -> list[
     ----------
     captures : ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
     fields : Field files in the order of the captures, where they are not named there.
-
-    Raises
-    ------
-    UserError : If there is none, a file is missing or a name is used twice.
     """
     if not captures:
         raise UserError("name the sitters: --capture NAME=CAPTURE[:FIELD] ...")

@@ -191,10 +191,6 @@ def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: 
     -------
     figures : Those of ``tables.json``: ``cells``, ``floors``, ``summary`` (mean, deviation and
         number by method and figure), ``not_measured`` with reasons, ``table_1``, ``fig_6``.
-
-    Raises
-    ------
-    UserError : If parameters make no sense, or a sitter has no landmarks.
     """
     config = config or TablesConfig()
     config.check()

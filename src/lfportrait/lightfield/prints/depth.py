@@ -158,10 +158,6 @@ def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDep
     -------
     config : How to code the page (`sheet.display`).
     depth : What comes of it.
-
-    Raises
-    ------
-    UserError : If nothing of the head is seen, or it would have to be flatter than 1 %.
     """
     config, unit = sheet.config, sheet.half_height
     seen = _visible(field, sheet)

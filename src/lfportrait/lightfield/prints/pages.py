@@ -234,12 +234,7 @@ Profile = Literal["arc", "sine"]
 
 
 def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
-    """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W].
-
-    Raises
-    ------
-    UserError : If lenses of this pitch can't be sharp on a sheet so thin.
-    """
+    """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W]."""
     display, config = sheet.display, sheet.config
     lens = display.pitch / 3.0 / config.dpi * 25.4
     radius = sheet.thickness * (config.index - 1) / config.index
@@ -327,10 +322,6 @@ class TrialPage:
         """The page of a configuration; rows differ by up to ``spread`` per cent in pitch.
 
         0: so that a row whose pitch is that of the next one is white at both ends.
-
-        Raises
-        ------
-        UserError : If the page is smaller than 100 mm.
         """
         if not (spread == 0 or 0.05 <= spread <= 10):
             raise UserError("--pitch-range must be 0, or lie between 0.05 and 10 per cent, not "
@@ -582,12 +573,7 @@ class PngRows(RowFile):
 
 
 def check_file(path: Path, width: int, height: int, *, grey: bool = False) -> None:
-    """Refuse a file that can't hold a page, before anything is computed.
-
-    Raises
-    ------
-    UserError : If the format loses pixels, can't hold so many, or the disk is too full.
-    """
+    """Refuse a file that can't hold a page, before anything is computed."""
     suffix = path.suffix.lower()
     if suffix not in _TIFF + _PNG:
         raise UserError(f"a print must keep every pixel: write {path.name or path} as .tiff or "

@@ -39,10 +39,6 @@ def paper_size(text: str) -> tuple[float, float]:
     Parameters
     ----------
     text : Width x height with a unit (mm, cm, in), or A0 to A6, upright or with ``-landscape``.
-
-    Raises
-    ------
-    UserError : If it is neither, or a side is shorter than 20 mm or longer than 3 m.
     """
     words = text.strip().lower()
     if sheet := _SHEET.fullmatch(words):

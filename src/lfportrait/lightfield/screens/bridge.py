@@ -99,10 +99,6 @@ class Bridge:
     ----------
     url : Where Bridge listens.
     timeout : Longest wait for an answer in seconds.
-
-    Raises
-    ------
-    UserError : If no Bridge answers there, or one too old.
     """
 
     def __init__(self, url: str = URL, timeout: float = 10.0) -> None:
@@ -134,10 +130,6 @@ class Bridge:
         Returns
         -------
         answer : Bridge's answer.
-
-        Raises
-        ------
-        UserError : If Bridge does not answer, or refuses.
         """
         if self.token:
             arguments = {"orchestration": self.token, **arguments}
@@ -199,10 +191,6 @@ class Bridge:
         Parameters
         ----------
         index : Bridge's number of it; the first light-field display by default.
-
-        Raises
-        ------
-        UserError : If there is none.
         """
         devices = self.devices()
         if index >= 0:

@@ -408,10 +408,6 @@ class LiveWindow:
     ----------
     size : Width and height in pixels, once it is open.
     screen : Number of the screen, -1 for an ordinary window.
-
-    Raises
-    ------
-    UserError : If a package is missing, there is no screen, or none of the panel's size.
     """
 
     def __init__(self, display: Display, screen: int = -1, plain: bool = False) -> None:
@@ -426,12 +422,7 @@ class LiveWindow:
         self._title = f"lfportrait, {display.name}"
 
     def open(self) -> tuple[int, int]:
-        """Open the window; its width and height in pixels.
-
-        Raises
-        ------
-        UserError : If it does not fill a panel pixel for pixel.
-        """
+        """Open the window; its width and height in pixels."""
         from rendercanvas.glfw import RenderCanvas, loop
 
         self._loop: Any = loop
@@ -591,12 +582,7 @@ def _pixels(glfw: Any, monitor: Any) -> tuple[int, int]:
 
 
 def live_adapter(choice: str) -> Adapter:
-    """The GPU for a choice of ``--device``.
-
-    Raises
-    ------
-    UserError : If there is none: nothing else is fast enough.
-    """
+    """The GPU for a choice of ``--device``."""
     adapter = gpu_adapter(choice)
     if adapter is None:
         raise UserError(f"a light field is shown live by a GPU, and --device {choice} has none "
@@ -650,10 +636,6 @@ def fields_to_show(source: Path, photo: Path | None) -> tuple[VoxelField, VoxelF
     source : The (stylised) field's file.
     photo : The field's that it was stylised from; by default ``field.npz`` beside it, where that
         has the same points.
-
-    Raises
-    ------
-    UserError : If the named one has other points.
     """
     field = VoxelField.load(source)
     beside = source.with_name("field.npz")
@@ -684,10 +666,6 @@ def show_live(window: LiveWindow | OffscreenWindow, adapter: Adapter, field: Vox
     Returns
     -------
     figures : For ``--json``.
-
-    Raises
-    ------
-    UserError : If the window is not as the panel needs it, or the GPU was lost or is too small.
     """
     try:
         size = window.open()

@@ -135,10 +135,6 @@ def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: 
     screens : Width and height of every screen.
     screen : Number of the screen; -1 = the one that has the panel's pixels (the last of several,
         because the first is the desktop's).
-
-    Raises
-    ------
-    UserError : If there is none of the panel's size.
     """
     size = (display.width, display.height)
     known = ", ".join(f"{number}: {width} x {height}"
@@ -175,11 +171,6 @@ def show(images: Sequence[UInt8], display: Display, *, screen: int = -1,
     Returns
     -------
     screen : Number of the screen that showed them.
-
-    Raises
-    ------
-    UserError : If there is no screen of the panel's size, or if anything scales or changes the
-        picture.
     """
     for image in images:
         check_size(image, display)

@@ -259,10 +259,6 @@ def codec_for(path: Path, size: tuple[int, int], asked: Literal["auto", "h264", 
     """The codec of a video by its name, its size and what is asked for.
 
     Where the installed FFmpeg lacks HEVC, quilts are coded as VP9, with a warning.
-
-    Raises
-    ------
-    UserError : If the file's format or the codec can't hold it, or there is no encoder.
     """
     webm = path.suffix.lower() == ".webm"
     if flat and (webm or asked in ("h264", "vp9")):

@@ -101,12 +101,7 @@ class QuiltName:
 
     @staticmethod
     def of(name: str) -> QuiltName:
-        """What ``NAME_qs``, ``NAME_qs8x13`` or ``NAME_qs8x6a0.75`` ask for.
-
-        Raises
-        ------
-        UserError : If the layout is impossible, or has more views than a frame shows.
-        """
+        """What ``NAME_qs``, ``NAME_qs8x13`` or ``NAME_qs8x6a0.75`` ask for."""
         hint = QuiltHint.of_name(name)
         if hint is None:
             return QuiltName()
@@ -198,12 +193,7 @@ _OPTIONS: dict[str, dict[str, int]] = {
 
 
 def check_picture(path: Path, width: int, height: int) -> None:
-    """Whether the format that a name gives holds a picture of this size.
-
-    Raises
-    ------
-    UserError : If not.
-    """
+    """Whether the format that a name gives holds a picture of this size."""
     suffix = path.suffix.lower()
     if suffix not in PICTURES:
         raise UserError(f"can't write a picture named {path.name}; end the name in .png, .jpg or "

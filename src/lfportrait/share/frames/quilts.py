@@ -74,10 +74,6 @@ class QuiltPlan:
         config : Its display and pixels.
         display : The panel, where it is known; otherwise the parameters name it, or the layout
             does.
-
-        Raises
-        ------
-        UserError : If the name's aspect is not the display's, or no known display has it.
         """
         asked = QuiltName.of(name)
         if display is None:
@@ -143,10 +139,6 @@ def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
     Returns
     -------
     figures : ``bytes`` of what was written.
-
-    Raises
-    ------
-    UserError : If the format can't hold the picture, or the files can't be written.
     """
     check_picture(path, quilt.shape[1], quilt.shape[0])
     contents = picture_bytes(path.suffix, quilt, quilt_exif(layout))
@@ -338,11 +330,6 @@ def fill_drive(plan: DrivePlan, step: Callable[[int, int], None] = lambda at, co
     Returns
     -------
     figures : ``display``, ``quilts`` (name, layout, views), ``playlist``, ``bytes``.
-
-    Raises
-    ------
-    UserError : If the drive is missing, full or can't be written to, or a source is no quilt.
-        Then nothing of this call is left on the drive.
     """
     _check_drive(plan.drive)
     if not plan.sources:

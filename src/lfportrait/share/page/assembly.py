@@ -280,10 +280,6 @@ def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
     port : On the loopback address; 0 takes a free one.
     browse : Open the browser there.
     ready : Called with the address, and with what ends the serving, once it can be reached.
-
-    Raises
-    ------
-    UserError : If the port is taken or is none.
     """
     try:
         server = ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, Path(page)))

@@ -76,10 +76,6 @@ def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
     ----------
     voxels : A `StyledField` has several sets, every other field one.
     degree : Degree of the spherical harmonics that are kept, 0 to 2.
-
-    Raises
-    ------
-    UserError : If the field does not have that degree.
     """
     if not 0 <= degree <= 2:
         raise UserError(f"--sh takes the degree 0, 1 or 2, not {degree}")
@@ -145,12 +141,7 @@ class Lattice:
     def of(links: Int32, density: Float32, sets: list[ColorSet],
            center: Float64, radius: Float64,
            charts: UInt8 | None = None) -> Lattice:
-        """Rows in the lattice's order, without those that no sample meets.
-
-        Raises
-        ------
-        UserError : If nothing is left.
-        """
+        """Rows in the lattice's order, without those that no sample meets."""
         matter = np.append(density, np.float32(0.0)).astype(np.float32)[links]
         filled = (links >= 0) & (_largest_around(matter) > _FAINTEST)
         if not filled.any():
@@ -504,12 +495,7 @@ class _Packings:
 
 
 def fit(lattice: Lattice, most: float, texture: PageTexture | None = None) -> Packed:
-    """Pack a field, with its texture, into at most ``most`` bytes, as they stand in a page.
-
-    Raises
-    ------
-    UserError : If even the coarsest packing is larger.
-    """
+    """Pack a field, with its texture, into at most ``most`` bytes, as they stand in a page."""
     packings = _Packings(lattice, texture)
     plan = _PLAIN if texture is None else _TEXTURED
     packed = packings.at(*plan[0])

@@ -236,10 +236,6 @@ def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
     splats : In the portrait frame (+y up, +z out of the face).
     suffix : Of the file's name, such as ``.ply``.
     up : ``"y-up"``; ``"y-down"``: half a turn about z; ``"auto"``: what is usual for such files.
-
-    Raises
-    ------
-    UserError : If a glTF is to have y down.
     """
     if is_down(suffix, up):
         return half_turned(splats)
@@ -250,12 +246,7 @@ def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
 
 
 def is_down(suffix: str, up: Up = "auto") -> bool:
-    """Whether such a file is to have +y down.
-
-    Raises
-    ------
-    UserError : If a glTF is to have it.
-    """
+    """Whether such a file is to have +y down."""
     if suffix == ".glb" and up == "y-down":
         raise UserError("a .glb file has y up by its specification; leave --splats.up at auto")
     return suffix in DOWN if up == "auto" else up == "y-down"
@@ -473,12 +464,7 @@ STEPS = (2, 4)
 
 
 def write_spz(stream: BinaryIO, splats: Splats) -> None:
-    """Write splats.
-
-    Raises
-    ------
-    UserError : If they lie too far away for its numbers.
-    """
+    """Write splats."""
     reach = float(np.abs(splats.positions).max())
     bits = min(BITS, int(np.floor(np.log2((2 ** 23 - 1) / max(reach, 1e-9)))))
     if bits < 0:

@@ -77,12 +77,7 @@ class Ball:
 
     @staticmethod
     def around(field: VoxelField) -> Ball:
-        """The ball of a field.
-
-        Raises
-        ------
-        UserError : If the field is empty.
-        """
+        """The ball of a field."""
         dense = field.lattice_points()[field.density > 0]
         if not len(dense):
             raise UserError("the field is empty; reconstruct it again")
@@ -189,10 +184,6 @@ def place_splats(field: VoxelField, count: int, degree: int | None = None) -> Sp
     ----------
     count : How many at most.
     degree : Of their spherical harmonics; by default the field's.
-
-    Raises
-    ------
-    UserError : If the field shows no surface.
     """
     ball = Ball.around(field)
     # A ball has this area for each splat; heads have less or more, which the search finds out.

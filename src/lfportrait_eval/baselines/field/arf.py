@@ -83,10 +83,6 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     Returns
     -------
     colors, figures : float32 [N, 3]; errors of the fits, losses before and after, seconds.
-
-    Raises
-    ------
-    UserError : If parameters are out of range, no photo shows the field, or weights are missing.
     """
     config.check()
     start = time.perf_counter()

@@ -60,10 +60,6 @@ def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:
     task : Field, capture, background.
     size : Longer side of the views in pixels.
     count : How many.
-
-    Raises
-    ------
-    UserError : If no photo shows anything of the field.
     """
     cameras = task.capture.cameras
     training = task.capture.training()

@@ -110,11 +110,6 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
     -------
     colors, figures : float32 [N, 3]; error of the fit, losses before and after, share of the
         other views that is registered, seconds.
-
-    Raises
-    ------
-    UserError : If parameters are out of range, no photo shows the field, the capture has no
-        landmarks, or weights are missing.
     """
     config.check()
     start = time.perf_counter()

@@ -119,10 +119,6 @@ def load_adain(place: str = "cpu") -> AdainNetwork:
     Parameters
     ----------
     place : Torch's name of the device that computes.
-
-    Raises
-    ------
-    UserError : If the weights are missing.
     """
     return AdainNetwork(load(models.fetch("adain").read_bytes()), place)
 
@@ -162,10 +158,6 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
     -------
     colors, figures : float32 [N, 3]; error of the fit after each round, disagreement of
         neighbours before and after, seconds.
-
-    Raises
-    ------
-    UserError : If parameters are out of range, no photo shows the field, or weights are missing.
     """
     config.check()
     start = time.perf_counter()

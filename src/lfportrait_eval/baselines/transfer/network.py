@@ -52,11 +52,6 @@ class StyleNetwork:
     Parameters
     ----------
     own : Photos with landmarks to train on besides; e.g. the one to be painted.
-
-    Raises
-    ------
-    UserError : If the checkpoint is damaged or of another style, or there is nothing to train
-        on.
     """
 
     def __init__(self, exemplar: Exemplar, config: NetworkConfig | None = None,
@@ -207,12 +202,7 @@ SUFFIXES = {".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff"}
 
 
 def folder_sittings(folder: Path) -> list[Sitting]:
-    """The photos of a folder in which a face is found.
-
-    Raises
-    ------
-    UserError : If the folder is missing or no photo in it shows a face.
-    """
+    """The photos of a folder in which a face is found."""
     from lfportrait.face import detect_landmarks
 
     if not folder.is_dir():
