@@ -83,11 +83,7 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose,
 def in_front(way: NDArray[np.floating], painted: NDArray[np.floating], pose: FacePose) -> Float64:
     """How far places beside landmarks lie from these in the frontal picture, float64 [68, 2].
 
-    Parameters
-    ----------
-    way : [68, 2], pixels, from the landmarks to the places in the painting.
-    painted : [68, 2], the landmarks.
-    pose : Of the face in the painting.
+    ``way`` [68, 2] leads from the landmarks ``painted`` to the places in the painting, in pixels.
     """
     head = symmetric_landmarks(painted, pose)
     x, y = head[:, 0], head[:, 1]
@@ -214,11 +210,9 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
 
 
 def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
-    """The exemplar's version that fits a photo: original or frontal, whichever has the closer pose.
+    """The exemplar's version that fits a photo with landmarks [68, 2].
 
-    Parameters
-    ----------
-    landmarks : [68, 2], of the photo's face.
+    That is the original or the frontal one, whichever has the closer pose.
     """
     painted = exemplar.pose().yaw
     photo = face_pose(landmarks).yaw
@@ -434,13 +428,7 @@ _SPACING = 0.07
 def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
     """Lines of the generic face on a painting, as far as its painter saw them.
 
-    Parameters
-    ----------
-    landmarks : [68, 2], of the painting.
-
-    Returns
-    -------
-    lines : float64 [K, 2] each, pixels (x, y), K at least 2: lines down and across the face.
+    Lines down and across the face, float64 [K, 2] pixels (x, y) each, K at least 2.
     """
     every = max(1, round(_SPACING * pose.scale / COARSE))
     # The face's middle is on a line.
@@ -499,10 +487,7 @@ class FaceAside:
 def face_aside(landmarks: NDArray[np.floating], least: float) -> FaceAside | None:
     """What is seen of a face that is turned by more than ``least`` degrees, else None.
 
-    Parameters
-    ----------
-    landmarks : [68, 2] in pixels; rows with NaN are unknown.
-    least : Degrees.
+    ``landmarks`` are [68, 2] in pixels; rows with NaN are unknown.
     """
     found = np.asarray(landmarks, np.float64)
     # A pose takes as long as half of a small frame: most faces are seen to be frontal without it.

@@ -65,17 +65,10 @@ class _Eye:
 
 
 def irises_found(image: UInt8, landmarks: Float64) -> Float64 | None:
-    """Middles of both irises.
+    """Middles of both irises, float64 [2, 2] pixels, of the picture's left eye first.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    landmarks : [68, 2] pixels of a face that is seen from the front.
-
-    Returns
-    -------
-    irises : float64 [2, 2] pixels, of the picture's left eye first; None where an eye shows no
-        disc.
+    None where an eye shows no disc. The face is seen from the front in ``image`` uint8 [H, W, 3],
+    sRGB.
     """
     seen = (_seen(image, np.asarray(landmarks[part], np.float64))
             for part in (slice(36, 42), slice(42, 48)))
@@ -230,15 +223,9 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
 def agreed(eyes: Float64, discs: Float64) -> float:
     """Degrees by which the picture's right eye surely looks further right than the left one.
 
-    Parameters
-    ----------
-    eyes : As `looking_apart`.
-    discs : float64 [2, 2] pixels, both irises as `irises_found` has them.
-
-    Returns
-    -------
-    degrees : The lesser of what both kinds of irises show; 0 where one shows the contrary, or
-        eyes more than `MOST` degrees apart.
+    The lesser of what both kinds of irises show, those of ``eyes`` (`looking_apart`) and the discs,
+    float64 [2, 2] pixels (`irises_found`); 0 where one shows the contrary, or eyes more than `MOST`
+    degrees apart.
     """
     turned = [_turned(disc, eye[0], eye[1])[0] for eye, disc in zip(eyes, discs)]
     by_discs = float(turned[1] - turned[0]) - DISCS_USUAL
@@ -251,9 +238,7 @@ def agreed(eyes: Float64, discs: Float64) -> float:
 def looking_apart(eyes: Float64) -> Float64:
     """Degrees [2], right and down, that the picture's right eye looks away from the left one.
 
-    Parameters
-    ----------
-    eyes : float64 [2, 5, 2] pixels: left and right corner, iris, upper and lower lid of each.
+    ``eyes`` float64 [2, 5, 2] pixels: left and right corner, iris, upper and lower lid of each.
     """
     gaze = [_turned(iris, left, right) for left, right, iris, *_ in eyes]
     return np.asarray(gaze[1] - gaze[0] - USUAL, np.float64)
@@ -363,10 +348,8 @@ def with_even_eyes(exemplar: Exemplar) -> Exemplar:
 def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
     """Contrast of white and iris between the lids, in [0, 1]; 0 of an eye that is hardly open.
 
-    Parameters
-    ----------
-    image : uint8 or float in [0, 1], [H, W, 3], sRGB.
-    outline : [6, 2], landmarks of the eye in pixels.
+    ``outline`` [6, 2] are the eye's landmarks in an sRGB picture [H, W, 3], uint8 or float in [0,
+    1].
     """
     middle = outline.mean(axis=0)
     size = float(np.linalg.norm(outline[3] - outline[0]))

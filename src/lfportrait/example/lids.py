@@ -74,12 +74,9 @@ def eye_openings(points: Points) -> tuple[float, float]:
 
 
 def shut_eyes(points: Points, photo: NDArray[np.generic] | None = None) -> Lids:
-    """Which eyes are shut.
+    """Which eyes are shut, by landmarks [68, 2 or 3]; [68, 2] in pixels where there is a photo.
 
-    Parameters
-    ----------
-    points : Landmarks [68, 2 or 3]; [68, 2] in pixels where there is a photo.
-    photo : uint8 or float in [0, 1], [H, W, 3]: it decides on narrow eyes.
+    The photo, uint8 or float in [0, 1], [H, W, 3], decides on narrow eyes.
     """
     shut = []
     least = SHUT if np.shape(points)[1] == 2 else SHUT_IN_SPACE

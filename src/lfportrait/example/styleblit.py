@@ -91,13 +91,9 @@ def integer_costs(config: TableConfig, unit: float, step: float) -> tuple[int, i
 
 
 def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUpTable:
-    """Build the exact table of one exemplar (Eq. 6).
+    """Build the exact table of one exemplar (Eq. 6) by its appearance guide, float32 [H, W].
 
-    Parameters
-    ----------
-    appearance : float32 [H, W], the exemplar's appearance guide.
-    config : Weights and resolution.
-    unit : Position unit in exemplar pixels.
+    ``unit`` is the position unit in exemplar pixels.
     """
     height, width = appearance.shape
     if height * width >= 1 << 28:

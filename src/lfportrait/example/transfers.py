@@ -108,18 +108,10 @@ def as_painted(exemplar: Exemplar, wear: Sequence[str] = ()) -> Exemplar:
 
 def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes: str = "auto",
             wear: Sequence[str] = ()) -> Exemplar:
-    """The exemplar's version that fits a photo.
+    """The exemplar's version that fits a photo with landmarks ``points`` [68, 2].
 
-    Parameters
-    ----------
-    points : [68, 2] in pixels, of the photo's face.
-    photo : uint8 or float in [0, 1], [H, W, 3].
-    eyes : ``"painted"`` leaves the painting's eyes open.
-    wear : What is left on: ``"spectacles"``.
-
-    Raises
-    ------
-    UserError : As `suited`.
+    ``eyes="painted"`` leaves the painting's eyes open; of what is worn, ``"spectacles"`` are left
+    on.
     """
     chosen = _with_both_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
     return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
@@ -129,12 +121,8 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
                    wear: Sequence[str] = ()) -> Exemplar:
     """The exemplar's version for a head.
 
-    Parameters
-    ----------
-    exemplar, pose : The painting, and how its face is turned.
-    fringe : Whether a painted fringe is taken off (`bared`).
-    lids : Which eyes are shut.
-    wear : What is left on: ``"spectacles"``.
+    ``pose`` is how its face is turned, ``fringe`` whether a painted fringe is taken off (`bared`),
+    ``lids`` which eyes are shut; of what is worn, ``"spectacles"`` are left on.
     """
     front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
     return closed(_with_both_eyes(front), lids)
@@ -155,19 +143,14 @@ def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
 
 def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
                 choices: Sequence[RegionStyle], others: dict[str, Float32]) -> Float32:
-    """Blend paintings of one photo by its soft regions.
+    """Blend paintings of one photo by its soft regions, float32 [H, W, 3] in [0, 1].
 
     Parameters
     ----------
-    photo : uint8 [H, W, 3].
-    landmarks : [68, 2] of the photo.
+    photo, landmarks : uint8 [H, W, 3] and [68, 2].
     painted : float32 [H, W, 3] in [0, 1], the painting of all other regions.
     choices : What regions get; later ones win.
     others : The photo painted by the other exemplars, by `RegionStyle.style`.
-
-    Returns
-    -------
-    float32 [H, W, 3] in [0, 1].
     """
     shares = _region_shares(photo, landmarks, [choice.region for choice in choices])
     plain = photo[..., :3].astype(np.float32) / np.float32(255)
@@ -298,7 +281,7 @@ class Transfer:
     def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
               mask: Float32 | None = None, regions: Regions | None = None) -> TransferResult:
-        """Stylise one picture.
+        """Stylise one picture; where ``position`` is NaN the image is the given one.
 
         Parameters
         ----------
@@ -306,16 +289,10 @@ class Transfer:
         landmarks : [68, 2] in pixels of ``image``; rows with NaN are unknown.
         position : float32 [H, W, 2], exemplar coordinates instead of those from the landmarks
             (`SurfaceGuide`); NaN = not to be painted.
-        seeds_anchor : float32 [H, W, 2], place of each pixel in the plane of the seeds, in
-            exemplar pixels.
-        mask : float32 [H, W], the person against the background (a capture's alpha); None =
-            found.
-        regions : Of the picture where they are known (`find_regions`): the networks are not
-            asked.
-
-        Returns
-        -------
-        TransferResult; where ``position`` is NaN the image is the given one.
+        seeds_anchor : float32 [H, W, 2], place of each pixel in the plane of the seeds, in exemplar
+            pixels.
+        mask : float32 [H, W], the person against the background (a capture's alpha); None = found.
+        regions : Of the picture where they are known (`find_regions`): the networks are not asked.
         """
         config = self.config
         points = lids_together(landmarks, self.exemplar.lids)

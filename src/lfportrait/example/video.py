@@ -257,19 +257,16 @@ def reduced(prepared: Transfer, factor: float) -> Transfer:
 def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
                  person: Callable[[], Float32], anchor: Float32, motion: Motion,
                  kept: Bool, before: TransferResult) -> TransferResult:
-    """Paint a frame with the shifts of the one before.
+    """Paint a frame uint8 [H, W, 3] with the shifts of the one before.
+
+    Guides other than the anchor are those of the frame before.
 
     Parameters
     ----------
-    frame, landmarks : uint8 [H, W, 3] and [68, 2].
     person : Gives the person's mask, float32 [H, W], if it is needed.
     anchor : float32 [H, W, 2].
     motion, kept : From the frame before; bool [h, w], blocks whose anchors came from there.
     before : What the frame before was painted with.
-
-    Returns
-    -------
-    The result; its guides other than the anchor are those of the frame before.
     """
     config, guides = prepared.config.blit, before.guides
     height, width = frame.shape[:2]
@@ -382,17 +379,10 @@ class VideoTransfer:
 
     def apply(self, frame: UInt8,
               landmarks: NDArray[np.floating] | None = None) -> Float32:
-        """Stylise the next frame.
+        """Stylise the next frame, uint8 [H, W, 3], all of one size; float32 [H, W, 3] in [0, 1].
 
-        Parameters
-        ----------
-        frame : uint8 [H, W, 3], all of one size.
-        landmarks : [68, 2]; detected if None. Where no face is found those of the frame before
-            serve.
-
-        Returns
-        -------
-        float32 [H, W, 3] in [0, 1].
+        Landmarks [68, 2] are detected if None. Where no face is found those of the frame before
+        serve.
         """
         step = self._follow(frame, landmarks)
         self._result = self._painting(step, self._result)
@@ -400,19 +390,11 @@ class VideoTransfer:
         return self._result.image
 
     def frames(self, frames: Iterable[UInt8]) -> Iterator[UInt8]:
-        """Stylise frames one after the other, several at a time.
+        """Stylise frames as `apply` does, several at a time: uint8 [H, W, 3] each.
 
-        One thread follows the motion through the video; others paint, each a frame that needs
-        nothing from the one before, and those that go on from it. Each kernel keeps to its thread,
-        so none waits for another.
-
-        Parameters
-        ----------
-        frames : uint8 [H, W, 3], all of one size; taken on another thread.
-
-        Returns
-        -------
-        Iterator over uint8 [H, W, 3], the same bytes as from `apply`.
+        One thread takes frames and follows the motion through the video; others paint, each a frame
+        that needs nothing from the one before, and those that go on from it. Each kernel keeps to
+        its thread, so none waits for another.
         """
         if not _threads_share_kernels():
             yield from (_bytes_of(self.apply(frame)) for frame in frames)

@@ -29,17 +29,9 @@ class GpuLostError(RuntimeError):
 
 
 class GpuProcess:
-    """A child that holds one device.
+    """A child that holds one device; a call that takes ``timeout`` seconds is taken to hang.
 
-    Parameters
-    ----------
-    adapter : The adapter that it uses.
-    timeout : Seconds after which a call is taken to hang.
-
-    Attributes
-    ----------
-    adapter : As above.
-    starts : How many times a child was started.
+    ``starts`` is how many times a child was started.
     """
 
     def __init__(self, adapter: Adapter, timeout: float = _TIMEOUT) -> None:
@@ -59,21 +51,13 @@ class GpuProcess:
         self._held[kind] = frozenset(names)
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call a function in the child.
+        """Call ``"package.module:function"`` in the child.
 
-        Parameters
-        ----------
-        name : ``"package.module:function"``; it is given the `Device`, then the arguments.
-        arguments : Arrays, numbers, text, and what can be pickled of them.
+        it is given the `Device`, then the arguments.
 
-        Returns
-        -------
-        result : What it returned.
-
-        Raises
-        ------
-        GpuLostError : If the child was lost; a later call starts another one, unless that was
-            lost, too.
+        These, and what it returns, are arrays, numbers, text, and what can be pickled of them.
+        Raises `GpuLostError` if the child was lost; a later call starts another one, unless that
+        was lost, too.
         """
         with self._lock:
             if self._lost:

@@ -146,10 +146,7 @@ def ground_of(field: VoxelField, display: Display, config: EncodeConfig) -> Grou
 def world_ground(field: VoxelField, config: EncodeConfig, pixel: float) -> Ground | None:
     """The ground behind a field that cameras in its world look at.
 
-    Parameters
-    ----------
-    field, config : As for `ground_of`; the head is taken to be as large as usual.
-    pixel : Width in world units of what a pixel of the pictures shows.
+    A pixel of the pictures shows ``pixel`` world units. The head is taken to be as large as usual.
     """
     drop = backdrop_of(field, config)
     if drop is None:
@@ -228,18 +225,14 @@ def _folded(places: Int64, size: int) -> Int64:
 
 def _shade(drop: Backdrop, placement: Placement, depth: float,
            window: tuple[float, float, float, float], strength: float) -> tuple[Float32, float]:
-    """What a head leaves of the light on the ground.
+    """What a head leaves of the light on the ground, float32 [a, b] in [0, 1]; its cells' width.
+
+    The first cell lies at the window's corner.
 
     Parameters
     ----------
-    drop, placement, depth : The ground and the head.
-    window : Left, top, width and height of what is seen of it.
+    window : Left, top, width and height of what is seen of the ground.
     strength : Share of the light that the middle of the shadow lacks.
-
-    Returns
-    -------
-    shade, cell : float32 [a, b] in [0, 1], the first at the window's corner, and its cells'
-        width.
     """
     left, top, width, height = window
     shape = int(height / _CELL) + 3, int(width / _CELL) + 3

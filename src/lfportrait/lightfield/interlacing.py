@@ -97,18 +97,9 @@ def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
 
 
 def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | None = None) -> UInt8:
-    """The inverse of `quilt_tiles`.
+    """The inverse of `quilt_tiles`: uint8 [H, W, 3] of ``tiles`` uint8 [V, h, w, 3], view 0 first.
 
-    Parameters
-    ----------
-    tiles : uint8 [V, h, w, 3], view 0 first.
-    layout : Columns and rows.
-    size : Width and height of the quilt; what the tiles leave of it at the top and right stays
-        black.
-
-    Returns
-    -------
-    quilt : uint8 [H, W, 3].
+    What the tiles leave of a ``size`` (width and height) at the top and right stays black.
     """
     height, width = tiles.shape[1:3]
     full_width, full_height = size or (layout.columns * width, layout.rows * height)
@@ -122,7 +113,7 @@ def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | No
 
 def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | None = None,
                views: int = 0) -> tuple[UInt8, float]:
-    """Pictures of views from a quilt or a folder.
+    """Pictures of views, uint8 [V, h, w, 3], and width over height of what they show.
 
     Parameters
     ----------
@@ -130,10 +121,6 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     display : The panel (`lfportrait.lightfield.quilts.layout_for`).
     layout : Layout of the quilt; by default what its name, side file or metadata say.
     views : Use only the first ``views`` views; 0 = all.
-
-    Returns
-    -------
-    views, aspect : uint8 [V, h, w, 3], and width over height of what they show.
     """
     source = Path(source)
     if not source.is_dir():
@@ -165,17 +152,14 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
 
 def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = None, *,
               aspect: float = 0.0) -> UInt8:
-    """Code pictures of views for a panel: each sub-pixel from its view, at its own place.
+    """Code pictures of views for a panel, uint8 [H, W, 3].
+
+    Each sub-pixel comes from its view, at its own place.
 
     Parameters
     ----------
     views : uint8 [V, h, w, 3], view 0 leftmost; V and the size need not be the panel's.
-    config : Sampling.
     aspect : Width over height of what the views show; the panel's by default.
-
-    Returns
-    -------
-    image : uint8 [H, W, 3].
     """
     config = config or InterlaceConfig()
     if aspect < 0 or not math.isfinite(aspect):
@@ -265,7 +249,7 @@ def _filled(value: Float32, weight: Float32) -> Float32:
 
 def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
               height: int = 0) -> Iterator[UInt8]:
-    """Whole pictures of the views of a coded picture, the leftmost first.
+    """Whole pictures of the views of a coded picture, uint8 [height, width, 3], the leftmost first.
 
     Sub-pixels that a view owns come through exactly where its picture has the panel's size, and are
     averaged where it is smaller; the rest is filled in.
@@ -275,10 +259,6 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
     image : uint8 [H, W, 3], coded for ``display``.
     count : Number of views; the panel's by default. Others are spread over the same cone.
     width, height : Size of the pictures; the panel's by default.
-
-    Yields
-    ------
-    view : uint8 [height, width, 3].
     """
     check_size(image, display)
     count, width, height = count or display.views, width or display.width, height or display.height

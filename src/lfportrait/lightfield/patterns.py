@@ -192,17 +192,10 @@ PATTERNS: dict[str, Callable[[Display], Paint]] = {
 
 
 def pattern(display: Display, kind: str = "views") -> UInt8:
-    """A test picture coded for a panel.
+    """A test picture coded for a panel, uint8 [H, W, 3].
 
-    Parameters
-    ----------
-    kind : ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``:
-        order of the sub-pixels; ``"depth"``: grids at five depths. What to look for is
-        described above.
-
-    Returns
-    -------
-    image : uint8 [H, W, 3].
+    ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``: order of
+    the sub-pixels; ``"depth"``: grids at five depths. What to look for is described above.
     """
     if kind not in PATTERNS:
         raise UserError(f"there is no pattern {kind!r}; choose {', '.join(PATTERNS)}")

@@ -224,19 +224,10 @@ def _inside(path: Path, thorough: bool) -> Iterator[QuiltHint]:
 
 def layout_of_file(path: Path, display: Display | None = None, *,
                    asked: QuiltHint | None = None) -> QuiltLayout | None:
-    """The layout of a quilt by its name, its side file or its metadata, in this order.
+    """The layout of a quilt by its name, its side file or its metadata, in this order; or None.
 
-    If they contradict each other, the first counts, and a warning says so.
-
-    Parameters
-    ----------
-    path : The quilt, a picture or a video.
-    display : Its aspect is taken where only columns and rows are given.
-    asked : What the user says; it comes first.
-
-    Returns
-    -------
-    layout : None if nothing gives it.
+    If they contradict each other, the first counts, and a warning says so. What the user ``asked``
+    comes first; the display's aspect is taken where only columns and rows are given.
     """
     hints = [hint for hint in (asked, QuiltHint.of_name(path.name)) if hint is not None]
     hints += _beside(path)

@@ -62,12 +62,9 @@ class TexturedMesh:
 
 
 def bake_texture(field: VoxelField, mesh: Mesh) -> TexturedMesh:
-    """Unwrap a mesh of a field and paint its picture.
+    """Unwrap a mesh (`lfportrait.field.field_mesh`) of a field in the portrait frame, and paint it.
 
-    Parameters
-    ----------
-    field : In the portrait frame.
-    mesh : Of the field (`lfportrait.field.field_mesh`), with less than 5 million faces.
+    It has less than 5 million faces.
     """
     atlas = _atlas(field)
     chart = _charts(field, atlas, mesh)
@@ -154,17 +151,9 @@ def _filled(atlas: Atlas) -> UInt8:
 
 
 def _pieces(colors: UInt8, width: int) -> tuple[UInt8, Float32]:
-    """Pieces of picture for faces that no chart shows.
+    """Pieces of picture for faces that no chart shows, by their corners' colors uint8 [K, 3, 3].
 
-    Parameters
-    ----------
-    colors : uint8 [K, 3, 3], of their corners.
-    width : Of the picture.
-
-    Returns
-    -------
-    picture : uint8 [H, width, 3].
-    places : float32 [K, 3, 2], the corners' places in it.
+    uint8 [H, width, 3], and float32 [K, 3, 2], the corners' places in it.
     """
     across = width // PIECE
     number = np.arange(len(colors))
@@ -286,14 +275,12 @@ def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32,
 
 def write_textured_obj(path: Path, place: Float32, normals: Float32,
                        mesh: TexturedMesh) -> list[Path]:
-    """A mesh with a picture: ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``.
+    """A mesh with a picture.
+
+    ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``, which are returned.
 
     The names of the material and of the picture stand in the files, in plain letters
-    (`plain_stem`).
-
-    Returns
-    -------
-    paths : Of the files; the mesh, which names the others, is written last.
+    (`plain_stem`). The mesh, which names the others, is written last.
     """
     stem = plain_stem(path.stem)
     material, picture = path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}_texture.png")

@@ -63,10 +63,7 @@ def good_cone(field: VoxelField, cone: float) -> float:
 def sweep_degrees(frames: int, cone: float) -> Float64:
     """Yaw of each frame of a sweep there and back: slow at the ends, without a seam in a loop.
 
-    Parameters
-    ----------
-    frames : Number of frames of one loop.
-    cone : Full width in degrees: the yaw runs 0, +cone/2, 0, -cone/2, 0.
+    Over the full width ``cone`` in degrees it runs 0, +cone/2, 0, -cone/2, 0.
     """
     return 0.5 * cone * np.sin(2.0 * np.pi * np.arange(frames) / frames)
 
@@ -157,10 +154,7 @@ _TICK = 10
 def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:
     """The cameras of a loop, from above the middle to the head's left side and on.
 
-    Parameters
-    ----------
-    config : Frames, size and the ellipse's radii.
-    field : Whose extent to frame, and which may limit the turn (`VoxelField.cone`).
+    The field's extent is framed, and it may limit the turn (`VoxelField.cone`).
     """
     share = np.arange(config.frames) / config.frames
     wide = good_cone(field, 2 * config.sway)
@@ -188,16 +182,7 @@ def _frames(field: VoxelField, config: LoopConfig, context: ExportContext,
 
 def write_loop(field: VoxelField, path: Path, config: LoopConfig,
                context: ExportContext) -> dict[str, Any]:
-    """Write a loop as MP4, GIF or WebP, by the file's name.
-
-    Parameters
-    ----------
-    field, path, config, context : As `lfportrait.share.Export.write` has them.
-
-    Returns
-    -------
-    figures : ``frames``.
-    """
+    """Write a loop as MP4, GIF or WebP, by the file's name (`lfportrait.share.Export.write`)."""
     frames = _frames(field, config, context)
     if path.suffix.lower() == ".mp4":
         return {"frames": write_video(path, frames, config.fps, quality=20)}

@@ -209,13 +209,9 @@ def _section(section: Section) -> str:
 
 
 def write_report(path: str | Path, report: Report) -> None:
-    """Write a report as one self-contained HTML file.
+    """Write a report as one self-contained HTML file; it appears when it is complete.
 
-    Parameters
-    ----------
-    path : ``report.html``; it appears when it is complete.
-    report : What to show. Texts are escaped; sections without content, and files that don't
-        exist, are left out.
+    Texts are escaped; sections without content, and files that don't exist, are left out.
     """
     sections = [section for section in report.sections if not section.empty()]
     links = "".join(f'<a href="#{_anchor(section.title)}">{html.escape(section.title)}</a>'

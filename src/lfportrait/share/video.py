@@ -233,15 +233,9 @@ class SequenceConfig:
 
 def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
                sequence: SequenceConfig) -> Iterator[UInt8]:
-    """Frames of a sequence, coded one at a time.
+    """Frames of a sequence, uint8 [H, W, 3] as the viewer sees the panel, coded one at a time.
 
-    Parameters
-    ----------
-    field, display, config : As for `encode`; ``config`` is the beginning of the motion.
-
-    Yields
-    ------
-    image : uint8 [H, W, 3], as the viewer sees the panel.
+    ``config`` is the beginning of the motion.
     """
     mask = ViewMask.build(display)
     for frame in range(sequence.frames):
@@ -296,18 +290,12 @@ def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
 def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
                    sequence: SequenceConfig, out: str | Path,
                    step: Callable[[], None] = lambda: None) -> dict[str, Any]:
-    """Write a moving light field as a video or as a folder of pictures.
+    """Write a moving light field (`each_frame`) as a video or as a folder of pictures.
 
-    Parameters
-    ----------
-    field, display, config, sequence : As for `each_frame`.
-    out : ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is complete; a name
-        without a suffix: a folder of PNG files, which is resumed if some of them exist.
-    step : Called after each frame.
-
-    Returns
-    -------
-    figures : ``frames``: their number; ``kept``: how many of them were there.
+    Returns ``frames``: their number; ``kept``: how many of them were there. ``step`` is called
+    after each frame. ``out`` is ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is
+    complete; or a name without a suffix: a folder of PNG files, which is resumed if some of them
+    exist.
     """
     out = Path(out)
     if sequence.frames < 1:

@@ -72,10 +72,7 @@ def bench_jobs(captures: Sequence[Path] = (), *, style: str = "fauve", display: 
     Parameters
     ----------
     captures : Folders of photos, videos or data sets; by default the demo's built-in head.
-    style, display : As for ``lfportrait make``.
     repeats : Runs of each job; the one with the median of the total seconds is reported.
-    device : Where to compute, a choice of ``--device``.
-    seed : Seed of all random choices.
     run : Runs a command.
 
     Returns
@@ -83,14 +80,13 @@ def bench_jobs(captures: Sequence[Path] = (), *, style: str = "fauve", display: 
     figures : ``jobs``: by name, the figures of each job that was made. ``seconds`` has its
         ``total`` (of the whole process), the stages', and those ``outside`` of the stages;
         ``core_seconds`` and ``cores_in_use`` (the former by the seconds) are of the process and
-        those it started; ``stages`` has the same of each stage and each of its ``steps`` (of
-        its process alone, None where unknown); ``first_look_seconds`` (None where the job tells
-        none), ``peak_memory_bytes``, ``folder_bytes``, ``files`` (bytes of each file and
-        folder, the largest first), ``photos``, ``given_photos`` (None for data sets), ``psnr``
-        of the held-out photos, ``compiled`` (whether a stage had to compile kernels),
-        ``device``, ``totals`` (the total seconds of all runs). ``failed``: by name, why a job
-        failed. Also ``repeats``, ``vectors``, ``machine``, and ``device`` and
-        ``peak_memory_bytes`` of all jobs.
+        those it started; ``stages`` has the same of each stage and each of its ``steps`` (of its
+        process alone, None where unknown); ``first_look_seconds`` (None where the job tells none),
+        ``peak_memory_bytes``, ``folder_bytes``, ``files`` (bytes of each file and folder, the
+        largest first), ``photos``, ``given_photos`` (None for data sets), ``psnr`` of the held-out
+        photos, ``compiled`` (whether a stage had to compile kernels), ``device``, ``totals`` (the
+        total seconds of all runs). ``failed``: by name, why a job failed. Also ``repeats``,
+        ``vectors``, ``machine``, and ``device`` and ``peak_memory_bytes`` of all jobs.
     """
     if repeats < 1:
         raise UserError(f"--repeat is {repeats}; it must be at least 1")

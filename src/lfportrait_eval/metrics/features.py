@@ -64,10 +64,8 @@ def style_distance(pictures: Sequence[UInt8], exemplar: Sequence[UInt8],
                    device: str = "auto") -> dict[str, Any]:
     """FID of 64, 192 and 768 dimensions and KID-768 between two sets of pictures (or crops).
 
-    Returns
-    -------
-    figures : ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see
-        the module for what these are, and are not.
+    ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see the module
+    for what these are, and are not.
     """
     ours, theirs = (inception_features(those, device=device) for those in (pictures, exemplar))
     figures: dict[str, Any] = {f"fid_{name}": frechet_distance(ours[name], theirs[name])
@@ -78,19 +76,11 @@ def style_distance(pictures: Sequence[UInt8], exemplar: Sequence[UInt8],
 
 def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None,
                      network: str = "auto", device: str = "auto") -> float:
-    """Mean squared distance of unit-length features of two pictures.
+    """Mean squared distance of unit-length features of two pictures, float [H, W, 3] in [0, 1].
 
-    Parameters
-    ----------
-    a, b : float [H, W, 3] in [0, 1].
-    mask : bool [H, W], the pixels that count.
-    network : Name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand,
-        else the embedded network.
-    device : Where the network computes, a choice of ``--device``.
-
-    Returns
-    -------
-    distance : 0 (equal) to 4, mean over the layers.
+    0 (equal) to 4, mean over the layers. Pixels of ``mask`` bool [H, W] count. ``network`` is a
+    name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand, else the
+    embedded one.
     """
     import torch
 
@@ -259,18 +249,10 @@ class _Inception:
 
 def inception_features(pictures: Iterable[UInt8], batch: int = 8, *,
                        full: bool = False, device: str = "auto") -> Features:
-    """Pooled features of the FID network.
+    """Pooled features of the FID network: ``"64"``, ``"192"``, ``"768"``; float64 [N, 64] etc.
 
-    Parameters
-    ----------
-    pictures : uint8 [H, W, 3] each; resized to 299 x 299 (bilinear).
-    batch : Pictures at once.
-    full : Also the features of 2048 dimensions, after the last block (the usual FID).
-    device : Where the network computes, a choice of ``--device``.
-
-    Returns
-    -------
-    features : ``"64"``, ``"192"``, ``"768"``, and ``"2048"``: float64 [N, 64] and so on.
+    Pictures uint8 [H, W, 3] are resized to 299 x 299 (bilinear). ``full``: also those of 2048
+    dimensions, after the last block (the usual FID).
     """
     import torch
 
@@ -303,12 +285,8 @@ def spread_crops(pictures: list[UInt8], masks: list[Bool], size: int,
                  count: int, seed: int) -> list[UInt8]:
     """Square crops whose middles lie where the masks are set, spread evenly over the pictures.
 
-    Parameters
-    ----------
-    pictures, masks : uint8 [H, W, 3] and bool [H, W] each.
-    size : Side in pixels; a smaller picture gives smaller crops.
-    count : How many; fewer where a mask is empty.
-    seed : Of their places.
+    Pictures are uint8 [H, W, 3], masks bool [H, W] each; ``size`` is a side in pixels: a smaller
+    picture gives smaller crops. There are ``count``; fewer where a mask is empty.
     """
     generator = np.random.default_rng(seed)
     crops = []
@@ -387,18 +365,9 @@ _BACKBONES: dict[Backbone, Callable[[Weights, Any], list[Any]]] = {
 
 def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
           network: Backbone = "vgg", device: str = "auto") -> float:
-    """LPIPS v0.1 of two pictures.
+    """LPIPS v0.1 of two pictures, float [H, W, 3] in [0, 1], at least 32 pixels wide and high.
 
-    Parameters
-    ----------
-    a, b : float [H, W, 3] in [0, 1], at least 32 pixels wide and high.
-    mask : bool [H, W], the pixels that count; all by default.
-    network : Whose features.
-    device : Where the network computes, a choice of ``--device``.
-
-    Returns
-    -------
-    distance : 0 for equal pictures, about 0.7 for unlike ones. NaN where the mask is empty.
+    0 for equal pictures, about 0.7 for unlike ones. NaN where the mask, bool [H, W], is empty.
     """
     import torch
 

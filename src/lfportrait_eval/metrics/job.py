@@ -47,26 +47,22 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     ----------
     field, styled : The real and the stylised field (same densities).
     exemplar : The painting; without it the distances to the style are left out.
-    cone : Width in degrees of the arc for consistency; identity is measured from -45 to +45.
-    views : Views on that arc.
-    size : Width and height of the renders in pixels.
+    cone, views, size : Width in degrees of the arc for consistency, views on it, and width and
+        height of the renders in pixels; identity is measured from -45 to +45.
     crops : Crops of renders and exemplar compared by Inception features.
-    seed : Seed of the samples.
-    labels : Regions of the rows, for repeats; by default those that ``styled`` carries, if it
-        does.
+    labels : Regions of the rows, for repeats; by default those that ``styled`` carries, if it does.
     landmarks : [68, 3] in space, for the size of the face in the views for repeats.
     wanted : What was painted, seen in a view, for the sharpness.
     close : Width and height in pixels of the renders for repeats and sharpness.
-    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures : ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the
-        face detector is at hand), ``content`` (feature distance of stylised and real views;
-        LPIPS, too, if its networks are at hand), ``style`` (if an exemplar is given),
-        ``repeats`` (`region_repeats` at the ends and the middle of the arc, in profile and from
-        behind; needs an exemplar and labels), ``sharpness`` (of the views at the ends and in
-        the middle, and their ``mean``; needs ``wanted``). What could not be measured is None.
+    figures : ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the face
+        detector is at hand), ``content`` (feature distance of stylised and real views; LPIPS, too,
+        if its networks are at hand), ``style`` (if an exemplar is given), ``repeats``
+        (`region_repeats` at the ends and the middle of the arc, in profile and from behind; needs
+        an exemplar and labels), ``sharpness`` (of the views at the ends and in the middle, and
+        their ``mean``; needs ``wanted``). What could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -109,17 +105,7 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
 
 
 def landmarks_kept(field: VoxelField, styled: VoxelField, size: int = 384) -> dict[str, float]:
-    """Landmarks kept from -45 to +45 degrees, by the registry's detector.
-
-    Parameters
-    ----------
-    field, styled : The real and the stylised field.
-    size : Width and height of the views in pixels.
-
-    Returns
-    -------
-    figures : See `lfportrait_eval.metrics.identity`.
-    """
+    """Landmarks kept from -45 to +45 degrees, by the registry's detector: figures of `identity`."""
     from lfportrait.face import detect_landmarks
 
     degrees = np.linspace(-45.0, 45.0, 7)
@@ -166,18 +152,10 @@ def _style(painted: Pictures, masks: list[Bool], exemplar: Exemplar, crops: int,
 
 def evaluate_job(job: str | Path, exemplar: Exemplar | None = None, *,
                  progress: Progress | None = None, **options: Any) -> dict[str, Any]:
-    """Measure a finished job.
+    """Measure a finished job, the folder that `lfportrait make` or `demo` wrote.
 
-    Parameters
-    ----------
-    job : Folder that `lfportrait make` or `demo` wrote.
-    exemplar : The job's exemplar, for the distances to the style.
-    options : Passed on to `evaluate_field`.
-
-    Returns
-    -------
-    figures : Those of `evaluate_field`, and ``test``: PSNR and SSIM of the held-out views of the
-        real field.
+    Figures of `evaluate_field`, which is given the options, and ``test``: PSNR and SSIM of the
+    held-out views of the real field.
     """
     job = Path(job)
     for name in ("capture", "field.npz", "styled.npz"):

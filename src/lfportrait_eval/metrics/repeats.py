@@ -93,20 +93,12 @@ def luma(picture: NDArray[Any]) -> Float32:
 
 def masked_autocorrelation(values: NDArray[Any], mask: Bool, *,
                            least: float = LEAST_CONTRAST) -> tuple[Float32, Int64]:
-    """Correlation of a region's values with themselves at every lag.
+    """Correlation of a region's values [H, W] with themselves at every lag.
 
-    Parameters
-    ----------
-    values : float [H, W]; what is outside the mask does not count.
-    mask : bool [H, W].
-    least : Standard deviation that is added, squared, to the variances of both sides.
-
-    Returns
-    -------
-    correlation : float32 [2 H - 1, 2 W - 1] in [-1, 1], lag zero in the middle: the correlation
-        coefficient of ``values[p]`` and ``values[p + lag]`` over the p with both in the mask; 0
-        without any.
-    common : int64, the same shape: how many there are.
+    float32 [2 H - 1, 2 W - 1] in [-1, 1], lag zero in the middle: the correlation coefficient of
+    ``values[p]`` and ``values[p + lag]`` over the p with both in the mask, and int64 of the same
+    shape, how many there are; 0 without any. ``least`` is a standard deviation that is added,
+    squared, to the variances of both sides.
     """
     height, width = mask.shape
     shape = [fft.next_fast_len(2 * side - 1, real=True) for side in (height, width)]
@@ -162,6 +154,9 @@ def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
                      overlap: float = 0.25) -> Repeat:
     """The highest peak of a region's autocorrelation away from zero, and where it is.
 
+    Its peak is 0 where no lag but the lobe's overlaps enough, NaN where the mask is empty. Raises
+    `ValueError` if picture and mask differ in size, or the unit or the overlap is out of range.
+
     Parameters
     ----------
     picture : [H, W, 3], uint8 or float in [0, 1].
@@ -169,15 +164,6 @@ def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
     unit : Size of the face in pixels (`lfportrait.example.face_size`), > 0.
     overlap : Least share in (0, 1] of the region that must lie in the region again when it is
         moved.
-
-    Returns
-    -------
-    repeat : See `Repeat`. Its peak is 0 where no lag but the lobe's overlaps enough, NaN where
-        the mask is empty.
-
-    Raises
-    ------
-    ValueError : If picture and mask differ in size, or the unit or the overlap is out of range.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
@@ -221,16 +207,10 @@ def repeats(picture: NDArray[Any], mask: Bool, unit: float, *,
 def over_exemplar(ours: Repeat, theirs: Repeat) -> float:
     """How much a region repeats itself, over how much the exemplar does in the same material.
 
-    Parameters
-    ----------
-    ours, theirs : Of the region, and of the exemplar's, at the same size of the face.
-
-    Returns
-    -------
-    ratio : About 1 where the picture repeats itself no more than the exemplar does; NaN where
-        one of the regions is empty. The exemplar's peak is taken to be at least `LEAST_PEAK`
-        and at least what chance gives in the picture's region: a plain exemplar, or one with a
-        larger region under finer strokes, does not make a repeat of what is none.
+    About 1 where the picture repeats itself no more than the exemplar does at the same size of the
+    face; NaN where one of the regions is empty. The exemplar's peak is taken to be at least
+    `LEAST_PEAK` and at least what chance gives in the picture's region: a plain exemplar, or one
+    with a larger region under finer strokes, does not make a repeat of what is none.
     """
     if np.isnan(ours.peak) or np.isnan(theirs.peak):
         return float("nan")
@@ -279,19 +259,11 @@ class RowLabels:
 
     def masks(self, field: VoxelField, cameras: Camera, names: Sequence[str],
               margin: float = 0.0) -> list[Masks]:
-        """Where the regions are seen in some views.
+        """Where the regions are seen in some views: for each a bool [H, W] by region.
 
-        Parameters
-        ----------
-        field : A field whose rows these are.
-        cameras : V views.
-        names : Regions that are wanted; those without labels are left out.
-        margin : Pixels that a region keeps from its borders and from the head's silhouette.
-
-        Returns
-        -------
-        masks : For each view a bool [H, W] by region: pixels of the head (opacity over 0.5) that
-            lie in it by more than half.
+        They are pixels of the head (opacity over 0.5) that lie in it by more than half. Of the
+        regions wanted, those without labels are left out; a region keeps ``margin`` pixels from its
+        borders and from the head's silhouette.
         """
         if len(self.weights) != len(field.density):
             raise ValueError(f"labels of {len(self.weights)} rows are not those of a field of "
@@ -331,18 +303,10 @@ def _eroded(mask: Bool, margin: float) -> Bool:
 
 def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
                      margin: float = 0.0) -> tuple[UInt8, Masks]:
-    """An exemplar resized to a face of ``unit`` pixels, and its regions.
+    """An exemplar uint8 [h, w, 3], resized to a face of ``unit`` pixels; its regions, bool [h, w].
 
-    Parameters
-    ----------
-    unit : Wanted size of its face in pixels (`Exemplar.size`).
-    names : Regions of `lfportrait.example.PICTURE_LABELS`; others are left out.
-    margin : Pixels that a region keeps from its borders.
-
-    Returns
-    -------
-    picture : uint8 [h, w, 3].
-    masks : bool [h, w] by region.
+    Of the regions wanted, others than `lfportrait.example.PICTURE_LABELS` are left out; one keeps
+    ``margin`` pixels from its borders.
     """
     labels = exemplar.regions().labels()
     height, width = exemplar.image.shape[:2]
@@ -364,20 +328,16 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
                    ) -> dict[str, dict[str, Any]]:
     """Repetition of paint in a stylised field, per region.
 
+    By region: ``views`` (the peak of `strongest_repeat` by yaw), ``exemplar`` (its own peak at the
+    same scale), ``chance`` (of the worst view) and ``ratio``, the worst view's peak over that of
+    the exemplar (`over_exemplar`). NaN where a view or the exemplar shows less than `LEAST_AREA` of
+    the region; the ratio is then over chance alone.
+
     Parameters
     ----------
-    labels : Of the field's rows.
-    names : Regions to measure; ``body`` is neck, shoulders and clothes.
-    degrees : Yaws of the views.
-    size : Width and height of the views in pixels.
+    labels, names : Of the field's rows; ``body`` is neck, shoulders and clothes.
+    degrees, size : Yaws of the views, and their width and height in pixels.
     landmarks : [68, 3] in space, for the size of the face; see `face_unit`.
-
-    Returns
-    -------
-    figures : By region: ``views`` (the peak of `strongest_repeat` by yaw), ``exemplar`` (its own
-        peak at the same scale), ``chance`` (of the worst view) and ``ratio``, the worst view's
-        peak over that of the exemplar (`over_exemplar`). NaN where a view or the exemplar shows
-        less than `LEAST_AREA` of the region; the ratio is then over chance alone.
     """
     unit = face_unit(styled, size, landmarks)
     cameras = arc_cameras(styled, degrees, size)
@@ -416,21 +376,12 @@ def _energy(plane: Float32, counts: Bool) -> float:
 
 
 def gradient_energy(picture: NDArray[Any], mask: Bool) -> float:
-    """Mean squared gradient of a picture's luma over a mask.
+    """Mean squared gradient of a picture's luma over a mask bool [H, W] of the same size.
 
-    Parameters
-    ----------
-    picture : [H, W, 3], uint8 or float in [0, 1]; NaN where it is unknown.
-    mask : bool [H, W], the pixels that count. A silhouette inside it counts as detail: erode it.
-
-    Returns
-    -------
-    energy : Luma squared per pixel squared, >= 0, by forward differences: of each pixel that is
-        known and in the mask together with those to its right and below. NaN without any.
-
-    Raises
-    ------
-    ValueError : If picture and mask differ in size.
+    Luma squared per pixel squared, >= 0, by forward differences: of each pixel that is known and in
+    the mask together with those to its right and below. NaN without any. The picture [H, W, 3] is
+    uint8 or float in [0, 1]; NaN where it is unknown. A silhouette inside the mask counts as
+    detail: erode it.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
@@ -442,24 +393,18 @@ def sharpness(rendered: NDArray[Any], wanted: NDArray[Any], mask: Bool, *,
               margin: int = 3) -> float:
     """Gradient energy of a rendered view over that of what was painted, seen in the same view.
 
+    >= 0; 1 where both are equally sharp. NaN where nothing is left to compare, or where ``wanted``
+    is flat. Raises `ValueError` if the pictures and the mask differ in size.
+
     Parameters
     ----------
     rendered : [H, W, 3], uint8 or float in [0, 1].
-    wanted : [H, W, 3], what was painted; NaN where it is unknown. Its values beside the head
-        don't matter.
+    wanted : [H, W, 3], what was painted; NaN where it is unknown. Its values beside the head don't
+        matter.
     mask : bool [H, W], the head.
     margin : Pixels that the mask is eroded by, so that no silhouette counts. Holes of ``wanted``
         are not widened: only differences between known pixels count, the same ones in both
         pictures.
-
-    Returns
-    -------
-    ratio : >= 0; 1 where both are equally sharp. NaN where nothing is left to compare, or where
-        ``wanted`` is flat.
-
-    Raises
-    ------
-    ValueError : If the pictures and the mask differ in size.
     """
     if not rendered.shape[:2] == wanted.shape[:2] == mask.shape:
         raise ValueError(f"pictures {rendered.shape} and {wanted.shape} and a mask {mask.shape} "

@@ -91,12 +91,9 @@ class StudyConfig:
 
 
 def questions_of(choice: str) -> tuple[Question, ...]:
-    """The questions of a choice.
+    """The questions of ``"all"``, ``"paper"`` or a text file.
 
-    Parameters
-    ----------
-    choice : ``"all"``, ``"paper"`` or a text file, one ``name: text`` a line; ``#`` begins a
-        comment.
+    It has one ``name: text`` a line; ``#`` begins a comment.
     """
     if choice in ("all", "paper"):
         return QUESTIONS if choice == "all" else QUESTIONS[:1]
@@ -234,18 +231,15 @@ def _named(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def entries_of(jobs: Sequence[str], pictures: Sequence[Path] = ()) -> list[Entry]:
-    """Find the portraits that are compared.
+    """Find the portraits that are compared, in order of sitter, style and method.
+
+    Those of one sitter and style have the same painting and photo.
 
     Parameters
     ----------
     jobs : Folders that `lfportrait make` or `demo` wrote, and videos; ``METHOD=PATH`` or
         ``METHOD:SITTER:STYLE=PATH`` says what a portrait is called.
     pictures : Paintings and photos, by the names of styles and sitters.
-
-    Returns
-    -------
-    entries : In order of sitter, style and method. Those of one sitter and style have the same
-        painting and photo.
     """
     entries = _named([_entry(word) for word in jobs])
     extra = {path.stem: _on_white(read_image(path)) for path in pictures}
@@ -293,15 +287,8 @@ Sheet = tuple[tuple[int, bool], ...]
 def pairs_of(entries: Sequence[Entry], seed: int = 0) -> list[Pair]:
     """All pairs of methods of each sitter and style, pairs of methods taking turns.
 
-    Parameters
-    ----------
-    entries : The portraits.
-    seed : Seed of the order of sitters and styles.
-
-    Returns
-    -------
-    pairs : In an order of which any stretch has the pairs of methods equally often, up to one,
-        if each sitter and style has all methods.
+    In an order of which any stretch has the pairs of methods equally often, up to one, if each
+    sitter and style has all methods; ``seed`` is that of sitters and styles.
     """
     generator = np.random.default_rng(seed)
     groups: dict[tuple[str, str], list[int]] = {}
@@ -349,16 +336,9 @@ def _swapped(edges: Sequence[tuple[str, str]]) -> list[bool]:
 
 
 def sheets_of(pairs: Sequence[Pair], pairs_per_person: int = 0) -> list[Sheet]:
-    """The sheets of a study.
+    """The sheets of a study with so many pairs (0 for all) a person.
 
-    Parameters
-    ----------
-    pairs : Those of `pairs_of`.
-    pairs_per_person : Pairs on one sheet; 0 for all.
-
-    Returns
-    -------
-    sheets : Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
+    Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
     """
     if not 0 <= pairs_per_person <= len(pairs):
         raise UserError(f"--pairs-per-person must be 1 to {len(pairs)}, the number of pairs, or 0 "
@@ -452,21 +432,22 @@ def _streams(files: dict[str, bytes]) -> str:
 
 def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None = None, *,
                 seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
-    """Write the page of a user study.
+    """Write the page of a user study of the portraits that `entries_of` finds.
+
+    An older study in the folder is not overwritten: answers to it would be lost.
 
     Parameters
     ----------
-    jobs : What is compared: see `entries_of`.
-    out : Folder for ``index.html`` (opens offline), ``study.json`` and, where the videos are
-        large, ``media/``.
+    out : Folder for ``index.html`` (opens offline), ``study.json`` and, where the videos are large,
+        ``media/``.
     config : Questions, pairs and looks.
     seed : Seed of the order in which pairs are dealt out.
 
     Returns
     -------
     figures : ``study`` (its name), ``methods``, ``groups`` of sitter and style, ``pairs``,
-        ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of
-        the ``media`` beside it.
+        ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of the
+        ``media`` beside it.
     """
     config, out = config or StudyConfig(), Path(out)
     questions = questions_of(config.questions)
@@ -572,13 +553,7 @@ def clip_of(path: Path) -> Clip:
 
 
 def picture_bytes(image: UInt8, longest: int = 640) -> bytes:
-    """A picture as WebP, its longer side at most ``longest`` pixels.
-
-    Parameters
-    ----------
-    image : uint8 [H, W, 3].
-    longest : Length in pixels.
-    """
+    """A picture uint8 [H, W, 3] as WebP, its longer side at most ``longest`` pixels."""
     picture = Image.fromarray(image)
     picture.thumbnail((longest, longest), Image.Resampling.LANCZOS)
     buffer = io.BytesIO()

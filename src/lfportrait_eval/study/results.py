@@ -142,20 +142,10 @@ def _csv(rows: Sequence[dict[str, Any]], columns: Sequence[str]) -> str:
 
 def write_results(files: Sequence[str | Path], out: str | Path, *, study: Path | None = None,
                   seed: int = 0) -> dict[str, Any]:
-    """Evaluate the answers to a study.
+    """Evaluate the answers to a study; figures of `analyse`, and ``left_out``, as `read_answers`.
 
-    Parameters
-    ----------
-    files : Answer files.
-    out : Folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
-        ``preferences.svg`` and ``ranking.svg``.
-    study : The study's ``study.json``, or its folder, to check the answers against.
-    seed : Seed of the bootstrap.
-
-    Returns
-    -------
-    figures : Those of `analyse`, and ``left_out``: files that can't be used, each with the
-        ``reason``.
+    ``out`` is a folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
+    ``preferences.svg`` and ``ranking.svg``.
     """
     people, left_out = read_answers([Path(file) for file in files], study)
     figures = analyse(people, seed)
@@ -181,10 +171,7 @@ _ROW, _LETTER = 26, 7.2
 class Row:
     """One value.
 
-    Attributes
-    ----------
-    label, note : What stands on the left and on the right of it.
-    value, low, high : The dot, and the ends of the line.
+    the dot, the ends of its line, and what stands on the left and on the right of it.
     """
 
     label: str
@@ -212,20 +199,10 @@ def _text(x: float, y: float, text: str, anchor: str = "start", color: str = _IN
 def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, across: str,
                    reference: float, span: tuple[float, float] | None = None,
                    width: int = 860) -> str:
-    """Draw groups of values with their intervals.
+    """Draw groups of values, a heading and rows each, with their intervals, as SVG text.
 
-    Parameters
-    ----------
-    groups : Heading and rows of each; at least one row in all.
-    title : What the drawing shows.
-    across : What the axis shows.
-    reference : Where a line marks no difference.
-    span : Ends of the axis; by default what the intervals need.
-    width : Width of the drawing in pixels.
-
-    Returns
-    -------
-    svg : The drawing as text.
+    ``across`` says what the axis shows, from end to end of ``span`` (by default what the intervals
+    need); a line marks no difference at ``reference``.
     """
     rows = [row for _, members in groups for row in members]
     if span is None:

@@ -159,19 +159,15 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
                     paintings: dict[str, UInt8] | None) -> dict[str, Any]:
     """Write ``tables.md``, ``tables.csv``, ``tables.json`` and, with pictures, ``index.html``.
 
+    Returns the figures of ``tables.json``.
+
     Parameters
     ----------
-    out : Folder.
     facts : What the run was: sizes, seed, machine, sitters, styles, methods.
     cells, floors : What was measured.
-    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are
-        none.
+    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
     failures : Cells that could not be measured.
     paintings : The styles' pictures by name, for the page; None writes none.
-
-    Returns
-    -------
-    figures : Those of ``tables.json``.
     """
     missing = missing_networks()
     rows = spreads(cells, list(facts["methods"]))
@@ -406,13 +402,9 @@ def _chart(name: str, rows: Rows, base: Rows) -> str | None:
 def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], rows: Rows,
                       base: Rows, tables: Sequence[Grid], notes: Sequence[str],
                       paintings: dict[str, UInt8]) -> None:
-    """Write ``index.html``.
+    """Write ``index.html`` of what was measured into the run's folder, which has its pictures.
 
-    Parameters
-    ----------
-    out : Folder of the run, with its pictures.
-    facts, cells, rows, base, tables, notes : What was measured.
-    paintings : The styles' pictures by name.
+    ``paintings`` are the styles' pictures by name.
     """
     sections = [Section("What is compared", "\n\n".join(
         f"{name}: {what}" for name, what in facts["methods"].items()))]

@@ -77,13 +77,7 @@ def distances(device: str = "auto") -> dict[str, Comparison]:
 
 
 class Target:
-    """What a sitter's views in one style are measured against; computed once for all methods.
-
-    Parameters
-    ----------
-    sitter, exemplar : Who, and in whose manner.
-    crops, seed : Number of crops, and of all samples.
-    """
+    """What a sitter's views in one style are measured against; computed once for all methods."""
 
     def __init__(self, sitter: Sitter, exemplar: Exemplar, crops: int, seed: int) -> None:
         self.sitter, self.exemplar, self.crops, self.seed = sitter, exemplar, crops, seed
@@ -156,15 +150,8 @@ def _floats(pictures: list[UInt8]) -> list[Float32]:
 def agreement(views: Views, sitter: Sitter) -> Figures:
     """Consistency of neighbours, of views 7 apart and of the arc's ends; contrast.
 
-    Parameters
-    ----------
-    views : Of a method, or of the real field.
-    sitter : Whose field's depths say what is the same point.
-
-    Returns
-    -------
-    figures : ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``;
-        ``contrast``: gradient energy over the real field's.
+    ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``; ``contrast``:
+    gradient energy over the real field's. The sitter's field's depths say what is the same point.
     """
     arc, painted = sitter.arc, _floats(views.arc)
     rows = consistency(painted, arc.real, arc.cameras, gaps=(1, 7),
@@ -269,11 +256,7 @@ NEAR = (0.5, 1.6)
 def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tuple[int, int]]:
     """Pairs of views whose directions to the head differ by about ``degrees``, nearest first.
 
-    Parameters
-    ----------
-    cameras : V cameras about the origin.
-    degrees : Wanted angle between the two.
-    count : At most so many; no camera is in two pairs, where there are enough.
+    The cameras lie about the origin. At most `PAIRS`; no camera is in two, where there are enough.
     """
     direction = cameras.position / np.linalg.norm(cameras.position, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.clip(direction @ direction.T, -1, 1)))
@@ -299,12 +282,11 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
     ----------
     gaps : Angle in degrees by name (``short``, ``long``).
     size : Width in pixels that the photos are reduced to.
-    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures : By gap ``rmse``, ``normalised``, ``lpips_...`` and ``degrees``, the mean angle of
-        its pairs; None where no two photos are as near.
+    figures : By gap ``rmse``, ``normalised``, ``lpips_...`` and ``degrees``, the mean angle of its
+        pairs; None where no two photos are as near.
     """
     cameras = capture.cameras.scaled(min(size / float(capture.cameras.width.max()), 1.0))
     shots: dict[int, Rendering] = {}

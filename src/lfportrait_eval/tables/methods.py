@@ -258,12 +258,9 @@ class Source:
 
 
 def sources_of(captures: tuple[str, ...], fields: tuple[str, ...] = ()) -> list[Source]:
-    """Sitters from words of the command line.
+    """Sitters from words of the command line: ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
 
-    Parameters
-    ----------
-    captures : ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
-    fields : Field files in the order of the captures, where they are not named there.
+    ``fields`` are field files in the order of the captures, where they are not named there.
     """
     if not captures:
         raise UserError("name the sitters: --capture NAME=CAPTURE[:FIELD] ...")
@@ -296,13 +293,11 @@ class Sitter:
 
     Parameters
     ----------
-    name : Of the sitter.
     field, capture : The real field, and its capture with landmarks.
     file : The field's file, for the skin that is kept beside it.
     pixels : Of the skin per world unit.
-    arc : Its width in degrees, its views, and their pixels a side.
-    close_size : Pixels a side of the close views.
-    device : Where networks compute, a choice of ``--device``.
+    arc, close_size : Its width in degrees, its views, and their pixels a side; those of the close
+        views.
     """
 
     def __init__(self, name: str, field: VoxelField, capture: Capture, file: Path, *,
@@ -392,20 +387,11 @@ def real_views(sitter: Sitter) -> Views:
 def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
                 stylize: StylizeConfig, seed: int, progress: Progress | None,
                 ) -> tuple[Views, dict[str, Any]]:
-    """Paint a sitter by a method.
+    """Paint a sitter by a method of `METHODS`: its views, and figures.
 
-    Parameters
-    ----------
-    method : Of `METHODS`.
-    sitter, exemplar : Who, and in whose manner.
-    sizes, stylize, seed : Parameters.
-    progress : Updated with what is being done.
-
-    Returns
-    -------
-    views, figures : ``device`` of the networks; ``seconds``: ``once`` (what is done for all
-        views), ``view`` (what each view takes on top of it); ``cpu_seconds`` and
-        ``peak_memory_bytes`` of all of it; ``networks``, where there are some.
+    ``device`` of the networks; ``seconds``: ``once`` (what is done for all views), ``view`` (what
+    each view takes on top of it); ``cpu_seconds`` and ``peak_memory_bytes`` of all of it;
+    ``networks``, where there are some.
     """
     if METHODS[method].kind == "field":
         return _by_field(method, sitter, exemplar, sizes, stylize, seed, progress)

@@ -70,13 +70,7 @@ CellName = tuple[str, str, str]
 
 
 class Teller:
-    """The progress of a run.
-
-    Parameters
-    ----------
-    progress : The line that is drawn; None for silence.
-    waiting : Cells that are to be done.
-    """
+    """The progress of a run whose cells ``waiting`` are to be done; it may be silent."""
 
     def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
         self._progress, self._waiting = progress, list(waiting)
@@ -134,21 +128,14 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
                  progress: Progress | None) -> dict[str, Any]:
     """Measure the coding with and without the mask guide, and all methods of transfer.
 
-    Parameters
-    ----------
-    sitter : Whose field is coded.
-    exemplar : The style of the transfers; their photo is the embedded head, 768 x 1024, as the
-        paper's pictures.
-    sizes, size : Of this run; the shortest of some runs counts: ``quick`` codes twice and
-        transfers once.
-    progress : Updated with what is being measured.
+    The photo is the embedded head, 768 x 1024, as the paper's pictures. The shortest of some runs
+    counts: ``quick`` codes twice and transfers once.
 
     Returns
     -------
     figures : ``table_1``: a row by resolution. ``fig_6``: by method of transfer
-        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one
-        picture), and ``whole_seconds``, both for all views that a field is fitted to;
-        ``views``, how many.
+        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one picture),
+        and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
     """
     repeats = 1 if size == "quick" else 3
     # Coding is fast; a single run would measure the machine's noise rather than the mask.
@@ -174,18 +161,13 @@ def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: 
                  config: TablesConfig | None = None, *, open_capture: Opener = Capture.load,
                  seed: int = 0, progress: Progress | None = None,
                  device: str = "auto") -> dict[str, Any]:
-    """Compare methods as in the paper, and write the tables.
+    """Compare methods on sitters (`sources_of`) and styles as in the paper, and write the tables.
 
     Parameters
     ----------
-    sources : The sitters (`sources_of`).
-    exemplars : The styles.
-    out : Folder for ``tables.md``, ``tables.csv``, ``tables.json``, ``index.html``; what was
-        done is kept there, too.
-    config : Methods and sizes.
+    out : Folder for ``tables.md``, ``tables.csv``, ``tables.json``, ``index.html``; what was done
+        is kept there, too.
     open_capture : Makes a capture of what a sitter's source names.
-    seed : Of all random choices.
-    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------

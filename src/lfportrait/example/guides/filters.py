@@ -88,11 +88,8 @@ def grey(image: NDArray[np.generic]) -> Float32:
 def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.0) -> Float32:
     """Grey minus its Gaussian blur (Fig. 4), float32 [H, W] in [-1, 1].
 
-    Parameters
-    ----------
-    image : uint8 or float in [0, 1], [H, W, 3].
-    sigma : Of the blur, in pixels: slower changes of light are taken out.
-    grain : Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
+    Slower changes of light than ``sigma`` pixels are taken out; the guide itself is blurred by
+    ``grain`` pixels. The picture is uint8 or float in [0, 1].
     """
     luma = grey(image)
     out = np.empty_like(luma)
@@ -130,13 +127,10 @@ class Distribution:
 
 def match_histogram(values: Float32, reference: Float32 | Distribution,
                     inside: NDArray[np.generic]) -> Float32:
-    """Map ``values`` so that those ``inside`` are distributed as ``reference`` (Fig. 4 g).
+    """Map values [H, W] in [-1, 1] so that those inside are distributed as a reference (Fig. 4 g).
 
-    Parameters
-    ----------
-    values : float32 [H, W] in [-1, 1].
-    reference : The wanted distribution, or values in [-1, 1] that have it.
-    inside : [H, W]: values where it exceeds one half count; all values are mapped.
+    Values where ``inside`` exceeds one half count; all are mapped. ``reference`` is the wanted
+    distribution, or values that have it.
     """
     if not isinstance(reference, Distribution):
         reference = Distribution.of(reference)
@@ -154,11 +148,8 @@ def skin_distance(colors: NDArray[np.floating], face: Bool,
                   light: float = 0.4) -> Float32:
     """How far colors are from those of the face, in standard deviations, float32 [...].
 
-    Parameters
-    ----------
-    colors : float [..., 3], sRGB in [0, 1].
-    face : bool [...], skin of the face.
-    light : How much light and shade count against hue and chroma.
+    Colors [..., 3] are sRGB in [0, 1], ``face`` bool [...] is its skin; ``light`` is how much light
+    and shade count against hue and chroma.
     """
     from skimage.color import rgb2lab
 

@@ -42,19 +42,13 @@ def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, i
 
     Where the exemplar has background it stays where it is. Beyond, whole pieces of it lie side by
     side, each from about its own height; what is not background in them comes from smaller pieces.
+    Returns float32 [H, W, 2], (x, y), and int64 [H], the row of the exemplar that is as high.
 
     Parameters
     ----------
-    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a
-        whole.
+    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a whole.
     middle : Place (x, y) between its eyes, which the ground's middle lies behind.
     shape, side : Of the ground, and of a piece.
-    rng : Chooses pieces.
-
-    Returns
-    -------
-    start : float32 [H, W, 2], (x, y).
-    level : int64 [H], row of the exemplar that is as high.
     """
     rows, columns = np.nonzero(inside if inside.any() else there)
     left, top = (round(float(v)) for v in middle - np.array(shape[::-1]) / 2)
@@ -165,17 +159,9 @@ class GroundSize:
 
 def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
                    ) -> tuple[UInt8, float]:
-    """Paint the ground behind a head.
+    """The ground behind a head, uint8 [h, w, 3], and its pixels per world unit.
 
-    Parameters
-    ----------
-    size : How large.
-    seed : Of all random choices.
-
-    Returns
-    -------
-    picture, pixels : uint8 [h, w, 3], its middle level with the eyes, and its pixels per world
-        unit.
+    Its middle is level with the eyes.
     """
     size = size or GroundSize()
     regions = exemplar.regions()
@@ -199,12 +185,7 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
 
 def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
                  ) -> tuple[UInt8, float, Float64]:
-    """`painted_ground` and `lit_side`, from the user's cache where they have been found before.
-
-    Returns
-    -------
-    picture, pixels, light : As there.
-    """
+    """`painted_ground` and `lit_side`, from the user's cache where they have been found before."""
     size = size or GroundSize()
 
     def find() -> dict[str, NDArray[Any]]:

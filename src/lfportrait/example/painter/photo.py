@@ -72,18 +72,10 @@ FEW = 100
 
 
 def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Float32:
-    """A painted picture whose clothes have at least the photo's light and shade.
+    """A painted picture whose clothes have at least the photo's light and shade, [H, W, 3].
 
-    Parameters
-    ----------
-    color : float32 [H, W, 3] in [0, 1], the painted picture.
-    luma : float32 [H, W] in [0, 1], of the photo.
-    worn : float32 [H, W] in [0, 1], how far it shows clothes.
-    size : Of the face in pixels.
-
-    Returns
-    -------
-    float32 [H, W, 3] in [0, 1]; the same array where nothing is worn.
+    The same array where nothing is worn. ``luma`` is the photo's, ``worn`` how far it shows
+    clothes, float32 [H, W] in [0, 1]; ``size`` is the face's in pixels.
     """
     rows, columns = (np.flatnonzero((worn > 0.02).any(axis=axis)) for axis in (1, 0))
     if (worn > 0.5).sum() < FEW:
@@ -146,14 +138,7 @@ CHUNK = 1.0
 
 
 class PhotoPatches:
-    """One exemplar prepared for refining photos.
-
-    Parameters
-    ----------
-    exemplar, regions, labels : The painting, its regions, and its labels uint8 [h, w,
-        len(PICTURE_LABELS)].
-    seed : Of the search.
-    """
+    """One exemplar with its regions and labels, prepared for refining photos."""
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8,
                  seed: int = 0) -> None:
@@ -184,7 +169,9 @@ class PhotoPatches:
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
                result: TransferResult, scale: float, turned: bool = False) -> Float32:
-        """Lay patches around the face of a photo that StyleBlit has painted.
+        """Lay patches around the face of a photo that StyleBlit has painted, float32 [H, W, 3].
+
+        The colors of ``result.synthesis`` stay in the face, and where the guide is NaN.
 
         Parameters
         ----------
@@ -194,11 +181,6 @@ class PhotoPatches:
         scale : Exemplar pixels per pixel of the photo (`Transfer.scale`).
         turned : Whether the face is turned far: its side, which the exemplar shows as a narrow
             strip, is patches, too.
-
-        Returns
-        -------
-        float32 [H, W, 3] in [0, 1]; the colors of ``result.synthesis`` in the face, and where
-            the guide is NaN.
         """
         painted = result.synthesis.image
         height, width = photo.shape[:2]

@@ -35,13 +35,9 @@ FEW = 30
 
 def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
                shares: Float32) -> None:
-    """Let a beard be hair, in place: what hangs together with a chin that is as the hair is.
+    """Let a beard be hair, in place in shares [H, W, 7].
 
-    Parameters
-    ----------
-    photo, regions, labels : uint8 [H, W, 3], and its regions and labels (uint8 [H, W,
-        len(PICTURE_LABELS)]).
-    shares : float32 [H, W, 7] by `MATERIALS`.
+    It is what hangs together with a chin that is as the hair is.
     """
     step = max(1, int(regions.frame.height / FACE))
     part = shares[::step, ::step]
@@ -102,7 +98,7 @@ HAIR_TRUST = 0.4
 def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
                  position: Float32, painted_hair: Float32,
                  present: Bool) -> Float32:
-    """Shares of `MATERIALS` of a photo, of those that the exemplar has.
+    """Shares of `MATERIALS` of a photo, of those that the exemplar has, float32 [H, W, 7].
 
     Parameters
     ----------
@@ -111,10 +107,6 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
     position : float32 [H, W, 2], exemplar pixels; no NaN.
     painted_hair : float32 [h, w] in [0, 1], the exemplar's hair, or what it wears instead.
     present : bool [7], what the exemplar shows enough of; others stand in for the rest.
-
-    Returns
-    -------
-    float32 [H, W, 7].
     """
     shares = picture_shares(Exemplar(photo, regions.landmarks), regions, labels, strict=False)
     _settle_body(shares, regions)
@@ -203,16 +195,10 @@ def has_plain_ground(theirs: ExemplarMaterials) -> bool:
 
 def photo_looks(photo: UInt8, landmarks: Float64, shares: Float32,
                 theirs: ExemplarMaterials) -> tuple[Float32, Float32, Float32]:
-    """Tones of a photo in the exemplar's paint, and their confidence.
+    """Tone, detail and their trust of a photo in the exemplar's paint, float32 [H, W] each.
 
-    Parameters
-    ----------
-    photo, landmarks, shares : uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 7].
-
-    Returns
-    -------
-    tone, detail, trust : float32 [H, W]; the background of the photo says nothing, a plain one
-        is to stay plain.
+    ``shares`` are its `photo_shares`. The background of the photo says nothing, a plain one is to
+    stay plain.
     """
     shape, face = photo.shape[:2], face_size(landmarks)
     luma = grey(photo)

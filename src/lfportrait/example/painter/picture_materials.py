@@ -179,12 +179,7 @@ the difference of the colors."""
 def part_headwear(small: SmallPicture, shares: Float32) -> None:
     """Let a cap's second color be no hair, and a hat beyond the head no background, in place.
 
-    Both are painted nowhere (`FEATURES`).
-
-    Parameters
-    ----------
-    small : The painting, made small.
-    shares : float32 [h, w, 7] by `MATERIALS`, of the whole painting.
+    Both are painted nowhere (`FEATURES`) in ``shares`` float32 [h, w, 7] of the whole painting.
     """
     _part_cap(small, shares)
     _part_hat(small, shares)
@@ -336,13 +331,10 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
     Below the jaw, what is of the face's color, or right below it, is neck, the rest clothes; and
     where the background is plain, what looks like it there is background.
 
-    Parameters
-    ----------
-    picture, regions, labels : Painting or photo, and what is known of it.
-    strict : For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the
-        more so the further away, or lie in the chin's shadow; what hangs there may be hair; and
-        paper in the color of skin is skin. Else all right below the jaw is neck: for photos,
-        whose bodies are painted of it.
+    ``strict`` is for heads, whose necks are seen from all sides: a neck must be alike the cheeks,
+    the more so the further away, or lie in the chin's shadow; what hangs there may be hair; and
+    paper in the color of skin is skin. Else all right below the jaw is neck: for photos, whose
+    bodies are painted of it.
     """
     return _shares(SmallPicture(picture, regions, labels), regions, strict)
 
@@ -578,14 +570,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
                  strict: bool = True) -> Float32:
     """`painted_shares`, from the user's cache where they have been found before.
 
-    Parameters
-    ----------
-    exemplar, regions, labels, strict : As there; ``labels`` are the regions' own, uint8 [h, w,
-        K].
-
-    Returns
-    -------
-    shares : float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
+    In steps of 1/255; ``labels`` are the regions' own.
     """
     if exemplar.covered is not None and exemplar.bared is not None:
         return _bared_shares(exemplar, regions, exemplar.covered, exemplar.bared, strict)

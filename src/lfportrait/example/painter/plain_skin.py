@@ -53,13 +53,7 @@ MOST_LINES = 0.06
 
 
 def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
-    """Where strands hang over an exemplar's face, float32 [h, w] in [0, 1].
-
-    Parameters
-    ----------
-    hair : float32 [h, w], its hair in [0, 1].
-    labels : uint8 [h, w, len(PICTURE_LABELS)].
-    """
+    """Where strands of ``hair`` [h, w] hang over an exemplar's face, float32 [h, w] in [0, 1]."""
     shape = exemplar.image.shape[:2]
     ratio = min(1.0, LINES_FACE / exemplar.size)
     size = max(round(shape[1] * ratio), 16), max(round(shape[0] * ratio), 16)
@@ -110,11 +104,8 @@ def take_out_strands(shares: Float32, exemplar: Exemplar, regions: Regions, labe
                      ) -> tuple[Float32, Float32]:
     """Let skin under loose strands be painted nowhere, in place in shares [h, w, 7].
 
-    Returns
-    -------
-    hair : float32 [h, w] in [0, 1], with a cap's ribbon, which is hair in its place but no paint
-        for it
-    strand : float32 [h, w] in [0, 1], where strands hang over the face
+    Returns, float32 [h, w] in [0, 1], its hair with a cap's ribbon, which is hair in its place but
+    no paint for it, and where strands hang over the face.
     """
     hair = shares[..., HAIR]
     if regions.hair is not None:
@@ -191,15 +182,8 @@ STRANGE = 0.5
 def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float32, Float32]:
     """Shares with features that reach as far as they are seen, and without dark folds.
 
-    Parameters
-    ----------
-    shares : float32 [h, w, 7] by `MATERIALS`, of an exemplar.
-    landmarks, image : [68, 2] and uint8 [h, w, 3], its own.
-
-    Returns
-    -------
-    shares : float32 [h, w, 7], another array.
-    beard : float32 [h, w] in [0, 1], what of the lower face is none of it, but a beard.
+    Another array [h, w, 7], and what of the lower face is none of it, but a beard, float32 [h, w]
+    in [0, 1]. ``landmarks`` and ``image`` are the exemplar's.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
@@ -249,19 +233,12 @@ def _nowhere(shares: Float32, material: int, part: Float32) -> None:
 
 def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32,
                 ) -> tuple[Float32, Float32]:
-    """Where flesh is more like other materials than like the upper face.
+    """Where flesh is more like other materials than like the upper face, [h, w] in [0, 1] each.
 
-    Parameters
-    ----------
-    image, shares, landmarks : As for `plain_skin`.
-    beard : float32 [h, w] in [0, 1], what of the lower face is known to be one.
-
-    Returns
-    -------
-    neck : float32 [h, w] in [0, 1], of a neck, place by place; what is far from all is none.
-    strange : float32 [h, w] in [0, 1], of all flesh, what mostly is in its surroundings, too:
-        locks over a cheek, a beard's edge; shade, however deep, that is like nothing else is
-        flesh. Both 0 where too little is known.
+    Of a neck, place by place; what is far from all is none. And of all flesh, what mostly is in its
+    surroundings, too: locks over a cheek, a beard's edge; shade, however deep, that is like nothing
+    else is flesh. Both 0 where too little is known. ``beard`` is what of the lower face is known to
+    be one.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
@@ -341,12 +318,7 @@ def _distance(colors: Float32, material: Float32) -> Float32:
 def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:
     """Dark strokes between lighter skin: folds, the edge of a jaw; float32 [h, w] in [0, 1].
 
-    Where a face is drawn in lines altogether they are its skin: none.
-
-    Parameters
-    ----------
-    image, shares : uint8 [h, w, 3] of an exemplar, and float32 [h, w, 7] by `MATERIALS`.
-    size : Of its face.
+    Where a face is drawn in lines altogether they are its skin: none. ``size`` is the face's.
     """
     ratio = min(1.0, FACE / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)

@@ -77,13 +77,7 @@ class Forehead:
 
 
 def covered_forehead(exemplar: Exemplar, regions: Regions, labels: UInt8) -> Forehead:
-    """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded.
-
-    Parameters
-    ----------
-    exemplar, regions, labels : The painting, its regions, and its labels uint8 [h, w,
-        len(PICTURE_LABELS)].
-    """
+    """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded."""
     small = SmallPicture(exemplar, regions, labels)
     right, down = small.part(small.right), small.part(small.down)
     half = 0.5 * regions.frame.width / regions.frame.height
@@ -227,17 +221,10 @@ LEAST = 0.25
 
 
 def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | None:
-    """What a painting's sitter wears on the head.
+    """What a painting's sitter wears on the head, float32 [h, w] in [0, 1]; None for nothing.
 
-    Parameters
-    ----------
-    exemplar : The painting, from the front or turned; not bared (`inpainting`).
-    regions : Its own, where they are known.
-
-    Returns
-    -------
-    mask : float32 [h, w] in [0, 1], one connected thing without its shade; None where there is
-        none.
+    One connected thing without its shade. The painting is seen from the front or turned, and not
+    bared (`inpainting`).
     """
     def find() -> dict[str, NDArray[Any]]:
         found = _found(exemplar, regions or exemplar.regions())
@@ -482,13 +469,7 @@ class Layer:
 
 
 class Hat:
-    """The hat of a painting's sitter.
-
-    Parameters
-    ----------
-    exemplar : The painting as its sitter wears it.
-    mask : float32 [h, w] in [0, 1], the hat (`headwear`).
-    """
+    """The hat of a painting's sitter, as he wears it; ``mask`` is its `headwear`."""
 
     def __init__(self, exemplar: Exemplar, mask: Float32, regions: Regions) -> None:
         self.frame, self.mask = regions.frame, mask
@@ -511,16 +492,9 @@ class Hat:
 
     def put_on(self, photo: NDArray[np.generic], regions: Regions,
                ) -> tuple[NDArray[np.generic], Regions, Layer]:
-        """The hat on a photo's sitter.
+        """The hat on the sitter of a photo, uint8 or float in [0, 1], [H, W, 3].
 
-        Parameters
-        ----------
-        photo : uint8 or float in [0, 1], [H, W, 3].
-
-        Returns
-        -------
-        photo, regions : Without what sticks out above the hat.
-        layer : The hat.
+        Returns photo and regions without what sticks out above the hat, and the hat.
         """
         shape = photo.shape[0], photo.shape[1]
         right, down = regions.frame.local(shape)

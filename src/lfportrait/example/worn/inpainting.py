@@ -56,15 +56,9 @@ height, which are filled beside the nose; and the weight of what is seen through
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
-    """A painting, seen from the front or nearly so, whose forehead is bare.
+    """A painting, seen from the front or nearly so, whose forehead is bare: itself, if it is.
 
-    Parameters
-    ----------
-    fringe : Whether its hair is taken from the forehead, too.
-
-    Returns
-    -------
-    exemplar : Itself, if its forehead is bare.
+    ``fringe``: whether its hair is taken from the forehead, too.
     """
     if abs(exemplar.pose().yaw) > NEARLY:
         return exemplar

@@ -44,18 +44,13 @@ _WINDOW = 768
 def slice_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
     """The kernel for colors of ``count`` coefficients a channel.
 
-    ``way`` is how a slice is read (see `look_up_way`).
-
-    Returns
-    -------
-    encode : ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix,
-        axes, mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as
-        `encode_kernel` has it, but the field's values come as `Stretches`, ``matrix`` float64
-        [3, 4] takes the display frame to lattice coordinates (only its second row may depend on
-        y, and that on nothing else), ``axes`` float64 [2, 3] the display's x and z axes in the
-        field's world, ``stride`` is the number of lattice planes to a sample and ``workers``
-        the number of threads. Where ``background`` is below 0, ``out`` holds what is behind the
-        field.
+    ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix, axes, mask,
+    fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as `encode_kernel` has
+    it, but the field's values come as `Stretches`, ``matrix`` float64 [3, 4] takes the display
+    frame to lattice coordinates (only its second row may depend on y, and that on nothing else),
+    ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the
+    number of lattice planes to a sample and ``workers`` the number of threads. Where ``background``
+    is below 0, ``out`` holds what is behind the field.
     """
     build, cast = make_build(count), make_cast(count, way)
     load, store, floats = LANES.load, LANES.store, LANES.floats
@@ -244,19 +239,15 @@ def _columns(camera, lattice, low, high, back, front, width):
 def view_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
     """The kernel for colors of ``count`` coefficients a channel.
 
-    ``way`` is how a slice is read (see `look_up_way`).
-
-    Returns
-    -------
-    render : ``render(places, occupied, values, lattice, cameras, least, stride, threshold, stop,
-        workers, color, alpha, depth)``: the field's `Stretches`; ``cameras`` float64 [V, 16],
-        pose row by row, focal x, y, principal point x, y, of cameras that differ only by what
-        lies along their right axis: eye, focal x and principal x. That axis is level, and the
-        lattice lies before all of them, so that rays go from its last plane to its first.
-        ``least`` is the least cosine, in a row's plane, between a ray and the middle;
-        ``stride``, ``threshold``, ``stop`` and ``workers`` are as `slice_kernel` has them. It
-        fills ``color`` float32 [V, H, W, 3] without background, ``alpha`` [V, H, W] and
-        ``depth`` [V, H, W] (along the optical axis, infinite where half the light passes).
+    ``render(places, occupied, values, lattice, cameras, least, stride, threshold, stop, workers,
+    color, alpha, depth)``: the field's `Stretches`; ``cameras`` float64 [V, 16], pose row by row,
+    focal x, y, principal point x, y, of cameras that differ only by what lies along their right
+    axis: eye, focal x and principal x. That axis is level, and the lattice lies before all of them,
+    so that rays go from its last plane to its first. ``least`` is the least cosine, in a row's
+    plane, between a ray and the middle; ``stride``, ``threshold``, ``stop`` and ``workers`` are as
+    `slice_kernel` has them. It fills ``color`` float32 [V, H, W, 3] without background, ``alpha``
+    [V, H, W] and ``depth`` [V, H, W] (along the optical axis, infinite where half the light
+    passes).
     """
     build, cast = make_build(count), make_cast(count, way, 3)
     store, iota, floats = LANES.store, LANES.iota, LANES.floats

@@ -17,11 +17,9 @@ are to be sharp on the ink below them have the radius R = t (n - 1) / n at their
 thick of refractive index n. ``arc`` is that circle; ``sine`` has its curvature at the top and is
 smooth between the lenses, which varnish keeps better.
 
-TIFF and PNG files for printers, written row by row.
-
-Pages are larger than memory should be, so nothing here holds one. Both formats carry the resolution
-and an sRGB profile. TIFF: one strip a band, uncompressed, which every print program reads at once.
-PNG: by all cores (`lfportrait.png`).
+TIFF and PNG files are written row by row: pages are larger than memory should be. Both formats
+carry the resolution and an sRGB profile. TIFF: one strip a band, uncompressed, which every print
+program reads at once. PNG: by all cores (`lfportrait.png`).
 """
 
 from __future__ import annotations
@@ -187,23 +185,13 @@ def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
 
 def write_print(field: VoxelField, sheet: PrintSheet, path: Path, progress: Progress | None = None,
                 *, coding: EncodeConfig | None = None) -> dict[str, Any]:
-    """Code a field for a lens sheet and write the page.
+    """Code a field for a lens sheet and write the page; returns figures for ``--json``.
 
     Parameters
     ----------
-    field : The (stylised) radiance field.
-    sheet : Page and lens sheet.
+    field, sheet : The (stylised) radiance field; page and lens sheet.
     path : ``.tiff`` or ``.png``; it appears when it is complete.
-    progress : Progress line.
     coding : How to place and code the head (`fitted`).
-
-    Returns
-    -------
-    figures : Sizes and seconds for ``--json``.
-
-    Raises
-    ------
-    UserError : If the file can't hold the page or be written, or the head can't be placed.
     """
     display, config = sheet.display, sheet.config
     check_file(path, display.width, display.height)
@@ -243,30 +231,20 @@ def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
         raise UserError(f"round lenses of {config.lpi:g} lpi need a sheet of at least "
                         f"{least:.2f} mm to be sharp on the ink, not {sheet.thickness:.2f}: give "
                         "--thickness, or --lens-profile sine")
-    away = lens * (_phase(display, rows) / display.pitch - 0.5)
+    away = lens * (display.phase(rows[:, None], np.arange(display.width)[None], 0)
+                   / display.pitch - 0.5)
     if profile == "arc":
         return np.asarray(sheet.thickness - radius + np.sqrt(radius ** 2 - away ** 2))
     swing = (lens / (2 * math.pi)) ** 2 / radius
     return np.asarray(sheet.thickness - swing * (1 - np.cos(2 * math.pi * away / lens)))
 
 
-def _phase(display: Display, rows: Int64) -> Float64:
-    return display.phase(rows[:, None], np.arange(display.width)[None], 0)
-
-
 def write_lenses(sheet: PrintSheet, path: Path, profile: Profile = "arc") -> dict[str, Any]:
-    """Write the height map of the sheet that fits a print.
+    """Write the height map of the sheet that fits a print, with lenses of a cross-section.
 
-    Parameters
-    ----------
-    sheet : Page and lens sheet.
-    path : ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535 the
-        top of a lens.
-    profile : The lenses' cross-section.
-
-    Returns
-    -------
-    figures : ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of a lens in it.
+    ``path`` is a ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535
+    the top of a lens. Returns ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of
+    a lens in it.
     """
     display, config = sheet.display, sheet.config
     first = lens_heights(sheet, profile, np.zeros(1, np.int64))
@@ -409,18 +387,10 @@ def _layout(config: PrintConfig, sheet: PrintSheet, pitches: tuple[float, ...],
 
 
 def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> dict[str, Any]:
-    """Write a test page for pitch and phase.
+    """Write a test page for pitch and phase, a ``.tiff`` or ``.png``.
 
-    Parameters
-    ----------
-    config : Page and lens sheet; its pitch is in the middle of those tried.
-    path : ``.tiff`` or ``.png``.
-    spread : Per cent by which the rows' pitches differ from it at most; 0: as the page's width
-        needs.
-
-    Returns
-    -------
-    figures : ``pitches`` and ``phases`` of the rows from the top down.
+    The configuration's pitch is in the middle of those tried; ``spread`` as for `TrialPage.of`.
+    Returns ``pitches`` and ``phases`` of the rows from the top down.
     """
     page = TrialPage.of(config, spread)
     display = page.sheet.display
@@ -453,16 +423,9 @@ def srgb_profile() -> bytes:
 
 
 class RowFile:
-    """A picture's file that takes rows from the top down.
+    """A picture's file that takes rows from the top down, in a stream that can be sought.
 
-    Parameters
-    ----------
-    stream : Where to write; a place in it can be sought.
-    width, height : Size in pixels.
-    dpi : Pixels per inch.
-    grey : True: one channel of 16 bits, a measure and no color; False: sRGB, 3 channels of 8
-        bits.
-    note : A line about the picture.
+    ``grey``: one channel of 16 bits, a measure and no color; else sRGB, 3 channels of 8 bits.
     """
 
     def __init__(self, stream: BinaryIO, width: int, height: int, dpi: float, *,
@@ -493,6 +456,7 @@ class RowFile:
 
     def _finish(self) -> None:
         raise NotImplementedError
+
 
 
 class TiffRows(RowFile):

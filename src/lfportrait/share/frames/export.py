@@ -81,11 +81,9 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
 
     Parameters
     ----------
-    field : Whose head.
     window : The frame, with the eyes' distance.
-    encode : Size and shifts away from their defaults change the framing in proportion; the rest
-        is kept.
-    margins : What is left free.
+    encode : Size and shifts away from their defaults change the framing in proportion; the rest is
+        kept.
     turns : Degrees by which the head is turned besides ``encode.turn``.
     eyes : X of the eyes in half heights of the frame.
     """
@@ -291,7 +289,7 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
                  size: tuple[int, int], encode: EncodeConfig, config: FrameConfig, *,
                  flat: bool = False, comment: str = "",
                  step: Callable[[int, int], None] = lambda at, count: None) -> dict[str, Any]:
-    """Write a video of a head that sways.
+    """Write a video of a head that sways; returns ``frames`` and ``codec``.
 
     Parameters
     ----------
@@ -302,10 +300,6 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
     flat : Whether it is a flat panel's video.
     comment : Written into the file's metadata.
     step : Called before each frame with its number and their count.
-
-    Returns
-    -------
-    figures : ``frames`` and ``codec``.
     """
     codec = codec_for(path, size, config.codec, flat)
     turns = _turns(config)

@@ -232,17 +232,13 @@ def write_picture(path: Path, image: UInt8, exif: Image.Exif | None = None) -> N
 
 def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayout, *,
               movie: bool = False) -> dict[str, Any]:
-    """Write a package.
+    """Write a package; returns its ``bytes``.
 
     Parameters
     ----------
     media : Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
     contents : The quilt, as a file's contents or a file.
     movie : Whether it is a video.
-
-    Returns
-    -------
-    figures : ``bytes`` of the package.
     """
     settings = json.dumps(quilt_settings(layout, movie=movie), indent=1) + "\n"
     with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as package:

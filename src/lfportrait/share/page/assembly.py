@@ -58,10 +58,8 @@ _MARGIN = 1.04
 def start_view(voxels: VoxelField) -> dict[str, Any]:
     """Where the page's camera stands at first.
 
-    Returns
-    -------
-    start : ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half
-        width and half height of what must fit into the window.
+    ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half width and
+    half height of what must fit into the window.
     """
     reach, low, high = head_extent(voxels)
     return {"target": [0.0, (low + high) / 2, 0.0], "distance": DISTANCE,
@@ -195,18 +193,11 @@ def _bits(text: bytes, shape: Any) -> Bool:
 
 
 def recolored(page: OpenPage, voxels: VoxelField) -> dict[str, Any] | None:
-    """A field's colors as a further color set of a page.
+    """The colors of a page's field, as ``voxels`` has them, as a further color set of the page.
 
-    Parameters
-    ----------
-    page : Of the same field, in whatever colors.
-    voxels : The field in the colors that are wanted; those seen from the front, of degree 0.
-
-    Returns
-    -------
-    set : ``bands`` as in the page's header; ``streams``: the band's residuals by its number;
-        ``texels``: those of the texture, or None. Streams are deflated, in base64. None where
-        the page does not hold the field row by row, as its size did not allow it.
+    Those seen from the front, of degree 0. ``bands`` as in the page's header; ``streams``: the
+    band's residuals by its number; ``texels``: those of the texture, or None. Streams are deflated,
+    in base64. None where the page does not hold the field row by row, as its size did not allow it.
     """
     if page.filled.shape != voxels.links.shape:
         return None
@@ -272,11 +263,10 @@ class _Handler(BaseHTTPRequestHandler):
 
 def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
                ready: Callable[[str, Callable[[], None]], None] | None = None) -> None:
-    """Serve a page until interrupted.
+    """Serve a page's file until interrupted.
 
     Parameters
     ----------
-    page : The file.
     port : On the loopback address; 0 takes a free one.
     browse : Open the browser there.
     ready : Called with the address, and with what ends the serving, once it can be reached.

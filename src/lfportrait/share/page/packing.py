@@ -72,10 +72,8 @@ def _plain(colors: Float32) -> Float32:
 def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
     """The colors of a field: photo, then what it shows, then its other styles.
 
-    Parameters
-    ----------
-    voxels : A `StyledField` has several sets, every other field one.
-    degree : Degree of the spherical harmonics that are kept, 0 to 2.
+    A `StyledField` has several sets, every other field one. ``degree`` of the spherical harmonics
+    that are kept, 0 to 2.
     """
     if not 0 <= degree <= 2:
         raise UserError(f"--sh takes the degree 0, 1 or 2, not {degree}")
@@ -200,10 +198,8 @@ def code_values(filled: Bool, values: UInt8,
 def pack(lattice: Lattice, tolerance: int) -> Packed:
     """Pack a field.
 
-    Parameters
-    ----------
-    tolerance : Largest error of colors and of the root of densities in 255ths of their range; 0
-        rounds them to bytes and no more.
+    ``tolerance`` is the largest error of colors and of the root of densities in 255ths of their
+    range; 0 rounds them to bytes and no more.
     """
     filled = lattice.filled
     top = float(min(lattice.density.max(), _OPAQUE / lattice.voxel))
@@ -299,12 +295,8 @@ class PageTexture:
            cell: float) -> PageTexture:
         """The texture of the color sets, of which one has some, with its charts close together.
 
-        Parameters
-        ----------
-        texture : Of the field: places, and texels of what it shows.
-        sets : Color sets with their texels.
-        points : float64 [N, 3], world positions of the field's rows.
-        cell : Length of a lattice cell's diagonal in world units.
+        ``texture`` is the field's: places, and texels of what it shows; ``points`` float64 [N, 3]
+        are world positions of its rows, ``cell`` is the length of a lattice cell's diagonal.
         """
         margin = _MARGIN + round(cell * texture.pixels)
         boxes = _chart_boxes(texture, points, margin)

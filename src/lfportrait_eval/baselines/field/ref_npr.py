@@ -100,16 +100,10 @@ LAST_WEIGHT = 0.2
 
 
 def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colors of a field's rows for a painting, after Ref-NPR.
+    """Colors of a field's rows for a painting, float32 [N, 3], after Ref-NPR, and figures.
 
-    Parameters
-    ----------
-    task : Field, capture with landmarks, painting.
-
-    Returns
-    -------
-    colors, figures : float32 [N, 3]; error of the fit, losses before and after, share of the
-        other views that is registered, seconds.
+    These are error of the fit, losses before and after, share of the other views that is
+    registered, seconds. The capture has landmarks.
     """
     config.check()
     start = time.perf_counter()

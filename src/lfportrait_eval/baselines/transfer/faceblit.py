@@ -155,13 +155,7 @@ class FaceBlit:
         self._colors = pack_colors(exemplar.image.astype(np.float32) / np.float32(255))
 
     def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo.
-
-        Parameters
-        ----------
-        image : uint8 [H, W, 3].
-        landmarks : [68, 2] in pixels, all known.
-        """
+        """Stylise one photo uint8 [H, W, 3] with landmarks [68, 2] in pixels, all known."""
         config = self.config
         start = time.perf_counter()
         photo = np.ascontiguousarray(image[..., :3])

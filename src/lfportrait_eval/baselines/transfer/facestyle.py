@@ -78,13 +78,7 @@ class FaceStyle:
         self.seconds = time.perf_counter() - start
 
     def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo.
-
-        Parameters
-        ----------
-        image : uint8 [H, W, 3].
-        landmarks : [68, 2] in pixels.
-        """
+        """Stylise one photo uint8 [H, W, 3] with landmarks [68, 2] in pixels."""
         start = time.perf_counter()
         photo = np.ascontiguousarray(image[..., :3])
         points = np.asarray(landmarks, np.float64)

@@ -49,9 +49,7 @@ class _Trained:
 class StyleNetwork:
     """One exemplar's network, read from its checkpoint or trained.
 
-    Parameters
-    ----------
-    own : Photos with landmarks to train on besides; e.g. the one to be painted.
+    ``own`` are photos with landmarks to train on besides; e.g. the one to be painted.
     """
 
     def __init__(self, exemplar: Exemplar, config: NetworkConfig | None = None,
@@ -75,13 +73,7 @@ class StyleNetwork:
         return dict(self._trained.facts)
 
     def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo; the landmarks only give the size of the face.
-
-        Parameters
-        ----------
-        image : uint8 [H, W, 3].
-        landmarks : [68, 2] in pixels.
-        """
+        """Stylise one photo uint8 [H, W, 3]; the landmarks [68, 2] only give the face's size."""
         from .unet import run
 
         start = time.perf_counter()
@@ -221,14 +213,7 @@ def folder_sittings(folder: Path) -> list[Sitting]:
 
 
 def varied(sitting: Sitting, side: int, random: np.random.Generator) -> Sitting:
-    """A photo with a small random rotation, shift and zoom, its longer side ``side`` pixels.
-
-    Parameters
-    ----------
-    sitting : The photo and its landmarks.
-    side : Longer side of the result in pixels; the shape stays.
-    random : Where the choices come from.
-    """
+    """A photo with a small random rotation, shift and zoom, its longer side ``side`` pixels."""
     photo, landmarks = sitting
     height, width = photo.shape[:2]
     scale = side / max(height, width)
