@@ -16,7 +16,6 @@ The result is the picture and its intermediates as pictures.
 from __future__ import annotations
 
 import functools
-import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, Int64, UInt8
-from ..files import UNREADABLE_ARRAYS, atomic_write, write_image
+from ..files import write_image
 from ..labels import PICTURE_LABELS
 from .guides.position import Guides, anchor_scale
 from .kernels.blit import blit, look_up
@@ -108,27 +107,6 @@ def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUp
     indices = np.empty((*shape[1:], shape[0]), np.int32)
     extract_indices(keys, indices)
     return LookUpTable(indices, config.cell, low, step)
-
-
-def cached_table(appearance: Float32, config: TableConfig, unit: float,
-                 cache: Path | None) -> LookUpTable:
-    """`build_table`, kept in the folder ``cache`` under a hash of all that it depends on."""
-    if cache is None:
-        return build_table(appearance, config, unit)
-    digest = hashlib.sha256(np.ascontiguousarray(appearance).tobytes())
-    digest.update(repr((appearance.shape, config, round(unit, 6), "table 2")).encode())
-    path = Path(cache) / f"table-{digest.hexdigest()[:24]}.npz"
-    if path.exists():
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                return LookUpTable(stored["indices"], int(stored["cell"]), float(stored["low"]),
-                                   float(stored["step"]))
-        except UNREADABLE_ARRAYS:
-            path.unlink(missing_ok=True)
-    table = build_table(appearance, config, unit)
-    with atomic_write(path) as stream:
-        np.savez(stream, indices=table.indices, cell=table.cell, low=table.low, step=table.step)
-    return table
 
 
 BACKGROUND_LEVELS = 8
@@ -378,31 +356,21 @@ class TransferResult:
     style_appearance: Float32 | None = field(default=None, repr=False)
 
     def dump(self, folder: str | Path) -> None:
-        """Write every intermediate as a picture into ``folder``."""
-        dump_transfer(self, Path(folder))
-
-
-def dump_transfer(result: TransferResult, folder: Path) -> None:
-    """Write guides, labels, table error, chunks and mask of ``result`` into ``folder``.
-
-    Files: ``position.png``, ``appearance.png``, ``style_appearance.png``, ``labels.png``,
-    ``table_error.png`` (white = 100), ``chunks.png``, ``synthesis.png``, ``mask.png``,
-    ``result.png``.
-    """
-    guides, synthesis = result.guides, result.synthesis
-    error = np.where(np.isfinite(synthesis.error), synthesis.error, 0)
-    labels = guides.labels.astype(np.float32) / 255
-    pictures = {
-        "position": position_picture(guides.position, result.exemplar_shape),
-        "appearance": 0.5 + guides.appearance,
-        "labels": labels @ LABEL_COLORS[:len(PICTURE_LABELS)],
-        "table_error": error / 100,
-        "chunks": chunk_picture(synthesis.shift, synthesis.level),
-        "synthesis": synthesis.image,
-        "mask": result.mask,
-        "result": result.image,
-    }
-    if result.style_appearance is not None:
-        pictures["style_appearance"] = 0.5 + result.style_appearance
-    for name, picture in pictures.items():
-        write_image(folder / f"{name}.png", picture)
+        """Write every intermediate as a picture into ``folder``; table errors are white at 100."""
+        guides, synthesis = self.guides, self.synthesis
+        error = np.where(np.isfinite(synthesis.error), synthesis.error, 0)
+        labels = guides.labels.astype(np.float32) / 255
+        pictures = {
+            "position": position_picture(guides.position, self.exemplar_shape),
+            "appearance": 0.5 + guides.appearance,
+            "labels": labels @ LABEL_COLORS[:len(PICTURE_LABELS)],
+            "table_error": error / 100,
+            "chunks": chunk_picture(synthesis.shift, synthesis.level),
+            "synthesis": synthesis.image,
+            "mask": self.mask,
+            "result": self.image,
+        }
+        if self.style_appearance is not None:
+            pictures["style_appearance"] = 0.5 + self.style_appearance
+        for name, picture in pictures.items():
+            write_image(Path(folder) / f"{name}.png", picture)

@@ -15,7 +15,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -56,7 +55,7 @@ from .styleblit import (
     Seeds,
     TableConfig,
     TransferResult,
-    cached_table,
+    build_table,
     finest_level,
     label_words,
     pack_colors,
@@ -213,14 +212,12 @@ class Transfer:
 
     Parameters
     ----------
-    cache : Folder for look-up tables, by content hash; None keeps none.
     regions : Of the painting, where they are known.
     exact : Whether every target pixel is one of the exemplar's, whatever the sizes of the faces.
     """
 
     def __init__(self, exemplar: Exemplar, config: TransferConfig | None = None,
-                 cache: str | Path | None = None, regions: Regions | None = None,
-                 exact: bool = False) -> None:
+                 regions: Regions | None = None, exact: bool = False) -> None:
         self.exemplar, self._exact = exemplar, exact
         self.config = config or TransferConfig()
         start = time.perf_counter()
@@ -230,8 +227,7 @@ class Transfer:
         self.appearance = appearance_guide(exemplar.image, BLUR * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start
         start = time.perf_counter()
-        self.table = cached_table(self.appearance, self.config.table, self.unit,
-                                  Path(cache) if cache is not None else None)
+        self.table = build_table(self.appearance, self.config.table, self.unit)
         self.table_seconds = time.perf_counter() - start
         self.distribution = Distribution.of(self.appearance, self.regions.person)
         self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
@@ -362,7 +358,10 @@ class Transfer:
                               self.exemplar.image.shape[:2], self.appearance)
         if config.quality == "best" and flat and seeds is not None:
             assert regions is not None
-            made.image = self._refined(photo, points, regions, made, aside is not None)
+            start = time.perf_counter()
+            made.image = self._painter().refine(photo, points, regions, made, self.scale(points),
+                                                aside is not None)
+            made.seconds["patches_seconds"] = time.perf_counter() - start
         if worn is not None:
             made.image = worn.over(made.image)
             made.mask = np.maximum(made.mask, worn.cover * np.float32(config.strength))
@@ -371,14 +370,6 @@ class Transfer:
             blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, made.mask,
                   made.image)
         return made
-
-    def _refined(self, photo: NDArray[np.generic], points: Float64, regions: Regions,
-                 made: TransferResult, turned: bool) -> Float32:
-        """The picture with patches around the face; its seconds are noted."""
-        start = time.perf_counter()
-        image = self._painter().refine(photo, points, regions, made, self.scale(points), turned)
-        made.seconds["patches_seconds"] = time.perf_counter() - start
-        return image
 
     def _painter(self) -> PhotoPatches:
         """What paints around the face, made when it is first wanted."""

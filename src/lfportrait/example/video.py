@@ -6,9 +6,6 @@ the flow can't be trusted, or the plane is torn, it is restarted. Landmarks and 
 and hair are carried, too, and corrected slowly by those that are found every few frames: their
 jitter is larger than what a frame's flow is off.
 
-Without OpenCV there is no flow: everything is found in every frame, and the plane follows the face
-as a whole.
-
 Pipeline of steps, each on its own thread, a few items ahead.
 
 The flow is OpenCV's DIS on a picture of half the size: chunks and masks that are carried along want
@@ -32,6 +29,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -172,27 +170,21 @@ def block_side(shape: tuple[int, ...]) -> int:
 
 
 class Flow:
-    """The flow through a video, or nothing where there is no OpenCV."""
+    """The flow through a video."""
 
     def __init__(self) -> None:
-        self._library = _library()
-        self._network: Any = None
-        if self._library is not None:
-            self._network = self._library.DISOpticalFlow_create(
-                self._library.DISOPTICAL_FLOW_PRESET_FAST)
+        self._network: Any = cv2.DISOpticalFlow_create(  # type: ignore[attr-defined]
+            cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._before: UInt8 | None = None
 
     def _luma(self, frame: UInt8, factor: int) -> UInt8:
         """The frame in grey, means of blocks of ``factor`` pixels."""
         size = (-(-frame.shape[1] // factor), -(-frame.shape[0] // factor))
-        luma = self._library.cvtColor(frame, self._library.COLOR_RGB2GRAY)
-        return np.asarray(self._library.resize(luma, size,
-                                               interpolation=self._library.INTER_AREA))
+        luma = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
+        return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def next(self, frame: UInt8) -> Motion | None:
         """Motion to the next frame; None for the first one and after a cut."""
-        if self._network is None:
-            return None
         factor = block_side(frame.shape)
         luma = self._luma(frame, factor)
         before, self._before = self._before, luma
@@ -224,15 +216,6 @@ def _unlike(luma: UInt8, before: UInt8, back: Float32) -> bool:
     here = luma[1::4, 1::4].astype(np.float32)
     left, all_of_it = np.abs(here - carried).mean(), np.abs(here - here.mean()).mean()
     return bool(left > 0.5 * all_of_it and left > 2)
-
-
-def _library() -> Any:
-    """OpenCV, which has the flow, or None."""
-    try:
-        import cv2
-    except ImportError:
-        return None
-    return cv2
 
 
 def reduced(prepared: Transfer, factor: float) -> Transfer:
@@ -350,22 +333,16 @@ class VideoTransfer:
     Parameters
     ----------
     carry : False keeps the seeds where they are in the picture, for comparison.
-    detect, segment : Landmarks are detected, person and hair segmented, in every Nth frame;
-        between they are carried.
-    paint : Paint every Nth frame from scratch; between these, strokes are carried, too.
 
     Attributes
     ----------
     flicker : For each frame but the first, the root mean square difference to the stylised frame
-        before, warped by the flow, over the contrast of the frame; empty without OpenCV. Every
+        before, warped by the flow, over the contrast of the frame. Every
         fourth pixel of every fourth row is looked at.
     """
 
-    def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
-                 segment: int = SEGMENT, paint: int = PAINT) -> None:
-        self.prepared = prepared
-        self.carry = carry
-        self.detect, self.segment, self.paint = detect, segment, paint
+    def __init__(self, prepared: Transfer, carry: bool = True) -> None:
+        self.prepared, self.carry = prepared, carry
         self.flicker: list[float] = []
         self._flow = Flow()
         self._number = 0
@@ -426,7 +403,7 @@ class VideoTransfer:
         points = self._points(frame, landmarks, motion)
         anchor, kept = self._carried(frame.shape, points, motion)
         masks = self._segmented(frame, points, motion)
-        if self._number % self.paint == 0 or kept is None or kept.mean() < KEPT or not self.carry:
+        if self._number % PAINT == 0 or kept is None or kept.mean() < KEPT or not self.carry:
             kept = None
         self._landmarks = points
         self._number += 1
@@ -458,7 +435,7 @@ class VideoTransfer:
         moved = motion.onward(last)
         # The jaw lies on the border of what moves: it follows the rest of the face.
         moved[:17] = _moved(last[:17], last[17:], moved[17:])
-        if landmarks is None and self._number % self.detect:
+        if landmarks is None and self._number % DETECT:
             return moved
         found = self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
         # A leap is a face that was lost: no reason to glide there.
@@ -473,7 +450,7 @@ class VideoTransfer:
         masks = None
         if motion is not None and self._masks is not None:
             masks = motion.carry(self._masks)
-        if motion is None or masks is None or self._number % self.segment == 0:
+        if motion is None or masks is None or self._number % SEGMENT == 0:
             fresh = _found_masks(frame, points, side, first=masks is None)
             if motion is None or masks is None:
                 masks = fresh

@@ -255,7 +255,10 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
     return size
 
 
-def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
+_COPIES = 20
+
+
+def copy_seconds(device: Device, size: int) -> float:
     """Seconds that a device needs to copy ``size`` bytes within its own memory, the mean of 20.
 
     What is more than a binding holds is copied in parts.
@@ -265,7 +268,7 @@ def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
 
     def copy() -> None:
         encoder = device.raw.create_command_encoder()
-        for _ in range(repeats):
+        for _ in range(_COPIES):
             left = size
             while left > 0:
                 some = max(min(left, part) // 4 * 4, 4)
@@ -277,4 +280,4 @@ def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
     copy()
     start = time.perf_counter()
     copy()
-    return (time.perf_counter() - start) / repeats
+    return (time.perf_counter() - start) / _COPIES

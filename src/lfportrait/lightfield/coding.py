@@ -505,16 +505,13 @@ def render_view(field: VoxelField, display: Display, view: int,
 
 
 def view_camera(display: Display, config: EncodeConfig | None, eye: float, *, width: int,
-                height: int, eye_height: float | None = None) -> Camera:
+                height: int) -> Camera:
     """The off-axis pinhole, a batch of one, at an eye point whose picture is the panel's window.
 
-    Parameters
-    ----------
-    eye, eye_height : x and y of the eye in the display frame; the display's height by default.
-    width, height : Picture size in pixels.
+    ``eye`` is its x in the display frame; the picture has ``width`` x ``height`` pixels.
     """
     placement = Placement.of(display, config or EncodeConfig())
-    y = display.eye_height if eye_height is None else eye_height
+    y = display.eye_height
     pixel = np.array([2.0 * display.aspect / width, 2.0 / height])
     pose = np.eye(4)
     pose[1, 1] = pose[2, 2] = -1.0

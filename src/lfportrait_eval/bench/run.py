@@ -53,10 +53,10 @@ SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,)
 """A reconstruction that takes seconds, for a field to measure on."""
 
 
-def _embedded_capture(size: int = 256, views: int = 36) -> Capture:
+def _embedded_capture() -> Capture:
     from lfportrait.demo import demo_capture
 
-    return demo_capture(size=size, views=views)
+    return demo_capture(size=256, views=36)
 
 
 def _field(path: Path | None, progress: Progress | None) -> VoxelField:
@@ -247,7 +247,7 @@ _COLORS = ("#1f62b4", "#c85214", "#28824a", "#823c96")
 
 
 def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, across: str, up: str,
-              title: str = "", size: tuple[int, int] = (960, 600)) -> UInt8:
+              title: str = "") -> UInt8:
     """Draw curves, names and points (x, y), over a common axis: uint8 [600, 960, 3].
 
     ``across`` and ``up`` say what the axes show, with units.
@@ -258,7 +258,7 @@ def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, acr
 
     if not any(len(x) for x, _ in curves.values()):
         raise ValueError("a plot needs points")
-    figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100, layout="constrained")
+    figure = Figure(figsize=(9.6, 6.0), dpi=100, layout="constrained")
     canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
     for index, (name, curve) in enumerate(curves.items()):
         x, y = np.array(sorted(zip(*curve))).reshape(-1, 2).T

@@ -156,7 +156,7 @@ def _boxes(keys: Float32, leaf: Int64) -> tuple[Float32, Float32]:
 
 
 def patch_fidelity(image: NDArray[Any], exemplar: NDArray[Any],
-                   mask: Bool | None = None, *, size: int = 7,
+                   mask: Bool | None = None, *,
                    samples: int = SAMPLES, seed: int = 0) -> float:
     """Mean distance of a picture's patches to their nearest patches of the exemplar.
 
@@ -169,4 +169,4 @@ def patch_fidelity(image: NDArray[Any], exemplar: NDArray[Any],
     mask : bool [H, W], where the middles of the patches may lie; everywhere by default.
     samples : Patches looked up, about; see `spread_places`.
     """
-    return PatchIndex(exemplar, size).fidelity(image, mask, samples=samples, seed=seed)
+    return PatchIndex(exemplar).fidelity(image, mask, samples=samples, seed=seed)

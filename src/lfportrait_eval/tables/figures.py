@@ -253,7 +253,7 @@ NEAR = (0.5, 1.6)
 """How wide a pair may be over the gap that is wanted."""
 
 
-def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tuple[int, int]]:
+def photo_pairs(cameras: Camera, degrees: float) -> list[tuple[int, int]]:
     """Pairs of views whose directions to the head differ by about ``degrees``, nearest first.
 
     The cameras lie about the origin. At most `PAIRS`; no camera is in two, where there are enough.
@@ -266,7 +266,7 @@ def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tup
     chosen: list[tuple[int, int]] = []
     for pair in good[np.argsort(np.abs(apart[good] - degrees), kind="stable")]:
         one, other = int(first[pair]), int(second[pair])
-        if len(chosen) < count and not any({one, other} & set(taken) for taken in chosen):
+        if len(chosen) < PAIRS and not any({one, other} & set(taken) for taken in chosen):
             chosen.append((one, other))
     return chosen
 

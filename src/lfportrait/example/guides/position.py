@@ -23,9 +23,9 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],
                    weights: NDArray[np.floating] | None = None,
                    softness: NDArray[np.floating] | None = None) -> Float64:
-    """Where moving least squares with similarities (Schaefer et al.
+    """Points [N, 2] mapped by moving least squares with similarities, float64 [N, 2].
 
-    2006, alpha = 1) map points [N, 2].
+    Schaefer et al. 2006, alpha = 1.
 
     Parameters
     ----------
@@ -169,9 +169,8 @@ def anchor_scale(anchor: Float32) -> float:
     return float(np.median(smaller)) if smaller.size else 1.0
 
 
-def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1,
-                     cell: int = 1) -> Float32:
-    """How much slower the position changes than the anchor, float32 [H, W] in [least, 1].
+def relative_stretch(position: Float32, anchor: Float32, cell: int = 1) -> Float32:
+    """How much slower the position changes than the anchor, float32 [H, W] in [0.1, 1].
 
     Where many surface points share a place in the exemplar (the back of a head), the position can't
     ask for more than that: its weight falls in proportion. Only one pixel of each ``cell`` x
@@ -179,5 +178,5 @@ def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1,
     """
     height, width = position.shape[:2]
     ratio = np.empty((-(-height // cell), -(-width // cell)), np.float32)
-    stretch(position, anchor, np.float32(least), cell, ratio)
+    stretch(position, anchor, np.float32(0.1), cell, ratio)
     return enlarged(gaussian_blur(ratio, 2.0 / cell), cell, (height, width))

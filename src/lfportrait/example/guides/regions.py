@@ -383,16 +383,13 @@ def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
 
 def _networks(image: UInt8, size: int) -> tuple[Float32 | None, Float32 | None]:
     """Person and hair from the segmentation networks, None where their weights are missing."""
-    try:
-        from ... import face, models
+    from ... import face, models
 
-        known = [not models.missing([f"{part}-segmentation"]) for part in ("person", "hair")]
-        if all(known):
-            return face.mattes(image, size=size)
-        return (face.person_matte(image) if known[0] else None,
-                face.hair_mask(image, size=size) if known[1] else None)
-    except ImportError:
-        return None, None
+    known = [not models.missing([f"{part}-segmentation"]) for part in ("person", "hair")]
+    if all(known):
+        return face.mattes(image, size=size)
+    return (face.person_matte(image) if known[0] else None,
+            face.hair_mask(image, size=size) if known[1] else None)
 
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],

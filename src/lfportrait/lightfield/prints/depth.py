@@ -197,7 +197,7 @@ def through_lenses(coded: UInt8, display: Display, eye: float, rows: Int64 | Non
     coded : Rows of a coded page, uint8 [h, W, 3].
     display : The lens sheet on the page. Where a page was coded for another pitch, as on test
         pages, that of the sheet that lies on it.
-    eye : x of the eye in half heights of the page, at the viewing distance.
+    eye, distance : x of the eye in half heights of the page; the viewing distance by default.
     rows : Which rows of the page they are, int64 [h]; by default the first ones.
     """
     lines = np.arange(len(coded)) if rows is None else np.asarray(rows)

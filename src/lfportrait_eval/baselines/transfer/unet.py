@@ -76,12 +76,12 @@ class Painter(nn.Module):
         return 0.5 + 0.5 * torch.tanh(functional.pixel_shuffle(self.leave(x), 2))
 
 
-def _discriminator(channels: int = 12) -> nn.Module:
+def _discriminator() -> nn.Module:
     """Judges patches of photo and painting side by side."""
     return nn.Sequential(
-        nn.Conv2d(6, channels, 4, 2, 1), nn.LeakyReLU(0.2),
-        nn.Conv2d(channels, 2 * channels, 4, 2, 1), nn.InstanceNorm2d(2 * channels),
-        nn.LeakyReLU(0.2), nn.Conv2d(2 * channels, 1, 4, 1, 1))
+        nn.Conv2d(6, 12, 4, 2, 1), nn.LeakyReLU(0.2),
+        nn.Conv2d(12, 24, 4, 2, 1), nn.InstanceNorm2d(24), nn.LeakyReLU(0.2),
+        nn.Conv2d(24, 1, 4, 1, 1))
 
 
 def _tensor(image: NDArray[np.generic], place: str = "cpu") -> torch.Tensor:
