@@ -34,8 +34,7 @@ class Evaluate(Common):
 
         exemplar = Exemplar.load(self.style) if self.style else None
         with self.progress("evaluate") as progress:
-            figures = evaluate_job(self.job, exemplar, progress=progress,
-                                   device=self.device)
+            figures = evaluate_job(self.job, exemplar, progress=progress, device=self.device)
         for name, value in sorted(_flat(figures).items()):
             print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
         return figures

@@ -66,8 +66,7 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose,
     far = GENERIC_LANDMARKS[:, 0] * np.sign(pose.rotation[2, 0]) < 0
     known &= ~(far & (np.arange(68) < 17))
     left = painted[known] - pose.project(head[known])
-    warp = RBFInterpolator(head[known, :2], left, kernel="thin_plate_spline",
-                           smoothing=2e-3)
+    warp = RBFInterpolator(head[known, :2], left, kernel="thin_plate_spline", smoothing=2e-3)
     flat = points.reshape(-1, 3)
     moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
     # Outside the face the residuals fade: there is nothing that they were measured on.

@@ -205,8 +205,7 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
         return {"eyes": np.empty((0, 5, 2)) if mesh is None else mesh[np.array(MESH_EYES)],
                 "discs": np.empty((0, 2)) if discs is None else discs}
 
-    key = key_of(__name__, face.detectors_key(), exemplar.image,
-                 exemplar.landmarks)
+    key = key_of(__name__, face.detectors_key(), exemplar.image, exemplar.landmarks)
     found = kept_arrays("gazes", key, find)
     eyes, discs = found["eyes"], found["discs"]
     if not len(eyes) or not len(discs) or _opening(eyes) < CLOSED:

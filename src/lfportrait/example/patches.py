@@ -234,8 +234,7 @@ class _Level:
         self._want(target)
         self.even = self._even(target)
         self.start = self._flat(target.start)
-        self.guided = (self.start if target.guided is target.start
-                       else self._flat(target.guided))
+        self.guided = (self.start if target.guided is target.start else self._flat(target.guided))
         self.fixed = fixed
         self.error = np.zeros(self.shape, np.float32)
         self.voted: Float32 | None = None

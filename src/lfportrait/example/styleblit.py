@@ -65,8 +65,7 @@ class LookUpTable:
     step: float
 
 
-def quantise(appearance: Float32,
-             levels: int) -> tuple[Int32, float, float]:
+def quantise(appearance: Float32, levels: int) -> tuple[Int32, float, float]:
     """Levels of an appearance guide: (int32 [H, W], value of level 0, distance of levels)."""
     reach = float(max(np.abs(appearance).max(), 1e-3))
     step = 2 * reach / (levels - 1)
@@ -178,8 +177,7 @@ def finest_level(scale: float) -> int:
     return max(1, int(np.ceil(np.log2(1.5 * scale))))
 
 
-def plant(anchor: Float32, top: int, seed: int, scale: float | None,
-          finest: int = 1) -> Seeds:
+def plant(anchor: Float32, top: int, seed: int, scale: float | None, finest: int = 1) -> Seeds:
     """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
 
     ``scale`` is set where the anchor is that times the pixel; then the seeds depend on the size of

@@ -113,8 +113,7 @@ class Patchwork:
         _, index = distance_transform_edt(~chosen, return_indices=True)
         return np.asarray(np.moveaxis(index, 0, -1)[..., ::-1] + 0.5, np.float32)
 
-    def materials(self, angle: Float64, depth: Float64,
-                  bare: Bool) -> Int64:
+    def materials(self, angle: Float64, depth: Float64, bare: Bool) -> Int64:
         """Material of sites, [N].
 
         ``angle`` from forward, ``depth`` below the brows (1 = chin), and ``bare``, where the guide
@@ -349,8 +348,7 @@ class SurfaceGuide:
         """Exemplar coordinates [N, 2] of unwrapped ones."""
         mapped = mls_similarity(self._squeezed(flat), self.sources, self.targets,
                                 softness=self.softness)
-        return fold_inside(mapped.astype(np.float32), self.exemplar.image.shape,
-                           self.regions.box())
+        return fold_inside(mapped.astype(np.float32), self.exemplar.image.shape, self.regions.box())
 
     def _pieced(self, position: Float32, plane: Float32) -> Float32:
         """Positions [N, 2] of places in the plane, those behind the cheeks by `Patchwork`."""

@@ -417,8 +417,7 @@ class Transfer:
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self.distribution, person)
 
-    def weights(self, person: Float32, labels: UInt8, position: Float32,
-                 scale: float) -> Float32:
+    def weights(self, person: Float32, labels: UInt8, position: Float32, scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
         # Along the outline a chunk that is off shows as a step.
@@ -449,8 +448,7 @@ class Transfer:
         """Whether nothing of a photo is left."""
         return self.config.extent == "picture" and self.config.strength == 1
 
-    def cover(self, photo: NDArray[np.generic], landmarks: Float64,
-               person: Float32) -> Float32:
+    def cover(self, photo: NDArray[np.generic], landmarks: Float64, person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
         if config.extent == "face":

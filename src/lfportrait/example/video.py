@@ -261,8 +261,7 @@ def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
     image = np.empty((height, width, 3), np.float32)
     pitch = anchor_scale(anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)
-    vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False,
-         image)
+    vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False, image)
     result, cover = image, before.mask
     if not prepared.covers_all:
         cover = prepared.cover(frame, landmarks, person())
@@ -354,8 +353,7 @@ class VideoTransfer:
         self._result: TransferResult | None = None
         self._scale = 1.0
 
-    def apply(self, frame: UInt8,
-              landmarks: NDArray[np.floating] | None = None) -> Float32:
+    def apply(self, frame: UInt8, landmarks: NDArray[np.floating] | None = None) -> Float32:
         """Stylise the next frame, uint8 [H, W, 3], all of one size; float32 [H, W, 3] in [0, 1].
 
         Landmarks [68, 2] are detected if None. Where no face is found those of the frame before
@@ -396,8 +394,7 @@ class VideoTransfer:
                 self._compare(step, image)
                 yield picture
 
-    def _follow(self, frame: UInt8,
-                landmarks: NDArray[np.floating] | None = None) -> _Followed:
+    def _follow(self, frame: UInt8, landmarks: NDArray[np.floating] | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
@@ -443,8 +440,7 @@ class VideoTransfer:
             return found
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
-    def _segmented(self, frame: UInt8, points: Float64,
-                   motion: Motion | None) -> Float32:
+    def _segmented(self, frame: UInt8, points: Float64, motion: Motion | None) -> Float32:
         """Masks of the frame before, carried along, or found, or both."""
         side = block_side(frame.shape)
         masks = None

@@ -114,8 +114,7 @@ class Device:
             encoder.copy_buffer_to_buffer(buffer, offset + start, staged, 0, size)
             self._device.queue.submit([encoder.finish()])
             staged.map_sync("READ", 0, size)
-            part[:] = np.frombuffer(staged.read_mapped(0, size, copy=False),
-                                    np.uint8)[:part.nbytes]
+            part[:] = np.frombuffer(staged.read_mapped(0, size, copy=False), np.uint8)[:part.nbytes]
             staged.unmap()
         return out
 

@@ -43,8 +43,7 @@ class GpuProcess:
 
     def holds(self, kind: str, name: str) -> bool:
         """Whether the child that runs now keeps something under this name (`note`)."""
-        return (self._child is not None and self._child.alive
-                and name in self._held.get(kind, ()))
+        return (self._child is not None and self._child.alive and name in self._held.get(kind, ()))
 
     def note(self, kind: str, names: Collection[str]) -> None:
         """Remember what of a kind the child keeps now."""

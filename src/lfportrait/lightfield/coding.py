@@ -154,8 +154,7 @@ def _stand(display: Display, low: float, high: float, wide: float) -> tuple[floa
     nearer = display.distance / (display.distance + 0.5)
     scale = (_TOP - _LOW) / max(high - nearer * low, 0.5)
     scale = float(np.clip(scale, *_SIZES))
-    scale = min(scale, _WIDE * display.aspect / max(wide, 0.3),
-                0.3 * display.aspect / _EYES)
+    scale = min(scale, _WIDE * display.aspect / max(wide, 0.3), 0.3 * display.aspect / _EYES)
     # Above all the bust's end is hidden; then the crown has its distance from the upper edge.
     up = min(_TOP - scale * high, _LOW - nearer * scale * low)
     return scale, float(np.clip(up, -_HIGHEST, _HIGHEST))

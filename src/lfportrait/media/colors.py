@@ -108,8 +108,7 @@ def _light(codes: Float64, curve: str) -> Float64:
 def _signal(light: Float64, curve: str) -> Float64:
     """What is shown: gray values of BT.709's curve are kept, all other light is coded as sRGB."""
     if curve == "bt709":
-        return np.where(light < 0.018, 4.5 * light,
-                        1.099 * np.maximum(light, 1e-9) ** 0.45 - 0.099)
+        return np.where(light < 0.018, 4.5 * light, 1.099 * np.maximum(light, 1e-9) ** 0.45 - 0.099)
     return srgb_values(light)
 
 

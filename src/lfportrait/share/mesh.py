@@ -123,8 +123,7 @@ def _places(atlas: Atlas, vertices: Float32) -> Float64:
     return atlas.cameras.project(vertices.astype(np.float64))[0] + atlas.boxes[:, None, 4:]
 
 
-def _inside(atlas: Atlas, chart: Int64, places: Float64,
-            faces: Int32) -> Bool:
+def _inside(atlas: Atlas, chart: Int64, places: Float64, faces: Int32) -> Bool:
     """Faces whose corners lie within their chart, and that it shows from outside, bool [F]."""
     corners = places[np.maximum(chart, 0)[:, None], faces]
     x0, y0, x1, y1, dx, dy = atlas.boxes[np.maximum(chart, 0)].T[:, :, None]
@@ -214,8 +213,7 @@ def jpeg(picture: UInt8) -> bytes:
 _UNLIT = "KHR_materials_unlit"
 
 
-def write_colored_glb(stream: BinaryIO, place: Float32, normals: Float32,
-                      mesh: Mesh) -> None:
+def write_colored_glb(stream: BinaryIO, place: Float32, normals: Float32, mesh: Mesh) -> None:
     """A mesh with colors at its vertices, as linear light."""
     glb = Glb([_UNLIT])
     attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
@@ -235,8 +233,7 @@ def write_textured_glb(stream: BinaryIO, place: Float32, normals: Float32,
     glb.write(stream)
 
 
-def _finish(glb: Glb, attributes: dict[str, int], faces: Int32,
-            color: dict[str, Any]) -> None:
+def _finish(glb: Glb, attributes: dict[str, int], faces: Int32, color: dict[str, Any]) -> None:
     """Describe the mesh and its material."""
     indices = glb.add(faces.reshape(-1).astype(np.uint32), indices=True)
     glb.scene["materials"] = [{
@@ -264,8 +261,7 @@ def _write_lines(stream: BinaryIO, rows: NDArray[Any], form: str) -> None:
         stream.write((len(some) * line % tuple(some.ravel().tolist())).encode())
 
 
-def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32,
-                      mesh: Mesh) -> None:
+def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32, mesh: Mesh) -> None:
     """A mesh with a color behind each position, as Blender and MeshLab write it."""
     stream.write(f"# lfportrait {__version__}\n".encode())
     _write_lines(stream, np.hstack([place, mesh.colors / 255.0]), "v %.6f %.6f %.6f %.4f %.4f %.4f")
@@ -297,13 +293,11 @@ def write_textured_obj(path: Path, place: Float32, normals: Float32,
         _write_lines(stream, np.column_stack([mesh.places[:, 0], 1 - mesh.places[:, 1]]),
                      "vt %.6f %.6f")
         _write_lines(stream, normals, "vn %.4f %.4f %.4f")
-        _write_lines(stream, np.repeat(mesh.faces + 1, 3, axis=1),
-                     "f %d/%d/%d %d/%d/%d %d/%d/%d")
+        _write_lines(stream, np.repeat(mesh.faces + 1, 3, axis=1), "f %d/%d/%d %d/%d/%d %d/%d/%d")
     return [path, material, picture]
 
 
-def write_ply(stream: BinaryIO, place: Float32, normals: Float32,
-              item: PointCloud | Mesh) -> None:
+def write_ply(stream: BinaryIO, place: Float32, normals: Float32, item: PointCloud | Mesh) -> None:
     """Binary PLY: position, normal, color, and a point's opacity or the faces."""
     columns = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
     columns += [(name, "u1") for name in ("red", "green", "blue")]
@@ -392,8 +386,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     archive.writestr(member, content)
 
 
-def _text(place: Float32, normals: Float32, mesh: TexturedMesh,
-          unit: float) -> bytes:
+def _text(place: Float32, normals: Float32, mesh: TexturedMesh, unit: float) -> bytes:
     """The scene in USD's text form."""
     low, high = place.min(axis=0), place.max(axis=0)
     extent = ", ".join(f"({x:.6g}, {y:.6g}, {z:.6g})" for x, y, z in (low, high))

@@ -75,8 +75,7 @@ class Section:
     def empty(self) -> bool:
         """Whether there is nothing to show."""
         film = self.video is not None and Path(self.video).is_file()
-        return not (self.text or _present(self.pictures) or self.tables or self.drawings
-                    or film)
+        return not (self.text or _present(self.pictures) or self.tables or self.drawings or film)
 
 
 @dataclass

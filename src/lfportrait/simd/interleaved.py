@@ -119,8 +119,7 @@ def _gathered_two(array, index, pitch):
 
     def code(context, builder, sig, args):
         words = _gathered(context, builder, sig, args, _I64, "i64", pitch)
-        return _split(context, builder, result,
-                      builder.bitcast(words, ir.VectorType(_I32, 32)))
+        return _split(context, builder, result, builder.bitcast(words, ir.VectorType(_I32, 32)))
     return result(array, index), code
 
 

@@ -74,8 +74,7 @@ class PatchIndex:
         return np.lib.stride_tricks.sliding_window_view(picture, (self.size, self.size),
                                                         axis=(0, 1))
 
-    def _short(self, picture: Float32, rows: Int64,
-               columns: Int64) -> Float32:
+    def _short(self, picture: Float32, rows: Int64, columns: Int64) -> Float32:
         """Short vectors of patches: main components, and the length of what they leave out."""
         patches = self._patches(picture)
         out = np.empty((len(rows), COMPONENTS + 1), np.float32)
@@ -88,8 +87,7 @@ class PatchIndex:
             out[part, -1] = np.sqrt(np.maximum(left, 0))
         return out
 
-    def distances(self, image: NDArray[Any], rows: Int64,
-                  columns: Int64) -> Float32:
+    def distances(self, image: NDArray[Any], rows: Int64, columns: Int64) -> Float32:
         """Distances of patches to the exemplar's nearest, float32 [Q].
 
         They are root mean square differences in CIE Lab over a patch's pixels (delta E). ``rows``

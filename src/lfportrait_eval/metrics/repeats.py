@@ -198,8 +198,7 @@ def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
     return Repeat(peak, (int(place[0]) - middle[0], int(place[1]) - middle[1]), chance)
 
 
-def repeats(picture: NDArray[Any], mask: Bool, unit: float, *,
-            overlap: float = 0.25) -> float:
+def repeats(picture: NDArray[Any], mask: Bool, unit: float, *, overlap: float = 0.25) -> float:
     """How much a region repeats itself, in [0, 1]: the peak of `strongest_repeat`; see there."""
     return strongest_repeat(picture, mask, unit, overlap=overlap).peak
 
@@ -254,8 +253,7 @@ class RowLabels:
         with np.load(path, allow_pickle=False) as arrays:
             if not {"labels", "region_names"} <= set(arrays.files):
                 return None
-            return _with_body(arrays["labels"],
-                              tuple(map(str, arrays["region_names"].ravel())))
+            return _with_body(arrays["labels"], tuple(map(str, arrays["region_names"].ravel())))
 
     def masks(self, field: VoxelField, cameras: Camera, names: Sequence[str],
               margin: float = 0.0) -> list[Masks]:

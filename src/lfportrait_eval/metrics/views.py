@@ -236,8 +236,7 @@ def arc_cameras(field: VoxelField, degrees: Sequence[float] | NDArray[np.floatin
         turn[0, 0] = turn[2, 2] = np.cos(yaw)
         turn[0, 2], turn[2, 0] = np.sin(yaw), -np.sin(yaw)
         poses.append(turn @ front.pose[0])
-    return Camera(np.array(poses), front.focal[0], front.center[0], front.width[0],
-                  front.height[0])
+    return Camera(np.array(poses), front.focal[0], front.center[0], front.width[0], front.height[0])
 
 
 def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDArray[np.floating],
@@ -260,8 +259,7 @@ def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDA
                       focal=size * distance / (room * high), target=middle)
 
 
-def face_unit(field: VoxelField, size: int,
-              landmarks: NDArray[np.floating] | None = None) -> float:
+def face_unit(field: VoxelField, size: int, landmarks: NDArray[np.floating] | None = None) -> float:
     """Size of the face in pixels in a frontal view of ``size`` pixels framed like a sweep.
 
     Without ``landmarks`` [68, 3] in space the size that heads usually have (`FACE`).

@@ -270,8 +270,7 @@ def _one(file: Path) -> Answers:
           "it is damaged")
     questions = tuple(Question(each["name"], str(each.get("text", ""))) for each in asked)
     _need(bool(data["trials"]), "it holds no answers")
-    trials = tuple(_trial(each, questions, number)
-                   for number, each in enumerate(data["trials"], 1))
+    trials = tuple(_trial(each, questions, number) for number, each in enumerate(data["trials"], 1))
     _need(not all(trial.repeat for trial in trials), "it holds repeated answers alone")
     return Answers(file, data["study"], data["person"], questions, trials)
 
@@ -282,8 +281,7 @@ def _fits(answers: Answers, design: dict[str, Any]) -> None:
     _need([question.name for question in answers.questions] == names,
           f"it answers other questions than {', '.join(names)}")
     wanted = len(design["sheets"][0]) + int(design["repeats"])
-    _need(len(answers.trials) == wanted,
-          f"it has {len(answers.trials)} pairs instead of {wanted}")
+    _need(len(answers.trials) == wanted, f"it has {len(answers.trials)} pairs instead of {wanted}")
     for number, trial in enumerate(answers.trials, 1):
         right = 0 <= trial.pair < len(design["pairs"])
         if right:
@@ -474,8 +472,7 @@ def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
     that came again); ``not_compared``, methods that no pair shows; ``seconds_per_answer``, the
     median.
     """
-    shown = [(answers, trial) for answers in people for trial in answers.trials
-             if not trial.repeat]
+    shown = [(answers, trial) for answers in people for trial in answers.trials if not trial.repeat]
     questions = people[0].questions
     names = [question.name for question in questions]
     methods = sorted({method for _, trial in shown for method in (trial.left, trial.right)})

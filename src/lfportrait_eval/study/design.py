@@ -349,8 +349,7 @@ def sheets_of(pairs: Sequence[Pair], pairs_per_person: int = 0) -> list[Sheet]:
         shown = [(window * size + place) % len(pairs) for place in range(size)]
         sides = _swapped([pairs[number].methods for number in shown])
         for mirrored in (False, True):
-            sheets.append(tuple((number, side != mirrored)
-                                for number, side in zip(shown, sides)))
+            sheets.append(tuple((number, side != mirrored) for number, side in zip(shown, sides)))
     return sheets
 
 

@@ -82,8 +82,7 @@ class Target:
     def __init__(self, sitter: Sitter, exemplar: Exemplar, crops: int, seed: int) -> None:
         self.sitter, self.exemplar, self.crops, self.seed = sitter, exemplar, crops, seed
         self.middle = len(sitter.close) // 2
-        self.picture, masks = exemplar_regions(exemplar, sitter.unit, REGIONS,
-                                               MARGIN * sitter.unit)
+        self.picture, masks = exemplar_regions(exemplar, sitter.unit, REGIONS, MARGIN * sitter.unit)
         scale = sitter.unit / exemplar.size
         self.face = face_region(self.picture.shape, exemplar.landmarks * scale)
         self.energy = gradient_energy(self.picture, self.face)
@@ -235,8 +234,7 @@ def _pairs(views: Views, sitter: Sitter, example: Views | None) -> Figures:
 def _style(views: Views, target: Target) -> Figures:
     """Distances of Inception features of crops to the exemplar's."""
     sitter = target.sitter
-    width = float(np.ptp(landmarks_in(sitter.close_cameras, target.middle,
-                                      sitter.landmarks)[:, 0]))
+    width = float(np.ptp(landmarks_in(sitter.close_cameras, target.middle, sitter.landmarks)[:, 0]))
     ours = inception_features(spread_crops(
         views.close, [shot.alpha > 0.5 for shot in sitter.close], max(int(CROP * width), 16),
         target.crops, target.seed), full=models.available("inception-2048"),

@@ -81,8 +81,7 @@ def _field_methods() -> dict[str, MethodEntry]:
     """What `stylize` can do, methods of any package, and the paper's way with other guides."""
     names = (*_FIELDS, *(name for name in offered("lfportrait.field_methods")
                          if name not in _FIELDS))
-    return {name: MethodEntry("field", _FIELDS.get(name, "see docs/methods.md"))
-            for name in names}
+    return {name: MethodEntry("field", _FIELDS.get(name, "see docs/methods.md")) for name in names}
 
 
 METHODS: dict[str, MethodEntry] = {

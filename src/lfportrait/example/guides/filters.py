@@ -144,8 +144,7 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
     return out
 
 
-def skin_distance(colors: NDArray[np.floating], face: Bool,
-                  light: float = 0.4) -> Float32:
+def skin_distance(colors: NDArray[np.floating], face: Bool, light: float = 0.4) -> Float32:
     """How far colors are from those of the face, in standard deviations, float32 [...].
 
     Colors [..., 3] are sRGB in [0, 1], ``face`` bool [...] is its skin; ``light`` is how much light

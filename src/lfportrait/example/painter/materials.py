@@ -360,8 +360,7 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
     guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
                        for axis in range(2)], axis=-1)
     asked = np.bincount(number, tone, len(middles)) / count
-    votes = np.bincount(number * len(MATERIALS) + material,
-                        minlength=len(middles) * len(MATERIALS))
+    votes = np.bincount(number * len(MATERIALS) + material, minlength=len(middles) * len(MATERIALS))
     kinds = votes.reshape(len(middles), -1).argmax(axis=1)
     best, chosen = np.full(len(middles), np.inf), np.zeros((len(middles), 2))
     for turn in range(PLACES):

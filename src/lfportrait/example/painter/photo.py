@@ -140,8 +140,7 @@ CHUNK = 1.0
 class PhotoPatches:
     """One exemplar with its regions and labels, prepared for refining photos."""
 
-    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8,
-                 seed: int = 0) -> None:
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8, seed: int = 0) -> None:
         self.exemplar = exemplar
         shares = known_shares(exemplar, regions, labels, strict=False)
         self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
@@ -189,8 +188,7 @@ class PhotoPatches:
                            np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
-        work = _Work(eight, landmarks, regions, guides.position, place, painted,
-                     scale, turned)
+        work = _Work(eight, landmarks, regions, guides.position, place, painted, scale, turned)
         if size != (width, height):
             work = work.shrunk(*size)
         color, core = self._lay(work)
@@ -245,8 +243,7 @@ class PhotoPatches:
         color = painter.paint(PhotoAtlas((soft.shape[0], soft.shape[1])), size, PatchRequest(
             shares, tone.reshape(-1), detail.reshape(-1), wanted, begin, weight.astype(np.float32),
             np.stack([trusted, trusted], axis=1), state, work.painted, often))
-        color = with_folds(color, grey(work.photo), planes[..., CLOTHES],
-                           face_size(work.landmarks))
+        color = with_folds(color, grey(work.photo), planes[..., CLOTHES], face_size(work.landmarks))
         return color, core.astype(np.float32)
 
     def _bare(self, work: _Work) -> tuple[Bool, Bool]:

@@ -33,8 +33,7 @@ FEW = 30
 """Fewer pixels than this have no color."""
 
 
-def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
-               shares: Float32) -> None:
+def grow_beard(photo: UInt8, regions: Regions, labels: UInt8, shares: Float32) -> None:
     """Let a beard be hair, in place in shares [H, W, 7].
 
     It is what hangs together with a chin that is as the hair is.
@@ -116,8 +115,7 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
         height, width = painted_hair.shape
         x = np.clip(position[..., 0], 0, width - 1).astype(np.int64)
         y = np.clip(position[..., 1], 0, height - 1).astype(np.int64)
-        hair = painted_hair[y, x] * shares[..., SKIN] * (
-            1 - _bare(regions, photo.shape[:2]))
+        hair = painted_hair[y, x] * shares[..., SKIN] * (1 - _bare(regions, photo.shape[:2]))
         shares[..., HAIR] += hair
         shares[..., SKIN] -= hair
     else:

@@ -579,8 +579,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
         shares = painted_shares(exemplar, regions, labels, strict)
         return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
 
-    key = key_of(__name__, exemplar.image, exemplar.landmarks,
-                 regions.person, regions.hair, strict)
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, strict)
     # A file keeps rounded numbers: the first run continues with the numbers that the next one
     # reads.
     kept = kept_arrays("materials", key, find, most=MOST_KEPT)["shares"]
@@ -590,8 +589,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
     return shares
 
 
-def _paint_over(shares: Float32, by_hand: UInt8,
-                labels: UInt8) -> None:
+def _paint_over(shares: Float32, by_hand: UInt8, labels: UInt8) -> None:
     """Let regions that were painted over by hand be what was painted, in place.
 
     What is skin by hand leaves the face its brows, eyes, nose and lips, and its ears; a hat is
@@ -612,8 +610,7 @@ def _paint_over(shares: Float32, by_hand: UInt8,
             shares[here] = np.eye(len(MATERIALS), dtype=np.float32)[material]
 
 
-def _one_cloth(image: UInt8, shares: Float32, own: Bool,
-               above: Bool) -> None:
+def _one_cloth(image: UInt8, shares: Float32, own: Bool, above: Bool) -> None:
     """Let the smaller of two parts of the hair be painted nowhere if their colors differ; in place.
 
     ``own`` [h, w] was taken for hair, ``above`` is the hat or linen over the forehead: hair of both

@@ -68,8 +68,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     def find() -> dict[str, NDArray[Any]]:
         return _found(exemplar, regions, fringe) or {}
 
-    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person,
-                 regions.hair, fringe)
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, fringe)
     found = kept_arrays("bared", key, find, most=30)
     if not found:
         return exemplar
@@ -164,8 +163,7 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
     """
     rows, columns = (np.flatnonzero((hole | bare).any(axis=axis)) for axis in (1, 0))
     margin = round(AROUND * height) + 8
-    part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1)
-                 for side in (rows, columns))
+    part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1) for side in (rows, columns))
     picture = exemplar.image[part].astype(np.float32) / np.float32(255)
     inside = hole[part]
     strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None, by_hand=None),

@@ -326,8 +326,7 @@ def view_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
                 plane[1], plane[2] = lift * depth_i, lift * depth_k
                 norm = np.sqrt(1.0 + fall * fall)
                 for axis in range(3):
-                    along[axis] = np.float32(
-                        (one[4 * axis + 2] + fall * one[4 * axis + 1]) / norm)
+                    along[axis] = np.float32((one[4 * axis + 2] + fall * one[4 * axis + 1]) / norm)
                 plane_matrix(side, along, count, least, basis, scratch)
                 build(places, occupied, values, shape, plane, basis, threshold, shift, stride, slab,
                       low, high, marks)

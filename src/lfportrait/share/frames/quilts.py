@@ -137,8 +137,7 @@ def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
         return {"bytes": len(contents)}
     side = (json.dumps(quilt_settings(layout, seconds=seconds), indent=1) + "\n").encode()
     # Both are whole under their temporary names before either gets its own.
-    with (atomic_write(path.with_name(path.name + ".json")) as second,
-          atomic_write(path) as first):
+    with (atomic_write(path.with_name(path.name + ".json")) as second, atomic_write(path) as first):
         first.write(contents)
         second.write(side)
         second.flush()

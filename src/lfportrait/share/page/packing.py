@@ -181,8 +181,7 @@ def _largest_around(values: Float32) -> Float32:
     return out
 
 
-def code_values(filled: Bool, values: UInt8,
-                tolerance: UInt8) -> tuple[bytes, UInt8]:
+def code_values(filled: Bool, values: UInt8, tolerance: UInt8) -> tuple[bytes, UInt8]:
     """Values [N, C] as a deflated stream, and as they are read back; see `code_rows`."""
     # One column of a larger array, or one in another order, would have a kernel of its own.
     values = np.ascontiguousarray(values)

@@ -417,8 +417,7 @@ def _picture(pixels: UInt8) -> UInt8:
     width = 4 * int(np.ceil(np.sqrt(len(pixels)) / 4))
     height = -(-len(pixels) // width)
     more = width * height - len(pixels)
-    return np.concatenate([pixels, np.repeat(pixels[-1:], more, axis=0)]).reshape(
-        height, width, -1)
+    return np.concatenate([pixels, np.repeat(pixels[-1:], more, axis=0)]).reshape(height, width, -1)
 
 
 def _webp(pixels: UInt8) -> bytes:

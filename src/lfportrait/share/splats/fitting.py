@@ -64,8 +64,7 @@ class _Points:
 
     def part(self, rows: NDArray[Any]) -> _Points:
         """Some of the points."""
-        return _Points(self.places[rows], self.normals[rows], self.colors[rows],
-                       self.opacity[rows])
+        return _Points(self.places[rows], self.normals[rows], self.colors[rows], self.opacity[rows])
 
 
 @dataclass(frozen=True)

@@ -261,8 +261,7 @@ class _Losses:
             terms["content"] = CONTENT * content_loss(features, content, inside)
             if places.any():
                 colors = functional.avg_pool2d(image, PATCH)[0][:, places].T
-                terms["color"] = COLOR * (
-                    colors - self._painted_colors[patch]).square().mean()
+                terms["color"] = COLOR * (colors - self._painted_colors[patch]).square().mean()
         return terms
 
     def slopes(self, view: PhotoView, last: bool) -> tuple[dict[str, float], list[Float32]]:

@@ -272,11 +272,9 @@ class PaintingTeacher:
             link = self._link(index, other)
             if link.visible.any():
                 warped = link.warped(self.network.decode(self.wanted[other]))
-                loss = loss + AGREEMENT * (
-                    painted - warped)[0, :, link.visible].square().mean()
+                loss = loss + AGREEMENT * (painted - warped)[0, :, link.visible].square().mean()
         if shown is not None:
-            loss = loss + SHOWN * _mean_inside(
-                painted - self._tensor(shown), inside[0])
+            loss = loss + SHOWN * _mean_inside(painted - self._tensor(shown), inside[0])
         return loss
 
 
