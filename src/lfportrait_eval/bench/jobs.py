@@ -26,6 +26,7 @@ from lfportrait.progress import Progress
 from lfportrait.simd.host import vector_unit
 from lfportrait.temporary import temporary_folder
 
+from ..markdown import number, table
 from .transfer import say
 
 STAGES = ("capture", "reconstruct", "stylize", "encode", "share")
@@ -207,7 +208,7 @@ def job_tables(figures: dict[str, Any]) -> str:
     """The figures of `bench_jobs` as Markdown tables."""
     parts = [_conditions(figures)]
     if figures["jobs"]:
-        parts.append(_table(
+        parts.append(table(
             ["job", "captured photos", "total", *STAGES, "first look", "peak memory", "folder"],
             [_row(name, job) for name, job in figures["jobs"].items()]))
     for name, job in figures["jobs"].items():
@@ -244,7 +245,7 @@ def _photos(job: dict[str, Any]) -> str:
 
 def _about(name: str, job: dict[str, Any]) -> str:
     """What the table has no column for, over the steps of a job."""
-    facts = [f"cores in use: {_number(job['cores_in_use'], 2)}", f"device: {job['device']}"]
+    facts = [f"cores in use: {number(job['cores_in_use'], 2)}", f"device: {job['device']}"]
     if job["psnr"] is not None:
         facts.append(f"held-out photos: {job['psnr']:.2f} dB")
     if job["compiled"]:
@@ -254,24 +255,13 @@ def _about(name: str, job: dict[str, Any]) -> str:
 
 def _steps(job: dict[str, Any]) -> str:
     """A job's long steps, and what lies outside of its stages."""
-    rows = [[stage, step, _seconds(cost["seconds"]), _number(cost["cores_in_use"], 2)]
+    rows = [[stage, step, _seconds(cost["seconds"]), number(cost["cores_in_use"], 2)]
             for stage, found in job["stages"].items() for step, cost in found["steps"].items()
             if cost["seconds"] > _LONG]
     if job["seconds"]["outside"] > _LONG:
         rows.append(["-", "outside of the stages", _seconds(job["seconds"]["outside"]), "-"])
-    return _table(["stage", "step", "time", "cores in use"], rows)
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |"
-                     for line in lines)
+    return table(["stage", "step", "time", "cores in use"], rows)
 
 
 def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{_number(value, 1)} s"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+    return "-" if value is None else f"{number(value, 1)} s"

@@ -19,7 +19,14 @@ from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField, held_out_quality
 from lfportrait.progress import Progress
 
-from .features import LPIPS_NETWORKS, feature_distance, lpips, spread_crops, style_distance
+from .features import (
+    LPIPS_NETWORKS,
+    exemplar_crops,
+    feature_distance,
+    lpips,
+    spread_crops,
+    style_distance,
+)
 from .patches import patch_fidelity
 from .repeats import RowLabels, region_repeats, sharpness
 from .views import Arc, Pictures, arc_cameras, identity
@@ -135,18 +142,11 @@ def _style(painted: Pictures, masks: list[Bool], exemplar: Exemplar, crops: int,
     figures: dict[str, Any] = {"patch_fidelity": patch_fidelity(
         painted[middle], exemplar.image, masks[middle], seed=seed)}
     if models.available("inception"):
-        mask = (np.ones(exemplar.image.shape[:2], bool) if exemplar.mask is None
-                else exemplar.mask > 0.5)
-        if exemplar.mask is None:
-            low, high = exemplar.landmarks.min(axis=0), exemplar.landmarks.max(axis=0)
-            mask[:] = False
-            mask[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
-        # Crops of about 0.6 of the face's width in both: a face takes 0.4 of a sweep's picture.
+        # Crops of about `CROP` of the face's width in both: a face takes 0.4 of a sweep's picture.
         ours = max(painted[middle].shape[0] // 4, 16)
-        theirs = max(int(0.6 * float(np.ptp(exemplar.landmarks[:, 0]))), 16)
         figures.update(style_distance(
             spread_crops([to_uint8(image) for image in painted], masks, ours, crops, seed),
-            spread_crops([exemplar.image], [mask], theirs, crops, seed + 1), device))
+            exemplar_crops(exemplar, crops, seed + 1), device))
     return figures
 
 

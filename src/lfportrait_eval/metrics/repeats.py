@@ -18,7 +18,7 @@ What counts as a peak:
   equal distances are a repeat. The lobe of a picture of small tiles is smaller than a tile, and of
   a large piece as wide as its strokes, so either's copies are seen.
 * Then only local maxima count, at least `NEAREST` away: else the lobe's own foot would be the peak.
-* The samples common to both must make up a quarter of the region (``overlap``). Of a few samples,
+* The samples common to both must make up a quarter of the region (`OVERLAP`). Of a few samples,
   many agree by chance.
 
 Chance: n samples of independent strokes of effective area a (the sum of the squared correlations
@@ -68,6 +68,8 @@ FINE = 0.02
 LOBE = 0.2
 """Correlation down to which lags are connected to zero. Chance is seldom as high near zero, where
 nearly the whole region overlaps: at 0.1 the lobe of a small region grows into the plain around."""
+OVERLAP = 0.25
+"""Least share of the region that must lie in the region again when it is moved."""
 NEAREST = 0.1
 """Least lag in units, 1/26 of a face's width: nearer than that it is the grain of a stroke."""
 LEAST_CONTRAST = 2.0 / 255.0
@@ -150,32 +152,29 @@ def _detail(plane: Float32, mask: Bool, unit: float) -> Float32:
     return np.where(mask, blurred(FINE * unit) - blurred(COARSE * unit), np.float32(0))
 
 
-def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
-                     overlap: float = 0.25) -> Repeat:
+def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float) -> Repeat:
     """The highest peak of a region's autocorrelation away from zero, and where it is.
 
     Its peak is 0 where no lag but the lobe's overlaps enough, NaN where the mask is empty. Raises
-    `ValueError` if picture and mask differ in size, or the unit or the overlap is out of range.
+    `ValueError` if picture and mask differ in size, or the unit is out of range.
 
     Parameters
     ----------
     picture : [H, W, 3], uint8 or float in [0, 1].
     mask : bool [H, W], the region, without the silhouette.
     unit : Size of the face in pixels (`lfportrait.example.face_size`), > 0.
-    overlap : Least share in (0, 1] of the region that must lie in the region again when it is
-        moved.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
-    if not (unit > 0 and 0 < overlap <= 1):
-        raise ValueError(f"the unit must be > 0 and the overlap in (0, 1], not {unit}, {overlap}")
+    if not unit > 0:
+        raise ValueError(f"the unit must be > 0, not {unit}")
     if not mask.any():
         return Repeat(float("nan"), (0, 0), float("nan"))
     box = ndimage.find_objects(mask.astype(np.uint8))[0]
     mask = np.asarray(mask[box], bool)
     correlation, common = masked_autocorrelation(_detail(luma(picture[box]), mask, unit), mask)
     middle = mask.shape[0] - 1, mask.shape[1] - 1
-    allowed = common >= overlap * mask.sum()
+    allowed = common >= OVERLAP * mask.sum()
     correlation = np.where(allowed, correlation, np.float32(0))
     zero = float(correlation[middle])
     if zero <= 0:
@@ -196,11 +195,6 @@ def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
     values = max(float(allowed.sum()) / 2 / stroke, np.e)
     chance = min(float(np.sqrt(2 * np.log(values) * stroke / common[place])), 1.0)
     return Repeat(peak, (int(place[0]) - middle[0], int(place[1]) - middle[1]), chance)
-
-
-def repeats(picture: NDArray[Any], mask: Bool, unit: float, *, overlap: float = 0.25) -> float:
-    """How much a region repeats itself, in [0, 1]: the peak of `strongest_repeat`; see there."""
-    return strongest_repeat(picture, mask, unit, overlap=overlap).peak
 
 
 def over_exemplar(ours: Repeat, theirs: Repeat) -> float:

@@ -156,12 +156,16 @@ def _group(pairs: list[tuple[int, int]], stylised: Sequence[NDArray[Any]],
                      *(distance(np.asarray(stylised[first], np.float32), warped[..., :3], valid)
                        if valid.any() else float("nan") for distance in compare.values())))
     # Pairs without a common surface count for nothing.
-    table = np.array(rows)
-    known = np.isfinite(table)
-    totals = np.where(known, table, 0.0).sum(axis=0)
-    means = np.where(known.any(axis=0), totals / np.maximum(known.sum(axis=0), 1), np.nan)
+    means = known_means(np.array(rows))
     names = ("rmse", "normalised", "floor_rmse", "floor_normalised", "valid", *compare)
     return {**dict(zip(names, map(float, means))), "pairs": len(pairs)}
+
+
+def known_means(rows: Float64) -> Float64:
+    """Means of each column's finite values; NaN where it has none."""
+    known = np.isfinite(rows)
+    totals = np.where(known, rows, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), totals / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 Detector = Callable[[UInt8], Float64 | None]
@@ -239,8 +243,12 @@ def arc_cameras(field: VoxelField, degrees: Sequence[float] | NDArray[np.floatin
     return Camera(np.array(poses), front.focal[0], front.center[0], front.width[0], front.height[0])
 
 
+_AWAY = 4.4
+"""Distance of cameras from the middle of the head, in the field's units."""
+
+
 def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDArray[np.floating],
-                 size: int, distance: float = 4.4, *, room: float = 1.0,
+                 size: int, *, room: float = 1.0,
                  back: float = 0.13) -> Camera:
     """Cameras whose pictures the head fills, so that strokes are as large as in an exemplar.
 
@@ -255,8 +263,8 @@ def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDA
     brows, chin = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmin(landmarks[:, 1]))
     high = 2.3 * (brows - chin)
     middle = np.nanmean(landmarks, axis=0) + high * np.array([0.0, 0.1, -back])
-    return Camera.arc(np.asarray(degrees, np.float64), distance=distance, width=size, height=size,
-                      focal=size * distance / (room * high), target=middle)
+    return Camera.arc(np.asarray(degrees, np.float64), distance=_AWAY, width=size, height=size,
+                      focal=size * _AWAY / (room * high), target=middle)
 
 
 def face_unit(field: VoxelField, size: int, landmarks: NDArray[np.floating] | None = None) -> float:

@@ -20,6 +20,7 @@ from lfportrait.errors import UserError
 from lfportrait.files import atomic_write, write_json
 from lfportrait.share import Picture, Report, Section, Table, write_report
 
+from ..markdown import interval, number, percent, table
 from ..study import Row, interval_chart
 from .figures import missing_networks
 
@@ -199,17 +200,13 @@ def _floor_rows(floors: dict[str, dict[str, Any]]) -> Rows:
     return spreads(made, list(FLOORS))
 
 
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}"
-
-
 def spread_text(spread: Spread | None, digits: int) -> str:
     """Mean and spread as text; a dash where nothing was measured."""
     if spread is None:
         return "-"
     if spread.count == 1:
-        return _number(spread.mean, digits)
-    return f"{_number(spread.mean, digits)} ± {_number(spread.deviation, digits)}"
+        return number(spread.mean, digits)
+    return f"{number(spread.mean, digits)} ± {number(spread.deviation, digits)}"
 
 
 def _grids(rows: Rows, base: Rows, facts: dict[str, Any],
@@ -242,30 +239,25 @@ def _speed_grids(speed: dict[str, Any]) -> list[tuple[str, list[str], list[list[
         head = ["resolution", "with mask, s", "without, s", "build the mask, s", "load it, s",
                 "mask, MiB", "memory while coding, MiB"]
         found.append(("Table 1: the mask guide", head, [[
-            row["resolution"], *(_number(row[f"{name}_seconds"], 3)
+            row["resolution"], *(number(row[f"{name}_seconds"], 3)
                                  for name in ("with", "without", "build", "load")),
-            _number(row["bytes"] / 2 ** 20, 1), _number(row["memory_bytes"] / 2 ** 20, 1)]
+            number(row["bytes"] / 2 ** 20, 1), number(row["memory_bytes"] / 2 ** 20, 1)]
             for row in speed["table_1"]], []))
     if "fig_6" in speed:
         head = ["transfer", "pre-calculation, s", "as published, s", "guides and synthesis, s",
                 f"whole, {speed['fig_6_views']} views, s", "patches"]
         found.append(("Fig. 6: transfer by example", head, [[
-            name, _number(row["precalculation_seconds"], 3),
-            "-" if row["published_seconds"] is None else _number(row["published_seconds"], 1),
-            _number(row["synthesis_seconds"], 3), _number(row["whole_seconds"], 1),
-            _number(row["patch_fidelity"], 2)] for name, row in speed["fig_6"].items()], []))
+            name, number(row["precalculation_seconds"], 3),
+            number(row["published_seconds"], 1),
+            number(row["synthesis_seconds"], 3), number(row["whole_seconds"], 1),
+            number(row["patch_fidelity"], 2)] for name, row in speed["fig_6"].items()], []))
     return found
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], winners: Sequence[str | None] = (),
-           ) -> str:
-    """A table in Markdown, the best of each column bold."""
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    shown = [[cell if not 0 < column <= len(winners) or winners[column - 1] != row[0]
-              else f"**{cell}**" for column, cell in enumerate(row)] for row in rows]
-    return "\n".join([line(head), line(["---"] * len(head)), *map(line, shown)])
+def _bold(lines: Sequence[Sequence[str]], winners: Sequence[str | None]) -> list[list[str]]:
+    """A table's rows with the best of each column bold."""
+    return [[cell if not 0 < column <= len(winners) or winners[column - 1] != row[0]
+             else f"**{cell}**" for column, cell in enumerate(row)] for row in lines]
 
 
 def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict[str, str]],
@@ -309,11 +301,11 @@ def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequen
                                         facts["skin_seconds"].items()) + ".",
         "\n".join(f"- `{name}`: {what}" for name, what in facts["methods"].items())]
     for title, (head, lines, winners) in _grids(rows, base, facts).items():
-        parts += [f"### {title}", _table(head, lines, winners)]
+        parts += [f"### {title}", table(head, _bold(lines, winners))]
         if title == GROUPS["consistency"][0]:
             parts.append(_photo_note(base))
     for title, head, lines, _ in _speed_grids(speed):
-        parts += [f"### {title}", _table(head, lines)]
+        parts += [f"### {title}", table(head, lines)]
     if study is not None:
         parts += ["### User study", _study(study)]
     notes = _notes(facts, cells, failures, missing)
@@ -333,9 +325,8 @@ def _photo_note(base: Rows) -> str:
 
 def _study(study: dict[str, Any]) -> str:
     """Who was preferred to whom."""
-    return _table(("question", "preferred", "to", "share", "95 % interval", "answers"), [
-        (row["question"], row["first"], row["second"], f"{100 * row['share']:.1f} %",
-         "-" if row["low"] is None else f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %",
+    return table(("question", "preferred", "to", "share", "95 % interval", "answers"), [
+        (row["question"], row["first"], row["second"], percent(row["share"]), interval(row),
          str(row["total"])) for row in study["preferences"]])
 
 
@@ -445,10 +436,10 @@ def _pictures(out: Path, sitter: str, style: str, cells: Sequence[Cell],
                    "At -45, 0 and 45 degrees.", pictures, layout="grid")
 
 
-def _on_strip(painting: UInt8, height: int = 256) -> UInt8:
+def _on_strip(painting: UInt8) -> UInt8:
     """A painting in the middle of a white strip, three times as wide as high like all others."""
     picture = Image.fromarray(painting)
-    picture.thumbnail((3 * height, height), Image.Resampling.LANCZOS)
-    strip = Image.new("RGB", (3 * height, height), "white")
+    picture.thumbnail((768, 256), Image.Resampling.LANCZOS)
+    strip = Image.new("RGB", (768, 256), "white")
     strip.paste(picture, ((strip.width - picture.width) // 2, 0))
     return np.asarray(strip)

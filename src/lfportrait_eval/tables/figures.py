@@ -24,7 +24,9 @@ from lfportrait.metrics import psnr, ssim
 from lfportrait.stylize import row_labels
 
 from ..metrics.features import (
+    CROP,
     LPIPS_NETWORKS,
+    exemplar_crops,
     feature_distance,
     frechet_distance,
     inception_features,
@@ -48,6 +50,7 @@ from ..metrics.views import (
     contour_correlation,
     face_region,
     identity,
+    known_means,
     pair_error,
     warp,
 )
@@ -57,8 +60,6 @@ Figures = dict[str, float | None]
 
 REGIONS = ("hair", "body")
 """Whose paint may repeat itself."""
-CROP = 0.6
-"""Side of a crop over the width of the face."""
 
 
 def missing_networks() -> dict[str, list[str]]:
@@ -93,17 +94,9 @@ class Target:
     @functools.cached_property
     def features(self) -> dict[str, Float64]:
         """Inception features of the exemplar's crops."""
-        exemplar = self.exemplar
-        width = float(np.ptp(exemplar.landmarks[:, 0]))
-        if exemplar.mask is None:
-            mask = np.zeros(exemplar.image.shape[:2], bool)
-            low, high = exemplar.landmarks.min(axis=0), exemplar.landmarks.max(axis=0)
-            mask[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
-        else:
-            mask = exemplar.mask > 0.5
-        return inception_features(spread_crops(
-            [exemplar.image], [mask], max(int(CROP * width), 16), self.crops, self.seed + 1),
-            full=models.available("inception-2048"), device=self.sitter.device)
+        return inception_features(exemplar_crops(self.exemplar, self.crops, self.seed + 1),
+                                  full=models.available("inception-2048"),
+                                  device=self.sitter.device)
 
     @functools.cached_property
     def regions(self) -> list[dict[str, Bool]]:
@@ -115,18 +108,10 @@ class Target:
 
 def measure(views: Views, target: Target, example: Views | None = None,
             say: Callable[[str], None] = lambda text: None) -> Figures:
-    """All figures of a method's views.
+    """All figures of a method's views by name, see `documents.COLUMNS`; None where unknown.
 
-    Parameters
-    ----------
-    views : Of the method; those of the real field give its floor.
-    target : Sitter and style.
-    example : The same views painted by transfer, each by itself: the other reference of Table 2.
-    say : Called with what is being measured.
-
-    Returns
-    -------
-    figures : By name, see `summary.COLUMNS`; None where something can't be measured.
+    Those of the real field give its floor. ``example``: the same views painted by transfer, each by
+    itself: the other reference of Table 2.
     """
     say("consistency")
     figures = agreement(views, target.sitter)
@@ -299,18 +284,12 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
             rows.append(_pair(cameras, shots, first, second, _photo(capture, cameras, first),
                               _photo(capture, cameras, second), device))
         names = ["rmse", "normalised", *distances(device)]
-        means = np.full(len(names), np.nan) if not rows else _known_means(np.array(rows))
+        means = np.full(len(names), np.nan) if not rows else known_means(np.array(rows))
         figures |= {f"{name}_{key}": float(value) if np.isfinite(value) else None
                     for key, value in zip(names, means)}
         figures[f"{name}_degrees"] = float(np.mean([_angle(cameras, *pair) for pair in pairs])
                                            ) if pairs else None
     return figures
-
-
-def _known_means(rows: Float64) -> Float64:
-    known = np.isfinite(rows)
-    return np.where(known.any(axis=0), np.where(known, rows, 0).sum(axis=0)
-                    / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 def _angle(cameras: Camera, first: int, second: int) -> float:

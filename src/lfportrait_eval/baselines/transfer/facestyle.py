@@ -1,11 +1,9 @@
 """FaceStyle (Fiser et al. 2017), for comparison: guided patch synthesis on a pyramid of pictures.
 
-The target is built of overlapping patches of the exemplar that agree in color with each other and
-in three guides with the photo: appearance (grey of head and hair, matched to the exemplar's),
-segmentation (soft region labels as colors) and position. On every level of the pyramid, votes of
-the patches and a search for better patches alternate. The search is seeded by the position guide,
-so that few levels and steps do. A penalty on exemplar pixels that are used often keeps the
-synthesis from filling areas with the one cheapest patch (uniformity).
+The target is built of overlapping patches of the exemplar (`lfportrait.example.patches`) that agree
+in color with each other and in three guides with the photo: appearance (grey of head and hair,
+matched to the exemplar's), segmentation (soft region labels as colors) and position. The search is
+seeded by the position guide, so that few levels and steps do.
 
 Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
 """
