@@ -1,16 +1,15 @@
 """StyleBlit: pieces of the exemplar that the look-up table of Eq. 6 finds are copied together.
 
-The table has for every (x, y, appearance) the nearest pixel of the exemplar. FaceBlit fills it by
-searching a window around every cell (over a minute). Both readings of the error are separable, so a
-distance transform that carries the arg-min gives the exact table over the whole exemplar in a
-fraction of a second. Exact means: the exemplar's guides are quantised to cells, and no cell's pixel
-is worse than any other pixel of the exemplar. Equal costs go to the pixel that comes first in scan
-order (for the weighted L1 form; for the squared form any pixel of least cost, always the same one).
+The table has for every (x, y, appearance) the nearest pixel of the exemplar. Both readings of the
+error are separable, so a distance transform that carries the arg-min gives the exact table over the
+whole exemplar in a fraction of a second. Exact means: the exemplar's guides are quantised to cells,
+and no cell's pixel is worse than any other pixel of the exemplar. Equal costs go to the pixel that
+comes first in scan order (for the weighted L1 form; for the squared form any pixel of least cost,
+always the same one).
 
 The synthesis walks levels 6 to 1 (cells of 64 to 2 exemplar pixels). A pixel takes the shift of the
 nearest jittered seed if the guides agree well enough there, else it tries the next finer level, and
 at last its own look-up. Seeds live in the anchor plane: for a capture they stick to the surface.
-The result is the picture and its intermediates as pictures.
 """
 
 from __future__ import annotations

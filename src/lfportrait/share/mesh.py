@@ -5,11 +5,11 @@ The picture is the atlas of a skin: views of the head from far away, side by sid
 meet, corners are doubled. What no chart sees (behind an ear, in a fold) gets small pieces of
 picture of its own below the charts, with the colors of the face's corners.
 
-Materials are unlit: the photos' light is in the colors already. OBJ has its colors at vertices, or
-in a picture beside it; PLY holds points and colored meshes; USDZ is a scene as text and its
-picture, in a zip file without compression. Apple's Quick Look takes colors from pictures alone.
-Each file's content begins at a multiple of 64 bytes, so that readers can map it. The material glows
-in the picture's colors and reflects nothing: the photos' light is in them already.
+Materials are unlit, they glow in the picture's colors and reflect nothing: the photos' light is in
+the colors already. OBJ has its colors at vertices, or in a picture beside it; PLY holds points and
+colored meshes; USDZ is a scene as text and its picture (Apple's Quick Look takes colors from
+pictures alone), in a zip file without compression, where each file's content begins at a multiple
+of 64 bytes, so that readers can map it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def bake_texture(field: VoxelField, mesh: Mesh) -> TexturedMesh:
     """
     atlas = _atlas(field)
     chart = _charts(field, atlas, mesh)
-    places = _places(atlas, mesh.vertices)
+    # Where each chart shows each corner, [C, V, 2], in pixels of the atlas.
+    places = atlas.cameras.project(mesh.vertices.astype(np.float64))[0] + atlas.boxes[:, None, 4:]
     fits = _inside(atlas, chart, places, mesh.faces)
     chart = np.where(fits, chart, -1)
     picture = _filled(atlas)
@@ -116,11 +117,6 @@ def _charts(field: VoxelField, atlas: Atlas, mesh: Mesh) -> Int64:
         x, y = places.T - np.array([[dx], [dy]])
         chart[(x >= x0) & (x < x1) & (y >= y0) & (y < y1)] = number
     return chart
-
-
-def _places(atlas: Atlas, vertices: Float32) -> Float64:
-    """Where each chart shows each corner, float64 [C, V, 2], in pixels of the atlas."""
-    return atlas.cameras.project(vertices.astype(np.float64))[0] + atlas.boxes[:, None, 4:]
 
 
 def _inside(atlas: Atlas, chart: Int64, places: Float64, faces: Int32) -> Bool:
@@ -213,34 +209,24 @@ def jpeg(picture: UInt8) -> bytes:
 _UNLIT = "KHR_materials_unlit"
 
 
-def write_colored_glb(stream: BinaryIO, place: Float32, normals: Float32, mesh: Mesh) -> None:
-    """A mesh with colors at its vertices, as linear light."""
+def write_glb(stream: BinaryIO, place: Float32, normals: Float32,
+              mesh: Mesh | TexturedMesh) -> None:
+    """A mesh with a picture, sRGB, or with colors at its vertices, as linear light."""
     glb = Glb([_UNLIT])
-    attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
-                  "COLOR_0": glb.add(_linear(mesh.colors), normalized=True)}
-    _finish(glb, attributes, mesh.faces, {})
-    glb.write(stream)
-
-
-def write_textured_glb(stream: BinaryIO, place: Float32, normals: Float32,
-                       mesh: TexturedMesh) -> None:
-    """A mesh with a picture, sRGB."""
-    glb = Glb([_UNLIT])
-    attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
-                  "TEXCOORD_0": glb.add(mesh.places)}
-    texture = glb.add_jpeg(jpeg(mesh.picture))
-    _finish(glb, attributes, mesh.faces, {"baseColorTexture": {"index": texture}})
-    glb.write(stream)
-
-
-def _finish(glb: Glb, attributes: dict[str, int], faces: Int32, color: dict[str, Any]) -> None:
-    """Describe the mesh and its material."""
-    indices = glb.add(faces.reshape(-1).astype(np.uint32), indices=True)
+    attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals)}
+    color: dict[str, Any] = {}
+    if isinstance(mesh, TexturedMesh):
+        attributes["TEXCOORD_0"] = glb.add(mesh.places)
+        color = {"baseColorTexture": {"index": glb.add_jpeg(jpeg(mesh.picture))}}
+    else:
+        attributes["COLOR_0"] = glb.add(_linear(mesh.colors), normalized=True)
+    indices = glb.add(mesh.faces.reshape(-1).astype(np.uint32), indices=True)
     glb.scene["materials"] = [{
         "extensions": {_UNLIT: {}}, "doubleSided": True,
         "pbrMetallicRoughness": {**color, "metallicFactor": 0.0, "roughnessFactor": 1.0}}]
     glb.scene["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices,
                                             "material": 0}]}]
+    glb.write(stream)
 
 
 def _linear(color: UInt8) -> NDArray[np.uint16]:
@@ -271,9 +257,7 @@ def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32, mesh: 
 
 def write_textured_obj(path: Path, place: Float32, normals: Float32,
                        mesh: TexturedMesh) -> list[Path]:
-    """A mesh with a picture.
-
-    ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``, which are returned.
+    """Write ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``, which are returned.
 
     The names of the material and of the picture stand in the files, in plain letters
     (`plain_stem`). The mesh, which names the others, is written last.

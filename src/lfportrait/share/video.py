@@ -255,16 +255,12 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
     return key_of(__name__, digest.hexdigest(), display, config, motion)
 
 
-def _names(sequence: SequenceConfig) -> list[str]:
-    digits = max(4, len(str(sequence.frames - 1)))
-    return [f"{frame:0{digits}d}.png" for frame in range(sequence.frames)]
-
-
 def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
                   sequence: SequenceConfig, out: Path, step: Callable[[], None]) -> int:
     """The missing pictures of a folder; returns how many were there."""
     key = _key(field, display, config, sequence)
-    names = _names(sequence)
+    digits = max(4, len(str(sequence.frames - 1)))
+    names = [f"{frame:0{digits}d}.png" for frame in range(sequence.frames)]
     record = out / _RECORD
     if record.is_file():
         if read_json(record).get("key") != key:

@@ -1,12 +1,11 @@
 """The ground behind a portrait, painted on from the exemplar's own background.
 
 A panel shows much more of what is behind a head than a painting does. So the background is gone on
-with by patches of its own (`lfportrait.example.patches`): what lies at a height comes from that
-height, where the painting has background there, so that a sky stays above its hills; how light and
-dark lie in it is kept by its blurred colors. Patches hold nothing but background: no hat, no hair,
-no clothes. Where a painting has too little of it for patches, its mean color is laid in its grain.
-
-Where the search for a ground's patches begins: pieces of the exemplar's background.
+with by patches of its own (`lfportrait.example.patches`), whose search begins with whole pieces of
+it: what lies at a height comes from that height, where the painting has background there, so that a
+sky stays above its hills; how light and dark lie in it is kept by its blurred colors. Patches hold
+nothing but background: no hat, no hair, no clothes. Where a painting has too little of it for
+patches, its mean color is laid in its grain.
 """
 
 from __future__ import annotations

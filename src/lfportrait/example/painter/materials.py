@@ -1,6 +1,4 @@
-"""Initialise the patch search: rigid pieces of the exemplar of the same material and tone.
-
-Split a photo's luma for the patches: tone, detail, and edge strength.
+"""What of an exemplar is laid where, by material and tone, and where the patch search begins.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
 to be painted says what each of its places is made of (`photo_materials`, `skin.painting`); tones

@@ -2,8 +2,7 @@
 
 The photo says itself what is hair, neck, clothes and background; what the exemplar does not show
 is painted with what comes nearest.
-
-A sitter's beard in a photo: hair below the cheeks, which the networks take for skin.
+A sitter's beard is hair below the cheeks, which the networks take for skin.
 """
 
 from __future__ import annotations
@@ -17,7 +16,17 @@ from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import Regions
 from .materials import BLUR, ExemplarMaterials, contours, matched_looks, stand_in
-from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
+from .picture_materials import (
+    CLOTHES,
+    FEATURES,
+    GROUND,
+    HAIR,
+    NECK,
+    PLAIN,
+    SKIN,
+    give,
+    picture_shares,
+)
 
 FACE = 60.0
 """Pixels from the brows to the chin in the picture that is looked at."""
@@ -66,9 +75,7 @@ def grow_beard(photo: UInt8, regions: Regions, labels: UInt8, shares: Float32) -
     whole = cv2.resize(gaussian_blur(beard, 0.7), shares.shape[1::-1],
                        interpolation=cv2.INTER_LINEAR)
     for material in (SKIN, NECK, CLOTHES):
-        moved = shares[..., material] * whole
-        shares[..., material] -= moved
-        shares[..., HAIR] += moved
+        give(shares, shares[..., material] * whole, material, HAIR)
 
 
 ODD = 3.5
@@ -116,8 +123,7 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
         x = np.clip(position[..., 0], 0, width - 1).astype(np.int64)
         y = np.clip(position[..., 1], 0, height - 1).astype(np.int64)
         hair = painted_hair[y, x] * shares[..., SKIN] * (1 - _bare(regions, photo.shape[:2]))
-        shares[..., HAIR] += hair
-        shares[..., SKIN] -= hair
+        give(shares, hair, SKIN, HAIR)
     else:
         _, down = regions.frame.local(photo.shape[:2])
         _set_apart(photo, shares, np.asarray(down, np.float32))
@@ -160,9 +166,7 @@ def _settle_body(shares: Float32, regions: Regions) -> None:
         # A little around, for what is soft at its edge.
         kept = cv2.dilate(np.isin(parts, np.setdiff1d(parts[sure], 0)).astype(np.float32), around)
         kept = cv2.resize(kept, shares.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        moved = shares[..., own] * (1 - kept)
-        shares[..., own] -= moved
-        shares[..., other] += moved
+        give(shares, shares[..., own] * (1 - kept), own, other)
 
 
 def _set_apart(photo: UInt8, shares: Float32, down: Float32) -> None:

@@ -1,12 +1,10 @@
-"""Cache of the materials of paintings.
-
-A picture made small, whose colors are compared; and the numbers of the materials.
-
-A sitter without one has hair and a background there. They must not be painted with a ribbon, or
-with a brim that hovers behind the head.
+"""What a picture is made of: shares of `MATERIALS` in each pixel, of a photo or a painting.
 
 Most of it follows from the picture's regions. What lies below the jaw is classified by its color
-and place, and so is a beard; ears by their place alone.
+and place, in a picture made small (`SmallPicture`), and so is a beard; ears by their place alone.
+
+A sitter without a hat has hair and a background there. They must not be painted with a ribbon, or
+with a brim that hovers behind the head. What is found in a painting is kept (`known_shares`).
 """
 
 from __future__ import annotations
@@ -150,6 +148,12 @@ class SmallPicture:
         return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
 
 
+def give(shares: Float32, amount: Float32, source: int, target: int) -> None:
+    """Let an amount [...] of one material in shares [..., 7] be another, in place."""
+    shares[..., target] += amount
+    shares[..., source] -= amount
+
+
 def near_to(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
     """1 for small distances, 0 for large ones, one half at the limit."""
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
@@ -174,15 +178,6 @@ TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
 """A hat covers so much of the line where head and background meet, above the chin. Of the picture's
 border, which is so broad over its size, it covers little: over that share, no more than this times
 the difference of the colors."""
-
-
-def part_headwear(small: SmallPicture, shares: Float32) -> None:
-    """Let a cap's second color be no hair, and a hat beyond the head no background, in place.
-
-    Both are painted nowhere (`FEATURES`) in ``shares`` float32 [h, w, 7] of the whole painting.
-    """
-    _part_cap(small, shares)
-    _part_hat(small, shares)
 
 
 def has_two_hues(small: SmallPicture, hair: Bool) -> bool:
@@ -279,9 +274,7 @@ def _grown(part: Bool, radius: float) -> Bool:
 def _nowhere(small: SmallPicture, shares: Float32, material: int, part: Bool) -> None:
     """Take a part of a material out of use, in place."""
     soft = np.clip(2 * small.whole(gaussian_blur(part.astype(np.float32), 1.0)), 0, 1)
-    taken = shares[..., material] * soft
-    shares[..., FEATURES] += taken
-    shares[..., material] -= taken
+    give(shares, shares[..., material] * soft, material, FEATURES)
 
 
 BARE = 1.12
@@ -475,16 +468,14 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
         shares[..., NECK] -= collar
         shares[..., CLOTHES] += coat
         shares[..., FEATURES] += collar - coat
-    covered = _overlooked(small, shares[..., SKIN])
-    shares[..., HAIR] += covered
-    shares[..., SKIN] -= covered
+    give(shares, _overlooked(small, shares[..., SKIN]), SKIN, HAIR)
     if strict:
-        beard = _beard(small, shares[..., SKIN])
-        shares[..., FEATURES] += beard
-        shares[..., SKIN] -= beard
+        give(shares, _beard(small, shares[..., SKIN]), SKIN, FEATURES)
         shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
-    part_headwear(small, shares)
+    # A cap's second color is no hair, and a hat beyond the head no background: painted nowhere.
+    _part_cap(small, shares)
+    _part_hat(small, shares)
     _hide_ground(small, shares)
     _bare_shoulders(small, shares)
     _part_clothes(small, shares)
@@ -502,8 +493,7 @@ def _hide_ground(small: SmallPicture, shares: Float32) -> None:
     alike[chosen] = skin_distance(small.image[chosen], there[chosen]) < LIKE_GROUND
     alike = small.whole(gaussian_blur(alike, 0.008 * max(there.shape)))
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
-    shares[..., GROUND] += ground
-    shares[..., CLOTHES] -= ground
+    give(shares, ground, CLOTHES, GROUND)
 
 
 def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
@@ -533,9 +523,7 @@ def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
     to_bare, to_cloth = (np.linalg.norm(rgb2lab(image[worn][None])[0] - middle, axis=1)
                          for middle in middles)
     like[worn] = to_bare < to_cloth
-    taken = shares[..., CLOTHES] * small.whole(like)
-    shares[..., FEATURES] += taken
-    shares[..., CLOTHES] -= taken
+    give(shares, shares[..., CLOTHES] * small.whole(like), CLOTHES, FEATURES)
 
 
 def _part_clothes(small: SmallPicture, shares: Float32) -> None:
@@ -553,9 +541,7 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     like[worn] = near_to(skin_distance(colors, most), CLOTH[1])
     if most.sum() < FEW or like[worn].mean() < LEAST_CLOTH:
         return
-    stains = shares[..., CLOTHES] * (1 - small.whole(like))
-    shares[..., FEATURES] += stains
-    shares[..., CLOTHES] -= stains
+    give(shares, shares[..., CLOTHES] * (1 - small.whole(like)), CLOTHES, FEATURES)
 
 
 MOST_KEPT = 30

@@ -27,7 +27,7 @@ from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import FaceFrame, Regions, soft_face
-from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN
+from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN, give
 
 LINES_FACE = 110.0
 """Size of the face in the picture that is looked at."""
@@ -201,8 +201,7 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
         share = shares[..., material]
         left = 1 - float((share * spared).sum()) / max(float(share.sum()), 1.0)
         taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
-        out[..., material] -= taken
-        out[..., FEATURES] += taken
+        give(out, taken, material, FEATURES)
     neck = out[..., NECK]
     low = np.asarray(soft_face(image.shape[:2], points) * np.float32(1 / 255), np.float32)
     below = np.asarray(FaceFrame.of(points).local(image.shape)[1] > UPPER, np.float32)
@@ -226,9 +225,7 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
 
 def _nowhere(shares: Float32, material: int, part: Float32) -> None:
     """Take a part [h, w] of a material out of use, in place in shares [h, w, 7]."""
-    taken = shares[..., material] * part
-    shares[..., material] -= taken
-    shares[..., FEATURES] += taken
+    give(shares, shares[..., material] * part, material, FEATURES)
 
 
 def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32,

@@ -1,8 +1,4 @@
-"""A painted hat, put on the sitter of a photo.
-
-It lies over the picture as a thing with its own edge, warped by the two faces' frames: as wide as
-the sitter's face is against the painter's, and high enough for the sitter's head. Hair that would
-stick out above its edge is pressed down under it: there is background.
+"""A painted hat: found in the painting, and put on the sitter of a photo.
 
 A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
 hangs down from above and is more than a wrinkle is a cover; what of it is hair is told apart.
@@ -11,6 +7,10 @@ The networks know no hats: to them one is hair, cloth or background. Where a for
 what covers it reaches far beyond a head or is unlike the hair below it, or where what is taken for
 hair has two hues, there is one. Its outline is a cut by colors (GrabCut: Rother et al. 2004) that
 begins at the crown.
+
+It lies over a photo as a thing with its own edge, warped by the two faces' frames: as wide as the
+sitter's face is against the painter's, and high enough for the sitter's head. Hair that would stick
+out above its edge is pressed down under it: there is background.
 """
 
 from __future__ import annotations
@@ -302,7 +302,9 @@ class _Small:
 def _found(exemplar: Exemplar, regions: Regions) -> Float32 | None:
     labels = regions.labels()
     forehead = covered_forehead(exemplar, regions, labels)
-    two_hues = _two_hues(exemplar, regions, labels)
+    picture = SmallPicture(exemplar, regions, labels)
+    two_hues = has_two_hues(picture,
+                            picture.part(labels[..., PICTURE_LABELS.index("hair")]) > 150)
     if not two_hues and forehead.other < COVERS:
         return None
     small = _Small.of(exemplar, regions, forehead)
@@ -329,13 +331,6 @@ def _all_around(cut: Bool, above: Bool) -> bool:
     border = np.ones(cut.shape, bool)
     border[1:, 1:-1] = False
     return bool((cut & border & above).sum() > ALL_AROUND * (border & above).sum())
-
-
-def _two_hues(exemplar: Exemplar, regions: Regions, labels: UInt8) -> bool:
-    """Whether what is taken for hair is a cap of two colors."""
-    small = SmallPicture(exemplar, regions, labels)
-    hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 150
-    return has_two_hues(small, hair)
 
 
 def _cut(small: _Small) -> Bool | None:

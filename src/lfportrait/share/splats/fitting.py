@@ -407,10 +407,7 @@ def field_splats(field: VoxelField, config: SplatConfig | None = None,
 
 
 def splat_psnr(field: VoxelField, splats: Splats, size: int = 512) -> float:
-    """PSNR in dB of splats to a field.
-
-    a level orbit on white of ``size`` pixels, which no fit has seen.
-    """
+    """PSNR in dB of splats to a field, on a level orbit on white, which no fit has seen."""
     cameras = orbit_cameras(CHECKED, size, field)
     errors = []
     for view in range(len(cameras)):
