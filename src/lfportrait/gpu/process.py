@@ -50,9 +50,7 @@ class GpuProcess:
         self._held[kind] = frozenset(names)
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call ``"package.module:function"`` in the child.
-
-        it is given the `Device`, then the arguments.
+        """Call ``"package.module:function"`` in the child, with the `Device` and the arguments.
 
         These, and what it returns, are arrays, numbers, text, and what can be pickled of them.
         Raises `GpuLostError` if the child was lost; a later call starts another one, unless that

@@ -49,7 +49,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Float64
+from ..arrays import Float64, Int64
 from ..errors import UserError
 from ..files import atomic_write, read_json
 
@@ -430,6 +430,10 @@ class Display:
     def channel(self, place: int) -> int:
         """Color channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
         return 2 - place if self.subpixels == "BGR" else place
+
+    def order(self) -> Int64:
+        """Color channel of each sub-pixel, int64 [3]."""
+        return np.array([self.channel(place) for place in range(3)])
 
     def to_panel(self, image: NDArray[Any]) -> NDArray[Any]:
         """A picture as seen, [H, W, ...], turned into the one that the panel must be sent.

@@ -178,9 +178,8 @@ def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = N
     # A point behind the panel by f follows the eye by f / (distance + f) of its way.
     turn = (display.eye_reach * config.focus / (display.distance + config.focus)
             / (2.0 * display.aspect))
-    order = np.array([display.channel(place) for place in range(3)])
     image = np.empty((display.height, display.width, 3), np.uint8)
-    interlace_views(np.ascontiguousarray(views), display.steps(), display.places(), order,
+    interlace_views(np.ascontiguousarray(views), display.steps(), display.places(), display.order(),
                     lens_of(display), np.array([wide, high, turn]), config.sample == "linear",
                     config.blend == "linear", image)
     return image
@@ -266,7 +265,6 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
         raise UserError(f"{count} views of {width} x {height} pixels can't be made")
     # Pictures finer than the panel gain nothing but holes.
     inner_width, inner_height = min(width, display.width), min(height, display.height)
-    order = np.array([display.channel(place) for place in range(3)])
     at_once = max(1, min(count, _MEMORY // (24 * inner_width * inner_height)))
     image = np.ascontiguousarray(image).view()
     # As those of files are; for others the kernel would be compiled once more.
@@ -274,8 +272,8 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
     for first in range(0, count, at_once):
         shape = (min(at_once, count - first), inner_height, inner_width, 3)
         value, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        gather_views(image, display.steps(), display.places(), order, lens_of(display), count,
-                     first, value, weight)
+        gather_views(image, display.steps(), display.places(), display.order(), lens_of(display),
+                     count, first, value, weight)
         for index in range(shape[0]):
             picture = np.clip(_filled(value[index], weight[index]) + 0.5, 0, 255).astype(np.uint8)
             if (inner_width, inner_height) != (width, height):
@@ -315,13 +313,12 @@ def simulate(image: UInt8, display: Display, eye: Sequence[float] = (0.0,), *,
     received = x + (float(eye[0]) - x) * display.distance / far
     wanted = np.mod(0.5 * (received / display.eye_reach + 1.0) * display.views, display.views)
     picture = np.empty((display.height // block, display.width // block, 3), np.float32)
-    order = np.array([display.channel(place) for place in range(3)])
     # Views mix as light, not as stored values.
     light = ((np.arange(256) / 255.0) ** display.gamma).astype(np.float32)
     # Of arrays that can be written to, the kernel would be compiled once more.
     panel = np.ascontiguousarray(image).view()
     panel.flags.writeable = False
-    see_panel(panel, light, wanted, order, display.steps(), lens_of(display), float(crosstalk),
-              block, picture)
+    see_panel(panel, light, wanted, display.order(), display.steps(), lens_of(display),
+              float(crosstalk), block, picture)
     np.clip(picture, 0, 1, out=picture)
     return np.power(picture, np.float32(1.0 / display.gamma), out=picture)

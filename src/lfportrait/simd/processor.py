@@ -1,8 +1,7 @@
 """What a vector is: Numba's types of sixteen lanes, and the instructions they are compiled to.
 
-The types are LLVM vectors: 16 float32 (`F`), 16 int32 (`I`) and 16 booleans (`M`). Operands are
-lanes of one kind, or lanes and a number, which is then the same in every lane. What else can be
-done with them is in `lfportrait.simd.vectors`.
+The types are LLVM vectors: 16 float32 (`F`), 16 int32 (`I`) and 16 booleans (`M`). What can be done
+with them is in `lfportrait.simd.vectors`.
 
 By default LLVM compiles for this very processor. ``LFPORTRAIT_VECTORS`` asks for less: ``avx2``
 (most laptops) or ``sse2`` (every 64-bit processor of the x86 kind), for code that is to run

@@ -1,12 +1,9 @@
 """A slice of the field: laid out for casting, its directions, and packets of rays sent through it.
 
 For every lattice plane z = k the slice has 13 rows of float16 values along x: density, then four
-coefficients of the color's angle for each channel (`plane_matrix`). Values are interpolated between
-the two rows of voxels that the plane passes between. Only stretches with voxels are written.
-
-All rays of a panel's row lie in one plane (see `slices`). With phi, the angle in the plane from the
-panel's normal, spherical harmonics of degree 2 are a combination of 1, cos phi, sin phi, sin 2 phi
-and cos 2 phi; over a view cone, cos 2 phi is next to a straight line in cos phi.
+coefficients of the color's angle for each channel (`plane_matrix`; why four, see `slices`). Values
+are interpolated between the two rows of voxels that the plane passes between. Only stretches with
+voxels are written.
 """
 
 from __future__ import annotations

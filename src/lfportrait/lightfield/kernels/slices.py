@@ -5,10 +5,10 @@ whatever their views. So a row needs one slice of the field: density and color w
 the lattice planes z = k, interpolated between two rows of voxels. In the slice a ray is a straight
 line x(k), and a sample on each lattice plane takes two values instead of eight.
 
-A direction in the plane is one angle, phi, so that spherical harmonics of degree 2, nine
-coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin phi, sin 2 phi,
-cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 % within 20 degrees of
-the panel's normal, to 0.5 % within 30), so four are kept, worked out once for each point of the
+A direction in the plane is one angle, phi, from the panel's normal, so that spherical harmonics of
+degree 2, nine coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin
+phi, sin 2 phi, cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 %
+within 20 degrees, to 0.5 % within 30), so four are kept, worked out once for each point of the
 slice.
 
 Sixteen rays of one channel go through the planes together, front to back. Those that do are
@@ -17,8 +17,8 @@ stay close, and on each plane read from one short stretch of each row, which fit
 
 A camera that is neither rolled nor raised sees, along a row, a plane through its own right axis. In
 it lie the same rows of all cameras beside it that look the same way, as those of a quilt do. So one
-slice of the field serves them all. Here a packet is 16 pixels of a row, and follows
-all three channels.
+slice of the field serves them all. Here a packet is 16 pixels of a row, and follows all three
+channels.
 """
 
 from __future__ import annotations
