@@ -43,6 +43,7 @@ from ..face import (
 )
 from .exemplar import Exemplar
 from .frontal_light import Sides, blurred, relit
+from .guides.filters import smaller
 from .guides.regions import FaceFrame, polygon
 
 STEP, HARDLY = 0.02, 0.1
@@ -395,9 +396,7 @@ def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32
     always = (clear > np.where(needed < CLEAR, needed, FULL)) | (clear >= ALIKE * mirrored)
     shrink = min(1.0, CUT / scale)
     size = tuple(max(int(side * shrink), 8) for side in clear.shape[::-1])
-    images = [np.asarray(cv2.resize(blurred(one, 0.02 * scale), size,
-                                    interpolation=cv2.INTER_AREA), np.float32)
-              for one in (ours, theirs)]
+    images = [smaller(blurred(one, 0.02 * scale), size) for one in (ours, theirs)]
     masks = [np.asarray(cv2.resize(np.asarray(~never_here, np.uint8) * 255, size,
                                    interpolation=cv2.INTER_NEAREST), np.uint8)
              for never_here in (never, always)]

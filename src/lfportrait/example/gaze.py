@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from .. import face, models
 from ..arrays import Float32, Float64, UInt8
 from ..cache import kept_arrays, key_of
+from ..color import LUMA
 from .exemplar import Exemplar
 from .frontal import FRONTAL
 from .guides.regions import polygon
@@ -113,7 +114,7 @@ def _seen(image: UInt8, outline: Float64) -> _Eye | None:
     high = np.minimum(np.ceil(middle + 1.2 * WIDTH * fine), image.shape[1::-1]).astype(int)
     if (high - low < 4).any():
         return None
-    part = image[low[1]:high[1], low[0]:high[0]] @ np.array([0.299, 0.587, 0.114], np.float32)
+    part = image[low[1]:high[1], low[0]:high[0]] @ LUMA
     blurred = cv2.GaussianBlur(part, (0, 0), BLUR * WIDTH * fine)
     way[:, 2] -= low
     luma = cv2.warpAffine(blurred, way, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -357,7 +358,7 @@ def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
     if (high - low < 4).any():
         return 0.0
     part = np.asarray(image[low[1]:high[1], low[0]:high[0]], np.float32)
-    luma = part @ np.array([0.299, 0.587, 0.114], np.float32)
+    luma = part @ LUMA
     if image.dtype == np.uint8:
         luma /= np.float32(255)
     luma = np.asarray(cv2.GaussianBlur(luma, (0, 0), max(FINE * size, 0.3)), np.float32)

@@ -22,6 +22,7 @@ import tyro
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, UInt8
+from ..color import to_uint8
 from ..errors import UserError
 from ..face import FacePose
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
@@ -454,9 +455,7 @@ class Transfer:
         if config.extent == "face":
             from ..face import face_mask
 
-            colors = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
-            picture = (np.clip(colors, 0, 255) + 0.5).astype(np.uint8)
-            mask = face_mask(picture, landmarks)
+            mask = face_mask(to_uint8(np.ascontiguousarray(photo)), landmarks)
             cover = broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.extent == "head":
             cover = person

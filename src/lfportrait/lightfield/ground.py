@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int64, UInt8
 from ..capture import Camera
+from ..color import to_uint8
 from ..errors import UserError
 from ..field import Backdrop, VoxelField, head_points
 from ..media.pictures import read_image
@@ -119,9 +120,7 @@ def backdrop_of(field: VoxelField, config: EncodeConfig) -> Backdrop | None:
     if not Path(config.ground).is_file():
         raise UserError(f"the ground {config.ground!r} is no picture's file; give one, or painted, "
                         "black or white")
-    picture = np.ascontiguousarray(read_image(config.ground)[..., :3])
-    if picture.dtype != np.uint8:
-        picture = np.asarray(np.clip(picture, 0, 1) * 255.0 + 0.5, np.uint8)
+    picture = to_uint8(np.ascontiguousarray(read_image(config.ground)[..., :3]))
     return Backdrop(picture, picture.shape[0] / _HIGH, light, points)
 
 

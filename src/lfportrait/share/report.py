@@ -100,7 +100,7 @@ def _pixels(picture: Picture) -> Image.Image:
              else np.asarray(picture.image))
     if array.dtype == bool:
         array = array.astype(np.uint8) * 255
-    elif array.dtype != np.uint8:
+    else:
         array = to_uint8(np.nan_to_num(array))
     image = Image.fromarray(array)
     if picture.width and image.width > picture.width and not picture.exact:

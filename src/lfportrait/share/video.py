@@ -16,12 +16,11 @@ folder of pictures is resumed after an interruption; a video is restarted.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
@@ -57,9 +56,7 @@ def _picture(frame: NDArray[Any], even: bool) -> UInt8:
     """One frame as uint8; with even sides, the last row and column are repeated where needed."""
     if frame.ndim != 3 or frame.shape[2] < 3:
         raise ValueError(f"a frame must be [H, W, 3], not {list(frame.shape)}")
-    frame = frame[..., :3]
-    if frame.dtype != np.uint8:
-        frame = to_uint8(frame)
+    frame = to_uint8(frame[..., :3])
     if not even:
         return np.ascontiguousarray(frame)
     height, width = frame.shape[:2]
@@ -227,7 +224,7 @@ class SequenceConfig:
         share = self.share(frame)
         turn = config.turn if self.turn_to is None else self.turn_to
         focus = config.focus if self.focus_to is None else self.focus_to
-        return dataclasses.replace(config, turn=config.turn + share * (turn - config.turn),
+        return replace(config, turn=config.turn + share * (turn - config.turn),
                                    focus=config.focus + share * (focus - config.focus))
 
 
@@ -251,7 +248,7 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
         texels = (*texels, field.backdrop.picture, field.backdrop.light)
     for array in (field.links, field.density, field.sh, field.center, field.radius, *texels):
         digest.update(np.ascontiguousarray(array).data)
-    motion = dataclasses.replace(sequence, fps=1.0, video="lossless")
+    motion = replace(sequence, fps=1.0, video="lossless")
     return key_of(__name__, digest.hexdigest(), display, config, motion)
 
 

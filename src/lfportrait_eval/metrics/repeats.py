@@ -55,6 +55,7 @@ from scipy import fft, ndimage
 
 from lfportrait.arrays import Bool, Float32, Int64, UInt8
 from lfportrait.capture import Camera
+from lfportrait.color import LUMA
 from lfportrait.example import Exemplar
 from lfportrait.field import C0, VoxelField
 from lfportrait.labels import PICTURE_LABELS
@@ -89,8 +90,7 @@ class Repeat(NamedTuple):
 def luma(picture: NDArray[Any]) -> Float32:
     """Luma of a picture [H, W, 3], uint8 or float in [0, 1] (Rec. 601), float32 [H, W]."""
     scale = 1.0 / 255.0 if picture.dtype == np.uint8 else 1.0
-    return np.asarray(picture[..., :3] @ np.array([0.299, 0.587, 0.114], np.float32)
-                      * np.float32(scale), np.float32)
+    return np.asarray(picture[..., :3] @ LUMA * np.float32(scale), np.float32)
 
 
 def masked_autocorrelation(values: NDArray[Any], mask: Bool, *,

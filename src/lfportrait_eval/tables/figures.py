@@ -17,6 +17,7 @@ from scipy import ndimage
 from lfportrait import models
 from lfportrait.arrays import Bool, Float32, Float64, UInt8
 from lfportrait.capture import Camera, Capture
+from lfportrait.color import to_uint8
 from lfportrait.example import Exemplar
 from lfportrait.face import detect_landmarks
 from lfportrait.field import Rendering, VoxelField
@@ -300,7 +301,7 @@ def _angle(cameras: Camera, first: int, second: int) -> float:
 
 def _photo(capture: Capture, cameras: Camera, view: int) -> Float32:
     """A photo on white at the cameras' size."""
-    picture = (capture.image_float(view) * 255 + 0.5).astype(np.uint8)
+    picture = to_uint8(capture.image_float(view))
     size = int(cameras.width[view]), int(cameras.height[view])
     small = Image.fromarray(picture).resize(size, Image.Resampling.BOX)
     return np.asarray(small, np.float32) / np.float32(255)

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from lfportrait.arrays import Float64, UInt8
 from lfportrait.capture import Camera, Capture
+from lfportrait.color import to_uint8
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example import (
@@ -227,13 +228,6 @@ Opener = Callable[[Path], Capture]
 """Makes a capture of what a user named."""
 
 
-def bytes_of(image: NDArray[Any]) -> UInt8:
-    """A picture in [0, 1] as uint8; uint8 as it is."""
-    if image.dtype == np.uint8:
-        return np.asarray(image, np.uint8)
-    return np.asarray(np.clip(image, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
-
-
 def landmarks_in(cameras: Camera, view: int, landmarks: NDArray[np.floating],
                  ) -> Float64:
     """Landmarks [68, 3] in space as pixels [68, 2] of a view."""
@@ -379,8 +373,8 @@ class Views:
 
 def real_views(sitter: Sitter) -> Views:
     """The real field in the same views."""
-    return Views([bytes_of(shot.color) for shot in sitter.arc.real],
-                 [bytes_of(shot.color) for shot in sitter.close])
+    return Views([to_uint8(shot.color) for shot in sitter.arc.real],
+                 [to_uint8(shot.color) for shot in sitter.close])
 
 
 def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
@@ -416,7 +410,7 @@ def _by_field(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
 
 
 def _seen(styled: VoxelField, cameras: Camera) -> Pictures:
-    return [bytes_of(styled.render(cameras, view).color) for view in range(len(cameras))]
+    return [to_uint8(styled.render(cameras, view).color) for view in range(len(cameras))]
 
 
 def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, seed: int,
@@ -427,7 +421,7 @@ def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, see
         config = replace(config, device=sitter.device)
         device = device_name(torch_device(sitter.device))
     middle = len(sitter.close) // 2
-    front = (bytes_of(sitter.close[middle].color),
+    front = (to_uint8(sitter.close[middle].color),
              landmarks_in(sitter.close_cameras, middle, sitter.landmarks))
     once, prepared = cost_of(lambda: prepare(exemplar, config, [front]))
 
@@ -449,10 +443,10 @@ def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, see
 
 def _single(prepared: Any, shot: Rendering, landmarks: Float64) -> UInt8:
     """One view painted by itself and cut out by the field's opacity, on white."""
-    photo = bytes_of(shot.color)
+    photo = to_uint8(shot.color)
     if isinstance(prepared, Transfer):
         image = prepared.apply(photo, landmarks, mask=shot.alpha).image
     else:
         image = prepared.apply(photo, landmarks).image
     alpha = shot.alpha[..., None]
-    return bytes_of(image * alpha + (1.0 - alpha))
+    return to_uint8(image * alpha + (1.0 - alpha))

@@ -13,6 +13,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, zoom
 
 from ...arrays import Bool, Float32, Int64
+from ...color import LUMA
 
 BINS = 14
 
@@ -135,5 +136,5 @@ def separate(image: Float32, prior: Float32, *, smoothness: float = 3.0,
         soft = _minimum_cut(small, unary, smoothness).astype(np.float32)
     rough = np.clip(zoom(soft, np.array(image.shape[:2]) / shape, order=1), 0, 1)
     rough = resize(gaussian_filter(rough, 1.0 / shrink * 0.5).astype(np.float32), image.shape[:2])
-    luma = np.asarray(image @ np.array([0.299, 0.587, 0.114], np.float32))
+    luma = np.asarray(image @ LUMA)
     return guided_filter(luma, rough, max(2, round(1.0 / shrink)), 1e-3)

@@ -54,6 +54,12 @@ def shrunk(image: Float32, factor: int) -> Float32:
     return out
 
 
+def smaller(picture: NDArray[np.generic], size: tuple[int, ...]) -> Float32:
+    """A picture [H, W(, C)] at a smaller size (width, height), float32: means of areas."""
+    return np.asarray(cv2.resize(np.asarray(picture, np.float32), size,
+                                 interpolation=cv2.INTER_AREA), np.float32)
+
+
 def enlarged(image: Float32, factor: int, shape: tuple[int, ...]) -> Float32:
     """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
     image = np.ascontiguousarray(image, np.float32)

@@ -24,10 +24,11 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from ...arrays import Float32, Float64, UInt8
+from ...color import to_uint8
 from ...labels import PICTURE_LABELS
 from ..kernels.labels import soft_labels
 from .color_segmentation import overlap, separate
-from .filters import broad_blur, disk, gaussian_blur, grey, shrunk
+from .filters import broad_blur, disk, gaussian_blur, grey, shrunk, smaller
 
 
 @dataclass(frozen=True)
@@ -414,9 +415,7 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     picture = np.asarray(image[..., :3])
     person_net = hair_net = None
     if networks:
-        eight = picture if picture.dtype == np.uint8 else np.asarray(
-            np.clip(picture, 0, 1) * 255 + 0.5, np.uint8)
-        person_net, hair_net = _networks(eight, size)
+        person_net, hair_net = _networks(to_uint8(picture), size)
     check = _Plausibility(points, picture.shape)
     if mask is not None:
         person = np.asarray(mask, np.float32)
@@ -562,10 +561,8 @@ def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
     assert regions.hair is not None
     ratio = min(1.0, FACE / max(regions.frame.height, 1.0))
     size = tuple(max(round(n * ratio), 1) for n in photo.shape[1::-1])
-    colors, person, hair = (
-        np.asarray(cv2.resize(np.asarray(plane, np.float32), size,
-                              interpolation=cv2.INTER_AREA), np.float32)
-        for plane in (photo, regions.person, regions.hair))
+    colors, person, hair = (smaller(plane, size)
+                            for plane in (photo, regions.person, regions.hair))
     colors *= np.float32(1 / 255 if photo.dtype == np.uint8 else 1)
     hair *= person
     sure = (hair > 0.7).sum() > SURE * (hair > 0.2).sum()

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...arrays import Bool, Float32, Float64, UInt8
+from ...color import LUMA, to_uint8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
@@ -85,7 +86,7 @@ def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Flo
     paint = color[box]
     inside = worn > 0.5
     asked = _odds(gaussian_blur(np.ascontiguousarray(luma[box]), max(0.5, FINE * size)))
-    there = paint @ np.array([0.299, 0.587, 0.114], np.float32)
+    there = paint @ LUMA
     there = _odds(broad_blur(there * worn, BROAD * size)
                   / np.maximum(broad_blur(worn, BROAD * size), np.float32(1e-3)))
     asked = np.float32(CONTRAST) * (asked - np.median(asked[inside]))
@@ -184,11 +185,10 @@ class PhotoPatches:
         painted = result.synthesis.image
         height, width = photo.shape[:2]
         size = _laid_size(photo.shape, scale)
-        eight = np.asarray(photo if photo.dtype == np.uint8 else
-                           np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
-        work = _Work(eight, landmarks, regions, guides.position, place, painted, scale, turned)
+        work = _Work(to_uint8(photo), landmarks, regions, guides.position, place, painted, scale,
+                     turned)
         if size != (width, height):
             work = work.shrunk(*size)
         color, core = self._lay(work)

@@ -25,7 +25,7 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
-from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
+from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance, smaller
 from ..guides.regions import FaceFrame, Regions, soft_face
 from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN, give
 
@@ -241,14 +241,11 @@ def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32
     size = face_size(points)
     ratio = min(1.0, SMALL / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
-    down: Float32 = np.asarray(cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
-                                          interpolation=cv2.INTER_AREA), np.float32)
+    down = smaller(FaceFrame.of(points).local(image.shape)[1], shape)
     planes = {material: shares[..., material] for material in (
         SKIN, EARS, NECK, HAIR, CLOTHES, GROUND)}
     planes[FEATURES] = beard
-    small = {material: np.asarray(cv2.resize(np.asarray(plane, np.float32), shape,
-                                             interpolation=cv2.INTER_AREA), np.float32)
-             for material, plane in planes.items()}
+    small = {material: smaller(plane, shape) for material, plane in planes.items()}
     colors = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.float32)
     lab = np.asarray(cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB), np.float32)
     sigma = max(STROKE * size * ratio, 0.5)
@@ -320,8 +317,7 @@ def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:
     ratio = min(1.0, FACE / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
     light = grey(np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.uint8))
-    bare = np.asarray(cv2.resize(shares[..., SKIN] + shares[..., NECK], shape,
-                                 interpolation=cv2.INTER_AREA), np.float32)
+    bare = smaller(shares[..., SKIN] + shares[..., NECK], shape)
     light = gaussian_blur(light, max(FINE * size * ratio, 0.5))
     dark = cv2.morphologyEx(light, cv2.MORPH_BLACKHAT, disk(FOLD * size * ratio))
     folds = np.clip((dark - DARK[0]) / (DARK[1] - DARK[0]), 0, 1)

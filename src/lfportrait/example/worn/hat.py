@@ -29,7 +29,7 @@ from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.filters import disk, grey, skin_distance
+from ..guides.filters import disk, grey, skin_distance, smaller
 from ..guides.regions import Regions, soft_face
 from ..painter.picture_materials import SmallPicture, has_two_hues
 
@@ -269,20 +269,17 @@ class _Small:
         frame, shape = regions.frame, exemplar.image.shape
         factor = min(1.0, FACE / exemplar.size)
         size = max(round(factor * shape[1]), 8), max(round(factor * shape[0]), 8)
-
-        def small(plane: NDArray[Any]) -> Float32:
-            return np.asarray(cv2.resize(np.asarray(plane, np.float32), size,
-                                         interpolation=cv2.INTER_AREA), np.float32)
-
-        right, down = (small(plane) for plane in frame.local(shape))
+        right, down = (smaller(plane, size) for plane in frame.local(shape))
+        covered, crown, bare = (smaller(part, size) > 0.5
+                                for part in (found.covered, found.crown, found.bare))
         half = 0.5 * frame.width / frame.height
         none = np.zeros(shape[:2], np.float32)
         image = cv2.resize(exemplar.image, size, interpolation=cv2.INTER_AREA)
         return _Small(np.asarray(image, np.uint8), right, down,
-                      small(none if regions.hair is None else regions.hair), small(regions.person),
-                      small(soft_face(shape, exemplar.landmarks)) / np.float32(255),
-                      small(found.covered) > 0.5, small(found.crown) > 0.5,
-                      small(found.bare) > 0.5, half, frame.height * factor)
+                      smaller(none if regions.hair is None else regions.hair, size),
+                      smaller(regions.person, size),
+                      smaller(soft_face(shape, exemplar.landmarks), size) / np.float32(255),
+                      covered, crown, bare, half, frame.height * factor)
 
     def room(self) -> Bool:
         """Where a hat may be."""
@@ -563,8 +560,7 @@ def _carried_beyond(image: Float32, known: Float32, height: float) -> Float32:
     """Colors [h, w, 3] where they are known [h, w], and from the nearest such places elsewhere."""
     step = max(1, int(height / 60))
     size = tuple(max(side // step, 4) for side in image.shape[1::-1])
-    weight = np.asarray(cv2.resize(known, size, interpolation=cv2.INTER_AREA), np.float32)
-    colors = cv2.resize(image * known[..., None], size, interpolation=cv2.INTER_AREA)
+    weight, colors = smaller(known, size), smaller(image * known[..., None], size)
     total = max(float(weight.sum()), 1e-6)
     out = np.broadcast_to(colors.sum(axis=(0, 1)) / total, colors.shape).astype(np.float32)
     for reach in reversed(LIGHT_REACHES):

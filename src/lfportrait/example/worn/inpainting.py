@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
+from ...color import to_uint8
 from ...face import drawn_spectacles, find_spectacles, spectacle_lenses
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.filters import broad_blur, dilated, grey
+from ..guides.filters import broad_blur, dilated, grey, smaller
 from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, main_material, nearest_of_material, pieces
@@ -172,7 +173,7 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), max(0.5, SOFT * height))
     mixed = picture + np.maximum(2 * soft - 1, 0)[..., None] * (np.clip(filled, 0, 1) - picture)
     out = exemplar.image.copy()
-    out[part] = np.asarray(np.clip(mixed, 0, 1) * 255 + 0.5, np.uint8)
+    out[part] = to_uint8(mixed)
     return out
 
 
@@ -181,8 +182,7 @@ def _spread(image: UInt8, weight: Float32, height: float,
     """Broad colors in [0, 1] of a picture [h, w, 3] known by weights [h, w], carried on."""
     picture = image.astype(np.float32) / np.float32(255)
     size = tuple(max(side // SMALL, 8) for side in picture.shape[1::-1])
-    known = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
-    colors = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
+    known, colors = smaller(weight, size), smaller(picture * weight[..., None], size)
     mean = colors.sum(axis=(0, 1)) / max(float(known.sum()), 1e-6)
     out = np.broadcast_to(mean, colors.shape).astype(np.float32)
     for reach in reaches:
