@@ -24,7 +24,6 @@ and not only so on average:
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import html
 import io
@@ -43,8 +42,9 @@ import numpy as np
 from PIL import Image
 
 from lfportrait.arrays import UInt8
+from lfportrait.color import to_uint8
 from lfportrait.errors import UserError
-from lfportrait.files import atomic_write, read_json, script_json, write_json
+from lfportrait.files import atomic_write, read_json, script_json, script_streams, write_json
 from lfportrait.media.pictures import read_image
 from lfportrait.progress import Progress
 from lfportrait.share import write_video
@@ -167,7 +167,7 @@ def _frontal(job: Path) -> UInt8:
     eyes = capture.cameras.position
     view = int(np.argmin(np.abs(np.arctan2(eyes[:, 0], eyes[:, 2])) + np.abs(
         np.arctan2(eyes[:, 1], np.hypot(eyes[:, 0], eyes[:, 2])))))
-    return np.asarray(np.clip(capture.image_float(view), 0, 1) * 255 + 0.5, np.uint8)
+    return to_uint8(capture.image_float(view))
 
 
 def _built_in(style: str) -> UInt8 | None:
@@ -423,12 +423,6 @@ def _design(config: StudyConfig, questions: Sequence[Question], entries: Sequenc
     return {"study": hashlib.sha256(text).hexdigest()[:12], **design}
 
 
-def _streams(files: dict[str, bytes]) -> str:
-    return "\n".join(f'<script type="application/octet-stream" data-stream="{name}">'
-                     f"{base64.b64encode(data).decode()}</script>"
-                     for name, data in files.items())
-
-
 def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None = None, *,
                 seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
     """Write the page of a user study of the portraits that `entries_of` finds.
@@ -478,7 +472,7 @@ def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None
                 stream.write(clip.data)
     parts = {"title": html.escape(config.title), "style": _text("study.css"),
              "script": study_script(), "study": script_json(data),
-             "streams": _streams({**pictures, **(videos if embedded else {})})}
+             "streams": script_streams({**pictures, **(videos if embedded else {})})}
     # One pass: what is put in may itself hold such a mark.
     page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], _text("study.html")).encode()
     with atomic_write(out / "index.html") as stream:

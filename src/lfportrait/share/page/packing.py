@@ -333,6 +333,11 @@ class PackedTexels:
     shown: PageTexture = field(repr=False)
 
 
+def texel_values(texels: NDArray[np.int8], kept: Bool) -> UInt8:
+    """Texels as a stream has them: green, red, blue of those that are kept, uint8 [N, 3]."""
+    return (texels[kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
+
+
 def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
     """Pack a texture; no texel is off by more than ``tolerance`` 254ths."""
     height, width = texture.shape
@@ -349,8 +354,8 @@ def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
         if each is None:
             shown.append(None)
             continue
-        values = (each[kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
-        streams[f"texels{number}"], back = code_values(kept[:, None], values, slack)
+        streams[f"texels{number}"], back = code_values(kept[:, None], texel_values(each, kept),
+                                                       slack)
         out = np.zeros((height, width, 3), np.int8)
         out[kept] = (back[:, (1, 0, 2)].astype(np.int16) - 128).astype(np.int8)
         shown.append(out)
@@ -361,10 +366,8 @@ def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
     return PackedTexels(header, streams, replace(texture, texels=shown))
 
 
-def with_texels(packed: Packed, texels: PackedTexels | None) -> Packed:
+def with_texels(packed: Packed, texels: PackedTexels) -> Packed:
     """A packed field with its packed texture."""
-    if texels is None:
-        return packed
     return replace(packed, header={**packed.header, "texture": texels.header},
                    streams={**packed.streams, **texels.streams})
 
