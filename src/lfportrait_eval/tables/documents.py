@@ -152,6 +152,8 @@ BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 _MARKS = {"low": " ↓", "high": " ↑", "one": " → 1", "": ""}
 
 Rows = dict[str, dict[str, Spread]]
+Grid = tuple[str, list[str], list[list[str]], list[str | None]]
+"""A table: title, head, rows, and the method that is best in each column but the first."""
 
 
 def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
@@ -175,21 +177,21 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
     base = _floor_rows(floors)
     figures = {
         **{name: asdict(value) if name == "sizes" else value for name, value in facts.items()},
-        "cells": [{**asdict(cell)} for cell in cells], "floors": floors,
+        "cells": [asdict(cell) for cell in cells], "floors": floors,
         "summary": {method: {name: asdict(spread) for name, spread in row.items()}
                     for method, row in {**rows, **base}.items()},
         "not_measured": {"cells": list(failures), "networks": missing},
         **{name: value for name, value in speed.items() if name != "stage_seconds"},
         **({"study": study} if study is not None else {})}
-    text = markdown_tables(facts, rows, base, cells, speed, study, failures, missing)
+    grids = [*_grids(rows, base, facts), *_speed_grids(speed)]
+    notes = _notes(facts, cells, failures, missing)
+    text = markdown_tables(facts, base, grids, study, notes)
     for name, content in (("tables.md", text), ("tables.csv", _csv(cells, floors))):
         with atomic_write(out / name) as stream:
             stream.write(content.encode())
     write_json(out / "tables.json", figures)
     if paintings is not None:
-        tables = [(title, *table) for title, table in _grids(rows, base, facts).items()]
-        write_tables_page(out, facts, cells, rows, base, tables + _speed_grids(speed),
-                          _notes(facts, cells, failures, missing), paintings)
+        write_tables_page(out, facts, cells, rows, base, grids, notes, paintings)
     return figures
 
 
@@ -209,11 +211,10 @@ def spread_text(spread: Spread | None, digits: int) -> str:
     return f"{number(spread.mean, digits)} ± {number(spread.deviation, digits)}"
 
 
-def _grids(rows: Rows, base: Rows, facts: dict[str, Any],
-           ) -> dict[str, tuple[list[str], list[list[str]], list[str | None]]]:
-    """Each table: its head, its rows, and the method that is best in each column."""
+def _grids(rows: Rows, base: Rows, facts: dict[str, Any]) -> list[Grid]:
+    """The tables of `GROUPS`."""
     methods = list(facts["methods"])
-    found = {}
+    found: list[Grid] = []
     for key, (title, names) in GROUPS.items():
         known = [name for name in names if any(name in row for row in rows.values())]
         if not known:
@@ -228,13 +229,13 @@ def _grids(rows: Rows, base: Rows, facts: dict[str, Any],
                           *(spread_text(row.get(name), COLUMNS[name].digits) for name in known),
                           " to ".join(str(count) for count in (
                               [counts[0], counts[-1]] if len(counts) > 1 else counts)) or "0"])
-        found[title] = head, lines, [best(rows, name, methods) for name in known]
+        found.append((title, head, lines, [best(rows, name, methods) for name in known]))
     return found
 
 
-def _speed_grids(speed: dict[str, Any]) -> list[tuple[str, list[str], list[list[str]], list[Any]]]:
+def _speed_grids(speed: dict[str, Any]) -> list[Grid]:
     """Table 1 and Fig. 6."""
-    found: list[tuple[str, list[str], list[list[str]], list[Any]]] = []
+    found: list[Grid] = []
     if "table_1" in speed:
         head = ["resolution", "with mask, s", "without, s", "build the mask, s", "load it, s",
                 "mask, MiB", "memory while coding, MiB"]
@@ -254,10 +255,10 @@ def _speed_grids(speed: dict[str, Any]) -> list[tuple[str, list[str], list[list[
     return found
 
 
-def _bold(lines: Sequence[Sequence[str]], winners: Sequence[str | None]) -> list[list[str]]:
-    """A table's rows with the best of each column bold."""
-    return [[cell if not 0 < column <= len(winners) or winners[column - 1] != row[0]
-             else f"**{cell}**" for column, cell in enumerate(row)] for row in lines]
+def _marked(lines: list[list[str]], winners: list[str | None], mark: str) -> list[list[str]]:
+    """A table's rows with the best of each column in a mark, such as ``**{}**``."""
+    return [[mark.format(cell) if 0 < column <= len(winners) and winners[column - 1] == row[0]
+             else cell for column, cell in enumerate(row)] for row in lines]
 
 
 def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict[str, str]],
@@ -284,9 +285,8 @@ def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict
     return notes + [f"{method}: networks: {text}." for method, text in used.items()]
 
 
-def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequence[Cell],
-                    speed: dict[str, Any], study: dict[str, Any] | None,
-                    failures: Sequence[dict[str, str]], missing: dict[str, list[str]]) -> str:
+def markdown_tables(facts: dict[str, Any], base: Rows, grids: Sequence[Grid],
+                    study: dict[str, Any] | None, notes: Sequence[str]) -> str:
     """All tables in Markdown, with what they were measured on."""
     sizes, machine = facts["sizes"], facts["machine"]
     parts = [
@@ -300,18 +300,14 @@ def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequen
         "once a sitter, in " + ", ".join(f"{seconds:.0f} s ({name})" for name, seconds in
                                         facts["skin_seconds"].items()) + ".",
         "\n".join(f"- `{name}`: {what}" for name, what in facts["methods"].items())]
-    for title, (head, lines, winners) in _grids(rows, base, facts).items():
-        parts += [f"### {title}", table(head, _bold(lines, winners))]
+    for title, head, lines, winners in grids:
+        parts += [f"### {title}", table(head, _marked(lines, winners, "**{}**"))]
         if title == GROUPS["consistency"][0]:
             parts.append(_photo_note(base))
-    for title, head, lines, _ in _speed_grids(speed):
-        parts += [f"### {title}", table(head, lines)]
     if study is not None:
         parts += ["### User study", _study(study)]
-    notes = _notes(facts, cells, failures, missing)
-    if notes:
-        parts += ["### Not measured, and with which networks",
-                  "\n".join(f"- {note}" for note in notes)]
+    parts += ["### Not measured, and with which networks",
+              "\n".join(f"- {note}" for note in notes)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -364,8 +360,6 @@ def fill_document(path: Path, tables: str) -> None:
         stream.write(f"{before}{BEGIN}\n\n{tables.strip()}\n\n{behind}".encode())
 
 
-Grid = tuple[str, list[str], list[list[str]], list[Any]]
-
 _PLOTS = ("short_normalised", "long_normalised", "patches", "sharpness", "identity_error",
           "contours", "content", "seconds_once")
 """Figures that are drawn."""
@@ -391,7 +385,7 @@ def _chart(name: str, rows: Rows, base: Rows) -> str | None:
 
 
 def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], rows: Rows,
-                      base: Rows, tables: Sequence[Grid], notes: Sequence[str],
+                      base: Rows, grids: Sequence[Grid], notes: Sequence[str],
                       paintings: dict[str, UInt8]) -> None:
     """Write ``index.html`` of what was measured into the run's folder, which has its pictures.
 
@@ -399,17 +393,14 @@ def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], r
     """
     sections = [Section("What is compared", "\n\n".join(
         f"{name}: {what}" for name, what in facts["methods"].items()))]
-    sections += [Section(title, tables=[Table([[
-        f"{cell} (best)" if 0 < column <= len(winners) and winners[column - 1] == line[0]
-        else cell for column, cell in enumerate(line)] for line in lines], head)])
-        for title, head, lines, winners in tables]
+    sections += [Section(title, tables=[Table(_marked(lines, winners, "{} (best)"), head)])
+                 for title, head, lines, winners in grids]
     drawings = [chart for name in _PLOTS if (chart := _chart(name, rows, base)) is not None]
     sections.append(Section(
         "Plots", "Mean and standard deviation over sitters and styles. The dashed line is the "
         "field before style where it has the figure, 1 where 1 is best, else the first method.",
         drawings=drawings))
-    if notes:
-        sections.append(Section("Not measured, and with which networks", "\n\n".join(notes)))
+    sections.append(Section("Not measured, and with which networks", "\n\n".join(notes)))
     for sitter in facts["sitters"]:
         for style in facts["styles"]:
             mine = [cell for cell in cells if (cell.sitter, cell.style) == (sitter, style)]

@@ -45,6 +45,7 @@ from lfportrait.version import __version__
 from ..baselines.config import NetworkConfig
 from ..bench import METHODS as TRANSFERS
 from ..bench import bench_masks, bench_transfer
+from ..metrics.job import without_nan
 from .documents import Cell, write_documents
 from .figures import Target, agreement, measure, photo_agreement
 from .methods import (
@@ -368,7 +369,7 @@ class _Run:
         real = real_views(one)
         write_image(self.out / step.outputs[0], _strip(real))
         degrees = self.config.cone / (self.config.views - 1)
-        return {"field": _plain(agreement(real, one)),
+        return {"field": without_nan(agreement(real, one)),
                 "photos": photo_agreement(one.field, one.capture, {
                     "short": degrees, "long": 7 * degrees}, self.sizes.render_size, self.device),
                 "content_network": "vgg16" if models.available("vgg16") else "embedded",
@@ -423,11 +424,6 @@ class _Run:
             self.out, facts, self._cells(), floors, self.figures.get("speed", {}), study,
             self.failures, {name: one.image for name, one in self.exemplars.items()}
             if pictures else None)
-
-
-def _plain(figures: dict[str, float | None]) -> dict[str, float | None]:
-    return {name: None if value is None or not np.isfinite(value) else float(value)
-            for name, value in figures.items()}
 
 
 def _strip(views: Views) -> Any:

@@ -10,7 +10,6 @@ or, where the installed FFmpeg can't, as VP9. Both are read by Looking Glass's o
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -62,7 +61,7 @@ _NEAREST = 0.9
 """How near the head may come to the eyes, as a share of their distance."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Margins:
     """What is left free around a head, as shares of the picture's height (top, bottom) and width.
 
@@ -107,7 +106,7 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
                         "--encode.focus")
     usual = EncodeConfig()
     shift = shifts[0] if margins.stands else (shifts[0] + shifts[1]) / 2
-    return dataclasses.replace(
+    return replace(
         # `Placement.of` makes heads smaller on narrow panels; here the frame does.
         encode, size=low / min(1.0, window.aspect * 1.15) * encode.size / usual.size,
         shift_x=encode.shift_x - usual.shift_x, shift_y=shift + encode.shift_y - usual.shift_y)
@@ -279,12 +278,6 @@ def codec_for(path: Path, size: tuple[int, int], asked: Literal["auto", "h264", 
                     "in PyAV): install the av package from PyPI, or choose another --codec")
 
 
-def _turns(config: FrameConfig) -> Float64:
-    """Turn of the head in each frame of a loop without a seam, in degrees."""
-    count = config.frames or _FRAMES
-    return config.sway * np.sin(2 * math.pi * np.arange(count) / count)
-
-
 def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
                  size: tuple[int, int], encode: EncodeConfig, config: FrameConfig, *,
                  flat: bool = False, comment: str = "",
@@ -302,19 +295,21 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
     step : Called before each frame with its number and their count.
     """
     codec = codec_for(path, size, config.codec, flat)
-    turns = _turns(config)
+    # A loop without a seam.
+    steps = config.frames or _FRAMES
+    turns = config.sway * np.sin(2 * math.pi * np.arange(steps) / steps)
 
     def frames() -> Iterator[UInt8]:
         for number, turn in enumerate(turns):
             step(number, len(turns))
-            yield picture(dataclasses.replace(encode, turn=encode.turn + float(turn)))
+            yield picture(replace(encode, turn=encode.turn + float(turn)))
 
     count = write_video(path, frames(), config.fps, codec=codec,
                         quality=_FLAT_QUALITY if flat else _QUALITY[codec], comment=comment)
     return {"frames": count, "codec": codec}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Flat:
     """The head on a flat panel, inside its safe areas in every frame."""
 
@@ -342,10 +337,8 @@ class Flat:
                              height=self.window.height)
         ground = window_ground(field, self.window, encode)
         behind = encode.background if ground is None else ground.seen(camera)
-        color = field.render(camera, 0, background=behind).color
-        frame = to_uint8(color)
+        frame = to_uint8(field.render(camera, 0, background=behind).color)
         return np.ascontiguousarray(np.rot90(frame)) if self.turned else frame
-
 
 
 _WHITE = 1.0
@@ -357,12 +350,12 @@ def _placed(config: FrameConfig, encode: EncodeConfig) -> EncodeConfig:
         return encode
     # Who asks for a grey level, be it black, gets no painting.
     ground = "black" if encode.ground == "painted" else encode.ground
-    return dataclasses.replace(encode, background=config.backdrop, ground=ground)
+    return replace(encode, background=config.backdrop, ground=ground)
 
 
 def _on_panel(config: FrameConfig, context: ExportContext) -> FrameConfig:
     """The parameters with a display, where one is named at all."""
-    return config if config.display else dataclasses.replace(config, display=context.display)
+    return config if config.display else replace(config, display=context.display)
 
 
 def write_quilt_of(field: VoxelField, path: Path, config: FrameConfig,
@@ -405,7 +398,7 @@ def write_flat(field: VoxelField, path: Path, config: FrameConfig,
     encode = _placed(config, context.encode)
     if (config.backdrop is None and backdrop_of(field, encode) is None
             and encode.ground != "black"):
-        encode = dataclasses.replace(encode, background=_WHITE)
+        encode = replace(encode, background=_WHITE)
     codec_for(path, (0, 0), config.codec, flat=True)
     flat = Flat.of(field, encode, config)
     return {"size": flat.size, **write_moving(
