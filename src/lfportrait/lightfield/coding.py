@@ -77,8 +77,11 @@ class ViewMask:
     def build(display: Display, cache: bool | Path = True) -> ViewMask:
         """The mask of a display, from the cache if it is there.
 
-        ``cache``: True keeps masks in the user's cache folder, a path in that folder, False
-        nowhere.
+        Parameters
+        ----------
+        display : The panel.
+        cache : True keeps masks in the user's cache folder, a path in that folder, False
+            nowhere.
         """
         start = time.perf_counter()
         kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
@@ -101,6 +104,11 @@ class ViewMask:
             except Exception:  # a cache that can't be written is no reason to stop
                 pass
         return ViewMask(views, display.hash(), time.perf_counter() - start, False)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory taken, in bytes."""
+        return int(self.views.nbytes)
 
 
 # In the portrait frame the eyes lie at y = 0 and z = 0.4 (`lfportrait.capture.camera`), the tip of
@@ -493,9 +501,16 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
 
 def render_view(field: VoxelField, display: Display, view: int,
                 config: EncodeConfig | None = None) -> UInt8:
-    """Every sub-pixel as view 0 (leftmost) to V_n - 1 sees it: what de-interlacing must give back.
+    """Every sub-pixel of the panel as one view sees it: what de-interlacing must give back.
 
-    uint8 [H, W, 3].
+    Parameters
+    ----------
+    field, display, config : As for `encode`.
+    view : 0 (leftmost) to V_n - 1.
+
+    Returns
+    -------
+    image : uint8 [H, W, 3].
     """
     if not 0 <= view < display.views:
         raise UserError(f"the display has views 0 to {display.views - 1}, not {view}")

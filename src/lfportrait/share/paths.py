@@ -43,7 +43,7 @@ def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
     return min(max(reach, 0.5), 0.9), max(low, -1.0), min(high, 1.2)
 
 
-def _arc(degrees: Float64, size: int, field: VoxelField | None) -> Camera:
+def _arc(degrees: Float64, size: int, field: VoxelField | None, pitch: float = 0.0) -> Camera:
     """Cameras on an arc that see the whole head, framed the same in all of them."""
     reach, low, high = head_extent(field)
     half = _MARGIN * max(reach, (high - low) / 2)
@@ -51,7 +51,7 @@ def _arc(degrees: Float64, size: int, field: VoxelField | None) -> Camera:
     focal = 0.5 * size * np.sqrt(DISTANCE ** 2 - reach ** 2) / half
     target = (0.0, (low + high) / 2, 0.0)
     return Camera.arc(degrees, distance=DISTANCE, width=size, height=size, focal=focal,
-                      target=target)
+                      target=target, pitch=pitch)
 
 
 def good_cone(field: VoxelField, cone: float) -> float:
@@ -81,9 +81,18 @@ def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
     return _arc(sweep_degrees(frames, cone), size, field)
 
 
-def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = None) -> Camera:
-    """Cameras once around the head, from the front to its left side and on: `sweep_cameras`."""
-    return _arc(360.0 * np.arange(frames) / frames, size, field)
+def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = None,
+                  pitch: float = 0.0) -> Camera:
+    """Cameras once around the head, from the front to its left side and on.
+
+    Parameters
+    ----------
+    frames : Number of cameras.
+    size : Width and height of the pictures in pixels.
+    field : Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
+    pitch : Degrees above the horizon.
+    """
+    return _arc(360.0 * np.arange(frames) / frames, size, field, pitch)
 
 
 def path_cameras(path: Literal["sweep", "orbit"], *, frames: int = 60, cone: float = 40.0,

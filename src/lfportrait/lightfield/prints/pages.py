@@ -185,13 +185,23 @@ def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
 
 def write_print(field: VoxelField, sheet: PrintSheet, path: Path, progress: Progress | None = None,
                 *, coding: EncodeConfig | None = None) -> dict[str, Any]:
-    """Code a field for a lens sheet and write the page; returns figures for ``--json``.
+    """Code a field for a lens sheet and write the page.
 
     Parameters
     ----------
-    field, sheet : The (stylised) radiance field; page and lens sheet.
+    field : The (stylised) radiance field.
+    sheet : Page and lens sheet.
     path : ``.tiff`` or ``.png``; it appears when it is complete.
+    progress : Progress line.
     coding : How to place and code the head (`fitted`).
+
+    Returns
+    -------
+    figures : Sizes and seconds for ``--json``.
+
+    Raises
+    ------
+    UserError : If the file can't hold the page or be written, or the head can't be placed.
     """
     display, config = sheet.display, sheet.config
     check_file(path, display.width, display.height)
