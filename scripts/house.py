@@ -28,7 +28,7 @@ GROUND = ("arrays", "browsing", "cache", "color", "device", "download", "errors"
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "runner", "simd", "stages", "temporary", "version")
 """Carries all stages and knows none."""
-ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
+ROOMS = ("markdown", "metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""
 ORDER = (*STAGES, *(f"{LABORATORY.name}.{room}" for room in ROOMS))
 """Stages and rooms: each imports only those before it."""

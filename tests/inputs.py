@@ -23,7 +23,6 @@ from lfportrait.files import write_image
 from lfportrait.job.batch import load_jobs
 from lfportrait.job.batch.journal import read_events
 from lfportrait.lightfield import Display, QuiltLayout, layout_for, layout_of_file
-from lfportrait.lightfield.display import calibration_of
 from lfportrait.media.depth import read_depth
 from lfportrait.media.pictures import read_image, read_mask
 from lfportrait.share import write_quilt, write_video
@@ -258,7 +257,7 @@ def panel(folder):
 
 
 def calibration(folder):
-    entries = calibration_of(Display.preset("lookingglass-16"))
+    entries = Display.preset("lookingglass-16").looking_glass()
     entries |= {"serial": "LKG-E01234", "defaultQuilt": json.dumps(
         {"tileX": 11, "tileY": 6, "quiltX": 4092, "quiltY": 4092}),
         "subpixelCells": [{f"{color}Offset{axis}": 0.1 for color in "RGB" for axis in "XY"}],

@@ -18,6 +18,8 @@ SRGB = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 """Chromaticities x, y of red, green, blue and white of sRGB and BT.709."""
 BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
 """The same of BT.2020 and BT.2100."""
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+"""Weights of red, green and blue in the luma of sRGB values (BT.601)."""
 _LUMA = np.array([0.2627, 0.6780, 0.0593], np.float32)
 _WHITE_HLG, _WHITE_PQ = 0.2650, 203.0
 """Where a diffuse white lies (ITU-R BT.2408): scene light of HLG's 75 %, and candela per m2."""
@@ -28,8 +30,10 @@ _KNEE = 0.9
 """Light above this part of white is compressed: highlights keep their shape."""
 
 
-def to_uint8(values: NDArray[np.floating[Any]]) -> UInt8:
-    """Values in [0, 1] of any shape as uint8, rounded; beyond it is cut off."""
+def to_uint8(values: NDArray[Any]) -> UInt8:
+    """Values in [0, 1] of any shape as uint8, rounded, beyond it cut off; uint8 as they are."""
+    if values.dtype == np.uint8:
+        return values
     return (np.clip(values, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 

@@ -8,6 +8,7 @@ can set.
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import errno
 import io
@@ -196,6 +197,13 @@ def script_json(data: Any) -> str:
     return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
 
 
+def script_streams(streams: dict[str, bytes]) -> str:
+    """Script elements that hold bytes in base64, by name."""
+    return "\n".join(f'<script type="application/octet-stream" data-stream="{name}">'
+                     f"{base64.b64encode(data).decode()}</script>"
+                     for name, data in streams.items())
+
+
 def read_json(path: str | os.PathLike[str]) -> Any:
     """Read a JSON file; `UserError` if the file is missing or not JSON."""
     try:
@@ -233,9 +241,7 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
         none.
     options : Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
     """
-    array = np.asarray(image)
-    if array.dtype != np.uint8:
-        array = to_uint8(array)
+    array = to_uint8(np.asarray(image))
     kind = picture_format(path)
     buffer = io.BytesIO()
     if kind == "PNG" and fast:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -34,10 +35,8 @@ class Evaluate(Common):
 
         exemplar = Exemplar.load(self.style) if self.style else None
         with self.progress("evaluate") as progress:
-            figures = evaluate_job(self.job, exemplar, progress=progress,
-                                   device=self.device)
-        for name, value in sorted(_flat(figures).items()):
-            print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
+            figures = evaluate_job(self.job, exemplar, progress=progress, device=self.device)
+        _print(sorted(_flat(figures).items()))
         return figures
 
 
@@ -160,10 +159,8 @@ class Bench(Common):
         with self.progress("bench") as progress:
             figures = bench(self.what, field=self.field, capture=self.capture, plot=self.plot,
                             full=self.full, progress=progress, device=self.device)
-        for name, value in _flat(figures).items():
-            if ".curve." in f".{name}":  # for --json and the plot
-                continue
-            print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
+        _print((name, value) for name, value in _flat(figures).items()
+               if ".curve." not in f".{name}")  # that is for --json and the plot
         if self.what in ("transfer", "all"):
             print(transfer_table(figures if self.what == "transfer" else figures["transfer"]))
         return figures
@@ -225,6 +222,11 @@ class StudyResults(Common):
         print(f"{self.out / 'results.md'}: people: {figures['people']}, "
               f"answers: {figures['answers']}")
         return figures
+
+
+def _print(figures: Iterable[tuple[str, Any]]) -> None:
+    for name, value in figures:
+        print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
 
 
 def _flat(figures: dict[str, Any], prefix: str = "") -> dict[str, Any]:

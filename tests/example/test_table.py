@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfportrait.example import TableConfig, build_table
-from lfportrait.example.styleblit import cached_table, integer_costs, quantise
+from lfportrait.example.styleblit import integer_costs, quantise
 from tests.reference.table import best_cost
 
 
@@ -68,24 +68,3 @@ def test_without_appearance_the_place_decides():
     table = build_table(appearance, TableConfig(appearance_weight=0.0, cell=1, levels=8), 3.0)
     expected = np.arange(900).reshape(30, 30)
     assert (table.indices == expected[..., None]).all()
-
-
-def test_cache_returns_the_same_table(tmp_path):
-    appearance = _appearance(5, 40, 30)
-    first = cached_table(appearance, TableConfig(), 3.0, tmp_path)
-    files = list(tmp_path.iterdir())
-    second = cached_table(appearance, TableConfig(), 3.0, tmp_path)
-    assert len(files) == 1 and list(tmp_path.iterdir()) == files
-    assert np.array_equal(first.indices, second.indices)
-    assert (first.cell, first.low, first.step) == (second.cell, second.low, second.step)
-    other = cached_table(appearance, TableConfig(position_weight=11.0), 3.0, tmp_path)
-    assert len(list(tmp_path.iterdir())) == 2
-    assert other.indices.shape == first.indices.shape
-
-
-def test_damaged_cache_is_rebuilt(tmp_path):
-    appearance = _appearance(6, 20, 20)
-    first = cached_table(appearance, TableConfig(), 3.0, tmp_path)
-    next(tmp_path.iterdir()).write_bytes(b"PK\x03\x04 not a table")
-    again = cached_table(appearance, TableConfig(), 3.0, tmp_path)
-    assert np.array_equal(first.indices, again.indices)

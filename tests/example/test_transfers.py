@@ -129,18 +129,6 @@ def test_strokes_are_carried_along():
     assert errors[True] < 0.75 * errors[False]
 
 
-def test_without_opencv_strokes_follow_the_face(monkeypatch):
-    monkeypatch.setattr(motion_module, "_library", lambda: None)
-    style = drawn_face(200, 160, seed=5)
-    video = VideoTransfer(Transfer(style))
-    anchors = []
-    for frame, points in _walk(3, 4.0):
-        video.apply(frame, points)
-        anchors.append(video._anchor)
-    # The plane went along: 4 right and 2 down a frame.
-    assert np.allclose(anchors[2][104:180, 58:150], anchors[0][100:176, 50:142], atol=0.05)
-
-
 def test_a_style_is_added_and_corrected(tmp_path, photo, capsys):
     write_image(tmp_path / "own.png", photo.image)
     assert main(["styles", "add", str(tmp_path / "own.png"), "--quiet"]) == 0

@@ -19,7 +19,6 @@ from lfportrait.lightfield import (
     read_coded,
     write_coded,
 )
-from lfportrait.lightfield.display import calibration_of
 from lfportrait.media.pictures import read_image
 
 display_of = Display.from_looking_glass
@@ -125,7 +124,7 @@ def test_every_sub_pixel_follows_equation_8(name):
 def test_both_formulas_agree_with_each_other_through_the_display():
     """Paper to Looking Glass: the calibration that we write is right for the maker's shader."""
     display = Display(640, 360, 60, pitch=16.2, slant=math.radians(10), offset=3.7)
-    calibration = {key: entry["value"] for key, entry in calibration_of(display).items()
+    calibration = {key: entry["value"] for key, entry in display.looking_glass().items()
                    if isinstance(entry, dict)}
     assert apart(shader(calibration, 60), ours(display), 60) < 1e-6
 
@@ -146,7 +145,7 @@ cells = st.lists(st.fixed_dictionaries({f"{c}Offset{a}": offsets for c in "RGB" 
 def test_random_panels_follow_the_shader_and_survive_the_way_back(calibration, views):
     display = display_of(calibration, views=views)
     assert apart(ours(display), shader(calibration, views), views) < 1e-6
-    back = calibration_of(display, calibration["DPI"])
+    back = display.looking_glass(calibration["DPI"])
     again = display_of(back, views=views)
     assert apart(ours(again), ours(display), views) < 1e-6
     for key in ("pitch", "slope", "DPI", "screenW", "invView", "flipImageX", "flipSubp"):

@@ -144,8 +144,7 @@ class Exemplar:
                     for name, matte in (("person", found.person), ("hair", found.hair))
                     if matte is not None}
 
-        key = key_of(__name__, "regions", self.image, self.landmarks, self.mask,
-                     networks)
+        key = key_of(__name__, "regions", self.image, self.landmarks, self.mask, networks)
         kept = kept_arrays("regions", key, find)
         # A file keeps rounded numbers: the first run continues with the numbers that the next one
         # reads.

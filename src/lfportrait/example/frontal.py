@@ -43,6 +43,7 @@ from ..face import (
 )
 from .exemplar import Exemplar
 from .frontal_light import Sides, blurred, relit
+from .guides.filters import smaller
 from .guides.regions import FaceFrame, polygon
 
 STEP, HARDLY = 0.02, 0.1
@@ -66,8 +67,7 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose,
     far = GENERIC_LANDMARKS[:, 0] * np.sign(pose.rotation[2, 0]) < 0
     known &= ~(far & (np.arange(68) < 17))
     left = painted[known] - pose.project(head[known])
-    warp = RBFInterpolator(head[known, :2], left, kernel="thin_plate_spline",
-                           smoothing=2e-3)
+    warp = RBFInterpolator(head[known, :2], left, kernel="thin_plate_spline", smoothing=2e-3)
     flat = points.reshape(-1, 3)
     moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
     # Outside the face the residuals fade: there is nothing that they were measured on.
@@ -83,11 +83,7 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose,
 def in_front(way: NDArray[np.floating], painted: NDArray[np.floating], pose: FacePose) -> Float64:
     """How far places beside landmarks lie from these in the frontal picture, float64 [68, 2].
 
-    Parameters
-    ----------
-    way : [68, 2], pixels, from the landmarks to the places in the painting.
-    painted : [68, 2], the landmarks.
-    pose : Of the face in the painting.
+    ``way`` [68, 2] leads from the landmarks ``painted`` to the places in the painting, in pixels.
     """
     head = symmetric_landmarks(painted, pose)
     x, y = head[:, 0], head[:, 1]
@@ -195,10 +191,6 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
     """An exemplar from the front: itself, if its face is turned by less than `FRONTAL` degrees.
 
     ``pose`` is its face's, if it is known.
-
-    Raises
-    ------
-    UserError : If the face is next to a profile.
     """
     pose = pose or exemplar.pose()
     if abs(pose.yaw) < FRONTAL:
@@ -218,15 +210,9 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
 
 
 def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
-    """The exemplar's version that fits a photo: original or frontal, whichever has the closer pose.
+    """The exemplar's version that fits a photo with landmarks [68, 2].
 
-    Parameters
-    ----------
-    landmarks : [68, 2], of the photo's face.
-
-    Raises
-    ------
-    UserError : As `frontalised`.
+    That is the original or the frontal one, whichever has the closer pose.
     """
     painted = exemplar.pose().yaw
     photo = face_pose(landmarks).yaw
@@ -410,9 +396,7 @@ def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32
     always = (clear > np.where(needed < CLEAR, needed, FULL)) | (clear >= ALIKE * mirrored)
     shrink = min(1.0, CUT / scale)
     size = tuple(max(int(side * shrink), 8) for side in clear.shape[::-1])
-    images = [np.asarray(cv2.resize(blurred(one, 0.02 * scale), size,
-                                    interpolation=cv2.INTER_AREA), np.float32)
-              for one in (ours, theirs)]
+    images = [smaller(blurred(one, 0.02 * scale), size) for one in (ours, theirs)]
     masks = [np.asarray(cv2.resize(np.asarray(~never_here, np.uint8) * 255, size,
                                    interpolation=cv2.INTER_NEAREST), np.uint8)
              for never_here in (never, always)]
@@ -442,13 +426,7 @@ _SPACING = 0.07
 def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
     """Lines of the generic face on a painting, as far as its painter saw them.
 
-    Parameters
-    ----------
-    landmarks : [68, 2], of the painting.
-
-    Returns
-    -------
-    lines : float64 [K, 2] each, pixels (x, y), K at least 2: lines down and across the face.
+    Lines down and across the face, float64 [K, 2] pixels (x, y) each, K at least 2.
     """
     every = max(1, round(_SPACING * pose.scale / COARSE))
     # The face's middle is on a line.
@@ -507,10 +485,7 @@ class FaceAside:
 def face_aside(landmarks: NDArray[np.floating], least: float) -> FaceAside | None:
     """What is seen of a face that is turned by more than ``least`` degrees, else None.
 
-    Parameters
-    ----------
-    landmarks : [68, 2] in pixels; rows with NaN are unknown.
-    least : Degrees.
+    ``landmarks`` are [68, 2] in pixels; rows with NaN are unknown.
     """
     found = np.asarray(landmarks, np.float64)
     # A pose takes as long as half of a small frame: most faces are seen to be frontal without it.

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from ..arrays import Float32
+from .guides.filters import smaller
 
 DARK = 24.0
 """Added to values before their logarithm: the darkest paint is no blacker than that."""
@@ -213,8 +214,7 @@ def _spread(light: Float32, weight: Float32, most: Float32, unit: float,
 
 def _small(plane: Float32) -> Float32:
     """A plane made small."""
-    size = max(plane.shape[1] // SMALL, 8), max(plane.shape[0] // SMALL, 8)
-    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
+    return smaller(plane, (max(plane.shape[1] // SMALL, 8), max(plane.shape[0] // SMALL, 8)))
 
 
 def blurred(picture: Float32, sigma: float) -> Float32:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from .. import face, models
 from ..arrays import Float32, Float64, UInt8
 from ..cache import kept_arrays, key_of
+from ..color import LUMA
 from .exemplar import Exemplar
 from .frontal import FRONTAL
 from .guides.regions import polygon
@@ -65,17 +66,10 @@ class _Eye:
 
 
 def irises_found(image: UInt8, landmarks: Float64) -> Float64 | None:
-    """Middles of both irises.
+    """Middles of both irises, float64 [2, 2] pixels, of the picture's left eye first.
 
-    Parameters
-    ----------
-    image : uint8 [H, W, 3], sRGB.
-    landmarks : [68, 2] pixels of a face that is seen from the front.
-
-    Returns
-    -------
-    irises : float64 [2, 2] pixels, of the picture's left eye first; None where an eye shows no
-        disc.
+    None where an eye shows no disc. The face is seen from the front in ``image`` uint8 [H, W, 3],
+    sRGB.
     """
     seen = (_seen(image, np.asarray(landmarks[part], np.float64))
             for part in (slice(36, 42), slice(42, 48)))
@@ -120,7 +114,7 @@ def _seen(image: UInt8, outline: Float64) -> _Eye | None:
     high = np.minimum(np.ceil(middle + 1.2 * WIDTH * fine), image.shape[1::-1]).astype(int)
     if (high - low < 4).any():
         return None
-    part = image[low[1]:high[1], low[0]:high[0]] @ np.array([0.299, 0.587, 0.114], np.float32)
+    part = image[low[1]:high[1], low[0]:high[0]] @ LUMA
     blurred = cv2.GaussianBlur(part, (0, 0), BLUR * WIDTH * fine)
     way[:, 2] -= low
     luma = cv2.warpAffine(blurred, way, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -212,8 +206,7 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
         return {"eyes": np.empty((0, 5, 2)) if mesh is None else mesh[np.array(MESH_EYES)],
                 "discs": np.empty((0, 2)) if discs is None else discs}
 
-    key = key_of(__name__, face.detectors_key(), exemplar.image,
-                 exemplar.landmarks)
+    key = key_of(__name__, face.detectors_key(), exemplar.image, exemplar.landmarks)
     found = kept_arrays("gazes", key, find)
     eyes, discs = found["eyes"], found["discs"]
     if not len(eyes) or not len(discs) or _opening(eyes) < CLOSED:
@@ -230,15 +223,9 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
 def agreed(eyes: Float64, discs: Float64) -> float:
     """Degrees by which the picture's right eye surely looks further right than the left one.
 
-    Parameters
-    ----------
-    eyes : As `looking_apart`.
-    discs : float64 [2, 2] pixels, both irises as `irises_found` has them.
-
-    Returns
-    -------
-    degrees : The lesser of what both kinds of irises show; 0 where one shows the contrary, or
-        eyes more than `MOST` degrees apart.
+    The lesser of what both kinds of irises show, those of ``eyes`` (`looking_apart`) and the discs,
+    float64 [2, 2] pixels (`irises_found`); 0 where one shows the contrary, or eyes more than `MOST`
+    degrees apart.
     """
     turned = [_turned(disc, eye[0], eye[1])[0] for eye, disc in zip(eyes, discs)]
     by_discs = float(turned[1] - turned[0]) - DISCS_USUAL
@@ -251,9 +238,7 @@ def agreed(eyes: Float64, discs: Float64) -> float:
 def looking_apart(eyes: Float64) -> Float64:
     """Degrees [2], right and down, that the picture's right eye looks away from the left one.
 
-    Parameters
-    ----------
-    eyes : float64 [2, 5, 2] pixels: left and right corner, iris, upper and lower lid of each.
+    ``eyes`` float64 [2, 5, 2] pixels: left and right corner, iris, upper and lower lid of each.
     """
     gaze = [_turned(iris, left, right) for left, right, iris, *_ in eyes]
     return np.asarray(gaze[1] - gaze[0] - USUAL, np.float64)
@@ -363,10 +348,8 @@ def with_even_eyes(exemplar: Exemplar) -> Exemplar:
 def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
     """Contrast of white and iris between the lids, in [0, 1]; 0 of an eye that is hardly open.
 
-    Parameters
-    ----------
-    image : uint8 or float in [0, 1], [H, W, 3], sRGB.
-    outline : [6, 2], landmarks of the eye in pixels.
+    ``outline`` [6, 2] are the eye's landmarks in an sRGB picture [H, W, 3], uint8 or float in [0,
+    1].
     """
     middle = outline.mean(axis=0)
     size = float(np.linalg.norm(outline[3] - outline[0]))
@@ -375,7 +358,7 @@ def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
     if (high - low < 4).any():
         return 0.0
     part = np.asarray(image[low[1]:high[1], low[0]:high[0]], np.float32)
-    luma = part @ np.array([0.299, 0.587, 0.114], np.float32)
+    luma = part @ LUMA
     if image.dtype == np.uint8:
         luma /= np.float32(255)
     luma = np.asarray(cv2.GaussianBlur(luma, (0, 0), max(FINE * size, 0.3)), np.float32)

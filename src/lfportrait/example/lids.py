@@ -74,12 +74,9 @@ def eye_openings(points: Points) -> tuple[float, float]:
 
 
 def shut_eyes(points: Points, photo: NDArray[np.generic] | None = None) -> Lids:
-    """Which eyes are shut.
+    """Which eyes are shut, by landmarks [68, 2 or 3]; [68, 2] in pixels where there is a photo.
 
-    Parameters
-    ----------
-    points : Landmarks [68, 2 or 3]; [68, 2] in pixels where there is a photo.
-    photo : uint8 or float in [0, 1], [H, W, 3]: it decides on narrow eyes.
+    The photo, uint8 or float in [0, 1], [H, W, 3], decides on narrow eyes.
     """
     shut = []
     least = SHUT if np.shape(points)[1] == 2 else SHUT_IN_SPACE
@@ -260,8 +257,7 @@ def _dark(image: UInt8, eye: Float64) -> Float64:
     return np.asarray(colors[light <= np.quantile(light, DARKEST)].mean(axis=0), np.float64)
 
 
-def _edge(image: UInt8, eye: Float64, corner: Float64, back: Float64,
-          room: float) -> float:
+def _edge(image: UInt8, eye: Float64, corner: Float64, back: Float64, room: float) -> float:
     """How far above its landmarks the upper lid's edge is, over the eye's width.
 
     That is where skin turns into the dark of lashes most sharply, along the whole lid, ``room``
@@ -297,8 +293,7 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
     inside = np.clip(np.minimum(along + 0.1, 1.1 - along) / 0.2, 0, 1)
     inside = inside * inside * (3 - 2 * inside)
     order = np.argsort(brow[:, 0])
-    top = upper + BROW * np.maximum(
-        np.interp(along, brow[order, 0], brow[order, 1]) - upper, 0.15)
+    top = upper + BROW * np.maximum(np.interp(along, brow[order, 0], brow[order, 1]) - upper, 0.15)
     height = np.clip((up - lower - LASHES) / np.maximum(top - lower - LASHES, 1e-6), 0, 1)
     height *= 1 - SLACK + SLACK * height
     skin = upper + height * (top - upper) - up

@@ -42,28 +42,16 @@ class PhotoMethod:
 
 
 def photo_method(name: str) -> PhotoMethod:
-    """A method of another package.
-
-    Raises
-    ------
-    UserError : If no installed package has it.
-    """
+    """A method of another package."""
     found: PhotoMethod = chosen(GROUP, name, (OWN,))
     return found
 
 
 def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None = None) -> Any:
-    """An exemplar prepared for one method, to be applied to many photos.
+    """An exemplar prepared for the method of a configuration, to be applied to many photos.
 
-    Parameters
-    ----------
-    config : Of the method that is wanted.
-    own : Photos with landmarks that a network also trains on.
-
-    Returns
-    -------
-    prepared : Its ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and
-        ``dump``.
+    ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and ``dump``. ``own``
+    are photos with landmarks that a network also trains on.
     """
     if isinstance(config, TransferConfig):
         return Transfer(exemplar, config)

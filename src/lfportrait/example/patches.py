@@ -174,12 +174,9 @@ def coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
 
 def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSearch,
                        seed: int = 0) -> tuple[Float32, Int32]:
-    """Synthesise, coarse to fine.
+    """Synthesise, coarse to fine: float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
 
-    Returns
-    -------
-    colors : float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
-    places : int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
+    With it int32 [H, W], the flat index of the exemplar's pixel behind each patch's middle.
     """
     levels = range(min(config.levels, len(source.pictures)) - 1, -1, -1)
     guides = _pyramid(target.guides, len(levels))
@@ -237,8 +234,7 @@ class _Level:
         self._want(target)
         self.even = self._even(target)
         self.start = self._flat(target.start)
-        self.guided = (self.start if target.guided is target.start
-                       else self._flat(target.guided))
+        self.guided = (self.start if target.guided is target.start else self._flat(target.guided))
         self.fixed = fixed
         self.error = np.zeros(self.shape, np.float32)
         self.voted: Float32 | None = None

@@ -41,8 +41,6 @@ FAR = 250.0
 def signed_distance(mask: Float32, cell: int = 4) -> Float32:
     """Signed distance in pixels from the edge of ``mask`` [H, W], positive inside.
 
-    Returns
-    -------
     float32 [ceil(H / cell), ceil(W / cell)], at the middles of blocks of ``cell`` pixels.
     """
     small = np.ascontiguousarray(shrunk(np.ascontiguousarray(mask, np.float32), cell))
@@ -77,11 +75,9 @@ class EdgeMatch:
     def move(self, nodes: Float32, mask: Float32, grid: int, scale: float) -> None:
         """Move the guide's nodes in place.
 
-        Parameters
-        ----------
-        nodes : float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
-        mask : float32 [H, W], the same region in the target.
-        scale : Exemplar pixels per target pixel.
+        ``nodes`` float32 [h, w, 2] are places in exemplar pixels of every ``grid``-th target pixel,
+        of which ``scale`` exemplar pixels are one; ``mask`` float32 [H, W] is the same region in
+        the target.
         """
         self.pull(nodes, signed_distance(mask, grid), grid, scale)
 
@@ -128,11 +124,8 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
                   style_regions: Regions) -> tuple[Float64, Float64, Float64, Float64]:
     """Control points of the position guide: landmarks, hairline and outline.
 
-    Returns
-    -------
-    sources, targets : [M, 2] in the target and in the exemplar; only points known on both sides
-        count.
-    weights, softness : [M], see `guides.mls_similarity`.
+    Sources and targets [M, 2] in the target and in the exemplar, of which only points known on both
+    sides count; their weights and softness [M] (`guides.mls_similarity`).
     """
     sources, targets = [landmarks], [style_landmarks]
     weights = [np.ones(68)]
@@ -147,13 +140,7 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
 
 
 def plain_neck(picture: Float32, landmarks: Float64) -> tuple[float, float]:
-    """The plainest strip of an exemplar's neck: first and last row, in pixels below the chin.
-
-    Parameters
-    ----------
-    picture : float32 [h, w], grey.
-    landmarks : [68, 2] of the exemplar.
-    """
+    """The plainest strip of an exemplar's neck: first and last row, in pixels below the chin."""
     height = float(landmarks[8, 1] - landmarks[17:27, 1].mean())
     chin, half = landmarks[8], 0.15 * height
     left, right = (int(np.clip(chin[0] + side * half, 0, picture.shape[1])) for side in (-1, 1))
@@ -182,10 +169,9 @@ def lengthen_neck(nodes: Float32, chin: float, style_height: int,
 
     Parameters
     ----------
-    nodes : float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
+    nodes, grid, scale : As for `EdgeMatch.move`.
     chin : Row of the target's chin.
     style_height, neck : Of the exemplar, in pixels; see `plain_neck`.
-    scale : Exemplar pixels per target pixel.
     """
     below = (np.arange(nodes.shape[0]) * grid + 0.5 - chin) * scale
     beyond = np.maximum(nodes[-1, :, 1] - np.float32(style_height - 2), 0)
@@ -195,18 +181,12 @@ def lengthen_neck(nodes: Float32, chin: float, style_height: int,
 
 
 def lay_body(nodes: Float32, grid: int, regions: Regions, style_regions: Regions) -> None:
-    """Lay neck and body onto those of the exemplar, in place.
+    """Lay neck and body onto those of the exemplar, in place in ``nodes`` (`EdgeMatch.move`).
 
     The landmarks end at the chin, and a turned head lies beside its neck. So below the chin a place
     is matched by how far down it is, and by where it lies between the left and the right edge of
     the body; beside the body, by how far it is from the edge. Where the exemplar shows less below
     the chin than the target does, that is spread over all of it.
-
-    Parameters
-    ----------
-    nodes : float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
-    grid : In pixels.
-    regions, style_regions : Of the target and of the exemplar.
     """
     frame, style_frame = regions.frame, style_regions.frame
     lowest, style_lowest = regions.lowest(), style_regions.lowest()
@@ -250,12 +230,7 @@ GRID = 4
 
 
 class FlatGuide:
-    """The map from photos to one exemplar.
-
-    Parameters
-    ----------
-    regions, labels : Of the painting; labels uint8 [h, w, len(PICTURE_LABELS)].
-    """
+    """The map from photos to one exemplar, with its regions and labels."""
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8) -> None:
         self.exemplar, self.regions = exemplar, regions
@@ -277,14 +252,12 @@ class FlatGuide:
     def __call__(self, cover: Float32, landmarks: Float64, regions: Regions,
                  labels: UInt8, hold: bool = False,
                  aside: FaceAside | None = None) -> Float32:
-        """Position guide of a photo, float32 [H, W, 2]; NaN where it is not covered.
+        """Position guide of a photo, float32 [H, W, 2]; NaN where ``cover`` [H, W] is 0.
 
         Parameters
         ----------
-        cover : float32 [H, W], 0 where nothing is to be painted.
         landmarks, regions, labels : Of the photo.
-        hold : Lay neck and body onto the exemplar's, and hold person and background on their
-            sides.
+        hold : Lay neck and body onto the exemplar's, and hold person and background on their sides.
         aside : What is seen of a face that is turned far to one side; ``landmarks`` are its own.
         """
         points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions)
@@ -332,19 +305,10 @@ class FlatGuide:
                       person: Float32) -> Float32:
         """Let the exemplar's body have its own outline below the chin.
 
-        Shoulders differ too much to be made to meet: where the photo's labels insist on a body
-        that the exemplar does not have at the guided place, chunks of it stand out as ledges.
-
-        Parameters
-        ----------
-        position : float32 [H, W, 2], the guide.
-        landmarks : [68, 2] of the photo.
-        labels : uint8 [H, W, len(PICTURE_LABELS)] of the photo, changed in place.
-        person : float32 [H, W].
-
-        Returns
-        -------
-        ``person`` with the exemplar's body, another array.
+        Shoulders differ too much to be made to meet: where the photo's labels insist on a body that
+        the exemplar does not have at the guided place, chunks of it stand out as ledges. The
+        photo's ``labels`` are changed in place; returns another ``person`` [H, W], with the
+        exemplar's body. ``position`` is the guide.
         """
         person = person.copy()
         own_body(position, self._words, max(int(landmarks[8, 1]), 0), label_words(labels), person)

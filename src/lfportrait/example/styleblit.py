@@ -1,22 +1,20 @@
 """StyleBlit: pieces of the exemplar that the look-up table of Eq. 6 finds are copied together.
 
-The table has for every (x, y, appearance) the nearest pixel of the exemplar. FaceBlit fills it by
-searching a window around every cell (over a minute). Both readings of the error are separable, so a
-distance transform that carries the arg-min gives the exact table over the whole exemplar in a
-fraction of a second. Exact means: the exemplar's guides are quantised to cells, and no cell's pixel
-is worse than any other pixel of the exemplar. Equal costs go to the pixel that comes first in scan
-order (for the weighted L1 form; for the squared form any pixel of least cost, always the same one).
+The table has for every (x, y, appearance) the nearest pixel of the exemplar. Both readings of the
+error are separable, so a distance transform that carries the arg-min gives the exact table over the
+whole exemplar in a fraction of a second. Exact means: the exemplar's guides are quantised to cells,
+and no cell's pixel is worse than any other pixel of the exemplar. Equal costs go to the pixel that
+comes first in scan order (for the weighted L1 form; for the squared form any pixel of least cost,
+always the same one).
 
 The synthesis walks levels 6 to 1 (cells of 64 to 2 exemplar pixels). A pixel takes the shift of the
 nearest jittered seed if the guides agree well enough there, else it tries the next finer level, and
 at last its own look-up. Seeds live in the anchor plane: for a capture they stick to the surface.
-The result is the picture and its intermediates as pictures.
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, Int64, UInt8
-from ..files import UNREADABLE_ARRAYS, atomic_write, write_image
+from ..files import write_image
 from ..labels import PICTURE_LABELS
 from .guides.position import Guides, anchor_scale
 from .kernels.blit import blit, look_up
@@ -66,8 +64,7 @@ class LookUpTable:
     step: float
 
 
-def quantise(appearance: Float32,
-             levels: int) -> tuple[Int32, float, float]:
+def quantise(appearance: Float32, levels: int) -> tuple[Int32, float, float]:
     """Levels of an appearance guide: (int32 [H, W], value of level 0, distance of levels)."""
     reach = float(max(np.abs(appearance).max(), 1e-3))
     step = 2 * reach / (levels - 1)
@@ -91,13 +88,9 @@ def integer_costs(config: TableConfig, unit: float, step: float) -> tuple[int, i
 
 
 def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUpTable:
-    """Build the exact table of one exemplar (Eq. 6).
+    """Build the exact table of one exemplar (Eq. 6) by its appearance guide, float32 [H, W].
 
-    Parameters
-    ----------
-    appearance : float32 [H, W], the exemplar's appearance guide.
-    config : Weights and resolution.
-    unit : Position unit in exemplar pixels.
+    ``unit`` is the position unit in exemplar pixels.
     """
     height, width = appearance.shape
     if height * width >= 1 << 28:
@@ -112,27 +105,6 @@ def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUp
     indices = np.empty((*shape[1:], shape[0]), np.int32)
     extract_indices(keys, indices)
     return LookUpTable(indices, config.cell, low, step)
-
-
-def cached_table(appearance: Float32, config: TableConfig, unit: float,
-                 cache: Path | None) -> LookUpTable:
-    """`build_table`, kept in the folder ``cache`` under a hash of all that it depends on."""
-    if cache is None:
-        return build_table(appearance, config, unit)
-    digest = hashlib.sha256(np.ascontiguousarray(appearance).tobytes())
-    digest.update(repr((appearance.shape, config, round(unit, 6), "table 2")).encode())
-    path = Path(cache) / f"table-{digest.hexdigest()[:24]}.npz"
-    if path.exists():
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                return LookUpTable(stored["indices"], int(stored["cell"]), float(stored["low"]),
-                                   float(stored["step"]))
-        except UNREADABLE_ARRAYS:
-            path.unlink(missing_ok=True)
-    table = build_table(appearance, config, unit)
-    with atomic_write(path) as stream:
-        np.savez(stream, indices=table.indices, cell=table.cell, low=table.low, step=table.step)
-    return table
 
 
 BACKGROUND_LEVELS = 8
@@ -204,8 +176,7 @@ def finest_level(scale: float) -> int:
     return max(1, int(np.ceil(np.log2(1.5 * scale))))
 
 
-def plant(anchor: Float32, top: int, seed: int, scale: float | None,
-          finest: int = 1) -> Seeds:
+def plant(anchor: Float32, top: int, seed: int, scale: float | None, finest: int = 1) -> Seeds:
     """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
 
     ``scale`` is set where the anchor is that times the pixel; then the seeds depend on the size of
@@ -382,31 +353,21 @@ class TransferResult:
     style_appearance: Float32 | None = field(default=None, repr=False)
 
     def dump(self, folder: str | Path) -> None:
-        """Write every intermediate as a picture into ``folder``."""
-        dump_transfer(self, Path(folder))
-
-
-def dump_transfer(result: TransferResult, folder: Path) -> None:
-    """Write guides, labels, table error, chunks and mask of ``result`` into ``folder``.
-
-    Files: ``position.png``, ``appearance.png``, ``style_appearance.png``, ``labels.png``,
-    ``table_error.png`` (white = 100), ``chunks.png``, ``synthesis.png``, ``mask.png``,
-    ``result.png``.
-    """
-    guides, synthesis = result.guides, result.synthesis
-    error = np.where(np.isfinite(synthesis.error), synthesis.error, 0)
-    labels = guides.labels.astype(np.float32) / 255
-    pictures = {
-        "position": position_picture(guides.position, result.exemplar_shape),
-        "appearance": 0.5 + guides.appearance,
-        "labels": labels @ LABEL_COLORS[:len(PICTURE_LABELS)],
-        "table_error": error / 100,
-        "chunks": chunk_picture(synthesis.shift, synthesis.level),
-        "synthesis": synthesis.image,
-        "mask": result.mask,
-        "result": result.image,
-    }
-    if result.style_appearance is not None:
-        pictures["style_appearance"] = 0.5 + result.style_appearance
-    for name, picture in pictures.items():
-        write_image(folder / f"{name}.png", picture)
+        """Write every intermediate as a picture into ``folder``; table errors are white at 100."""
+        guides, synthesis = self.guides, self.synthesis
+        error = np.where(np.isfinite(synthesis.error), synthesis.error, 0)
+        labels = guides.labels.astype(np.float32) / 255
+        pictures = {
+            "position": position_picture(guides.position, self.exemplar_shape),
+            "appearance": 0.5 + guides.appearance,
+            "labels": labels @ LABEL_COLORS[:len(PICTURE_LABELS)],
+            "table_error": error / 100,
+            "chunks": chunk_picture(synthesis.shift, synthesis.level),
+            "synthesis": synthesis.image,
+            "mask": self.mask,
+            "result": self.image,
+        }
+        if self.style_appearance is not None:
+            pictures["style_appearance"] = 0.5 + self.style_appearance
+        for name, picture in pictures.items():
+            write_image(Path(folder) / f"{name}.png", picture)

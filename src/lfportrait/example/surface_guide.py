@@ -113,14 +113,11 @@ class Patchwork:
         _, index = distance_transform_edt(~chosen, return_indices=True)
         return np.asarray(np.moveaxis(index, 0, -1)[..., ::-1] + 0.5, np.float32)
 
-    def materials(self, angle: Float64, depth: Float64,
-                  bare: Bool) -> Int64:
+    def materials(self, angle: Float64, depth: Float64, bare: Bool) -> Int64:
         """Material of sites, [N].
 
-        Parameters
-        ----------
-        angle, depth : [N], from forward, and below the brows (1 = chin).
-        bare : [N], where the guide finds the exemplar's background or its edge.
+        ``angle`` from forward, ``depth`` below the brows (1 = chin), and ``bare``, where the guide
+        finds the exemplar's background or its edge, are [N].
         """
         out = np.full(angle.shape, -1)
         out[np.where(depth < 0, angle > CROWN, (angle > BEHIND_EARS) & (depth < 0.7))] = HAIR
@@ -134,11 +131,8 @@ class Patchwork:
     def pieces(self, wanted: Float32, chances: Float32, material: Int64) -> Float32:
         """Where in the exemplar the pieces of sites come from, [N, 2].
 
-        Parameters
-        ----------
-        wanted : float32 [N, 2], where the guide would look.
-        chances : float32 [N, 2], random numbers in [0, 1).
-        material : [N], not negative.
+        ``wanted`` float32 [N, 2] is where the guide would look, ``chances`` [N, 2] are random
+        numbers in [0, 1), ``material`` [N] is not negative.
         """
         near = wanted + np.float32(2 * self.spread) * (chances - np.float32(0.5))
         rows, columns = self.places.shape[1:3]
@@ -183,10 +177,6 @@ class HeadPlane:
     ----------
     origin : float64 [3], on the head's vertical axis at the height of the brows.
     radius, height : Of the cylinder, and from the brows down to the chin, world units.
-
-    Raises
-    ------
-    UserError : If fewer than 20 landmarks are known.
     """
 
     def __init__(self, landmarks3d: NDArray[np.floating]) -> None:
@@ -220,17 +210,9 @@ class HeadPlane:
 
 
 class SurfaceGuide:
-    """The map from surface points of one head to one exemplar.
+    """The map from surface points of one head to one exemplar, whose regions may be known already.
 
-    Parameters
-    ----------
-    landmarks3d : float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are
-        unknown.
-    regions : Its regions where they are known already (`Transfer.regions`).
-
-    Raises
-    ------
-    UserError : If fewer than 20 landmarks are known.
+    ``landmarks3d`` as in `HeadPlane`.
     """
 
     def __init__(self, landmarks3d: NDArray[np.floating], exemplar: Exemplar,
@@ -329,17 +311,10 @@ class SurfaceGuide:
         return np.where(moved[:, None], near, position)
 
     def __call__(self, points: NDArray[np.floating]) -> tuple[Float32, Float32]:
-        """Guides of surface points.
+        """Guides of surface points [H, W, 3] in the portrait frame; NaN where there is no surface.
 
-        Parameters
-        ----------
-        points : [H, W, 3] in the portrait frame; NaN where there is no surface.
-
-        Returns
-        -------
-        position : float32 [H, W, 2], exemplar pixel coordinates, inside the exemplar; NaN
-            without surface.
-        anchor : float32 [H, W, 2], place in the unwrapped plane, in exemplar pixels.
+        Position float32 [H, W, 2], exemplar pixel coordinates, inside the exemplar; NaN without
+        surface. Anchor float32 [H, W, 2], place in the unwrapped plane, in exemplar pixels.
         """
         points = np.asarray(points)
         inside = np.isfinite(points).all(axis=-1)
@@ -356,15 +331,9 @@ class SurfaceGuide:
     def nodes(self, low: Float64, high: Float64, spacing: float) -> Float32:
         """The map on a regular grid of the unwrapped plane, without the pieces behind the cheeks.
 
-        Parameters
-        ----------
-        low, high : float64 [2], corners of the plane's part, world units.
-        spacing : Of the nodes, from ``low`` on.
-
-        Returns
-        -------
         float32 [h, w, 3]: exemplar coordinates (x, y), and how much slower they change than the
-            plane, at least 0.1 and at most 1.
+        plane, at least 0.1 and at most 1. ``low`` and ``high`` [2] are corners of the plane's part,
+        from the first of which nodes lie ``spacing`` apart; world units.
         """
         columns, rows = (int(n) for n in np.ceil((high - low) / spacing).astype(int) + 2)
         x, y = np.meshgrid(low[0] + spacing * np.arange(columns),
@@ -379,8 +348,7 @@ class SurfaceGuide:
         """Exemplar coordinates [N, 2] of unwrapped ones."""
         mapped = mls_similarity(self._squeezed(flat), self.sources, self.targets,
                                 softness=self.softness)
-        return fold_inside(mapped.astype(np.float32), self.exemplar.image.shape,
-                           self.regions.box())
+        return fold_inside(mapped.astype(np.float32), self.exemplar.image.shape, self.regions.box())
 
     def _pieced(self, position: Float32, plane: Float32) -> Float32:
         """Positions [N, 2] of places in the plane, those behind the cheeks by `Patchwork`."""

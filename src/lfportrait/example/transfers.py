@@ -15,7 +15,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -23,6 +22,7 @@ import tyro
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, UInt8
+from ..color import to_uint8
 from ..errors import UserError
 from ..face import FacePose
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
@@ -56,7 +56,7 @@ from .styleblit import (
     Seeds,
     TableConfig,
     TransferResult,
-    cached_table,
+    build_table,
     finest_level,
     label_words,
     pack_colors,
@@ -108,18 +108,10 @@ def as_painted(exemplar: Exemplar, wear: Sequence[str] = ()) -> Exemplar:
 
 def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes: str = "auto",
             wear: Sequence[str] = ()) -> Exemplar:
-    """The exemplar's version that fits a photo.
+    """The exemplar's version that fits a photo with landmarks ``points`` [68, 2].
 
-    Parameters
-    ----------
-    points : [68, 2] in pixels, of the photo's face.
-    photo : uint8 or float in [0, 1], [H, W, 3].
-    eyes : ``"painted"`` leaves the painting's eyes open.
-    wear : What is left on: ``"spectacles"``.
-
-    Raises
-    ------
-    UserError : As `suited`.
+    ``eyes="painted"`` leaves the painting's eyes open; of what is worn, ``"spectacles"`` are left
+    on.
     """
     chosen = _with_both_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
     return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
@@ -129,16 +121,8 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
                    wear: Sequence[str] = ()) -> Exemplar:
     """The exemplar's version for a head.
 
-    Parameters
-    ----------
-    exemplar, pose : The painting, and how its face is turned.
-    fringe : Whether a painted fringe is taken off (`bared`).
-    lids : Which eyes are shut.
-    wear : What is left on: ``"spectacles"``.
-
-    Raises
-    ------
-    UserError : As `frontalised`.
+    ``pose`` is how its face is turned, ``fringe`` whether a painted fringe is taken off (`bared`),
+    ``lids`` which eyes are shut; of what is worn, ``"spectacles"`` are left on.
     """
     front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
     return closed(_with_both_eyes(front), lids)
@@ -159,19 +143,14 @@ def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
 
 def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
                 choices: Sequence[RegionStyle], others: dict[str, Float32]) -> Float32:
-    """Blend paintings of one photo by its soft regions.
+    """Blend paintings of one photo by its soft regions, float32 [H, W, 3] in [0, 1].
 
     Parameters
     ----------
-    photo : uint8 [H, W, 3].
-    landmarks : [68, 2] of the photo.
+    photo, landmarks : uint8 [H, W, 3] and [68, 2].
     painted : float32 [H, W, 3] in [0, 1], the painting of all other regions.
     choices : What regions get; later ones win.
     others : The photo painted by the other exemplars, by `RegionStyle.style`.
-
-    Returns
-    -------
-    float32 [H, W, 3] in [0, 1].
     """
     shares = _region_shares(photo, landmarks, [choice.region for choice in choices])
     plain = photo[..., :3].astype(np.float32) / np.float32(255)
@@ -234,14 +213,12 @@ class Transfer:
 
     Parameters
     ----------
-    cache : Folder for look-up tables, by content hash; None keeps none.
     regions : Of the painting, where they are known.
     exact : Whether every target pixel is one of the exemplar's, whatever the sizes of the faces.
     """
 
     def __init__(self, exemplar: Exemplar, config: TransferConfig | None = None,
-                 cache: str | Path | None = None, regions: Regions | None = None,
-                 exact: bool = False) -> None:
+                 regions: Regions | None = None, exact: bool = False) -> None:
         self.exemplar, self._exact = exemplar, exact
         self.config = config or TransferConfig()
         start = time.perf_counter()
@@ -251,8 +228,7 @@ class Transfer:
         self.appearance = appearance_guide(exemplar.image, BLUR * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start
         start = time.perf_counter()
-        self.table = cached_table(self.appearance, self.config.table, self.unit,
-                                  Path(cache) if cache is not None else None)
+        self.table = build_table(self.appearance, self.config.table, self.unit)
         self.table_seconds = time.perf_counter() - start
         self.distribution = Distribution.of(self.appearance, self.regions.person)
         self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
@@ -302,7 +278,7 @@ class Transfer:
     def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
               mask: Float32 | None = None, regions: Regions | None = None) -> TransferResult:
-        """Stylise one picture.
+        """Stylise one picture; where ``position`` is NaN the image is the given one.
 
         Parameters
         ----------
@@ -310,16 +286,10 @@ class Transfer:
         landmarks : [68, 2] in pixels of ``image``; rows with NaN are unknown.
         position : float32 [H, W, 2], exemplar coordinates instead of those from the landmarks
             (`SurfaceGuide`); NaN = not to be painted.
-        seeds_anchor : float32 [H, W, 2], place of each pixel in the plane of the seeds, in
-            exemplar pixels.
-        mask : float32 [H, W], the person against the background (a capture's alpha); None =
-            found.
-        regions : Of the picture where they are known (`find_regions`): the networks are not
-            asked.
-
-        Returns
-        -------
-        TransferResult; where ``position`` is NaN the image is the given one.
+        seeds_anchor : float32 [H, W, 2], place of each pixel in the plane of the seeds, in exemplar
+            pixels.
+        mask : float32 [H, W], the person against the background (a capture's alpha); None = found.
+        regions : Of the picture where they are known (`find_regions`): the networks are not asked.
         """
         config = self.config
         points = lids_together(landmarks, self.exemplar.lids)
@@ -389,7 +359,10 @@ class Transfer:
                               self.exemplar.image.shape[:2], self.appearance)
         if config.quality == "best" and flat and seeds is not None:
             assert regions is not None
-            made.image = self._refined(photo, points, regions, made, aside is not None)
+            start = time.perf_counter()
+            made.image = self._painter().refine(photo, points, regions, made, self.scale(points),
+                                                aside is not None)
+            made.seconds["patches_seconds"] = time.perf_counter() - start
         if worn is not None:
             made.image = worn.over(made.image)
             made.mask = np.maximum(made.mask, worn.cover * np.float32(config.strength))
@@ -398,14 +371,6 @@ class Transfer:
             blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, made.mask,
                   made.image)
         return made
-
-    def _refined(self, photo: NDArray[np.generic], points: Float64, regions: Regions,
-                 made: TransferResult, turned: bool) -> Float32:
-        """The picture with patches around the face; its seconds are noted."""
-        start = time.perf_counter()
-        image = self._painter().refine(photo, points, regions, made, self.scale(points), turned)
-        made.seconds["patches_seconds"] = time.perf_counter() - start
-        return image
 
     def _painter(self) -> PhotoPatches:
         """What paints around the face, made when it is first wanted."""
@@ -453,8 +418,7 @@ class Transfer:
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self.distribution, person)
 
-    def weights(self, person: Float32, labels: UInt8, position: Float32,
-                 scale: float) -> Float32:
+    def weights(self, person: Float32, labels: UInt8, position: Float32, scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
         # Along the outline a chunk that is off shows as a step.
@@ -485,16 +449,13 @@ class Transfer:
         """Whether nothing of a photo is left."""
         return self.config.extent == "picture" and self.config.strength == 1
 
-    def cover(self, photo: NDArray[np.generic], landmarks: Float64,
-               person: Float32) -> Float32:
+    def cover(self, photo: NDArray[np.generic], landmarks: Float64, person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
         if config.extent == "face":
             from ..face import face_mask
 
-            colors = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
-            picture = (np.clip(colors, 0, 255) + 0.5).astype(np.uint8)
-            mask = face_mask(picture, landmarks)
+            mask = face_mask(to_uint8(np.ascontiguousarray(photo)), landmarks)
             cover = broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.extent == "head":
             cover = person
@@ -528,12 +489,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
 
 
 def face_landmarks(image: NDArray[np.generic]) -> Float64:
-    """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3].
-
-    Raises
-    ------
-    UserError : If no face is found.
-    """
+    """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3]."""
     from ..face import detect_landmarks
 
     landmarks = detect_landmarks(np.asarray(image, np.uint8))

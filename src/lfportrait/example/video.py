@@ -1,15 +1,10 @@
 """Transfer to a video: seeds are carried from frame to frame, so that strokes are stable.
 
 Chunks lie in an anchor plane. For a photo that is the picture itself; in a video the plane is
-carried along by optical flow (`motion`): a pixel gets the anchor of the place it came from. Where
-the flow can't be trusted, or the plane is torn, it is restarted. Landmarks and the masks of person
-and hair are carried, too, and corrected slowly by those that are found every few frames: their
-jitter is larger than what a frame's flow is off.
-
-Without OpenCV there is no flow: everything is found in every frame, and the plane follows the face
-as a whole.
-
-Pipeline of steps, each on its own thread, a few items ahead.
+carried along by optical flow (`Flow`): a pixel gets the anchor of the place it came from. Where the
+flow can't be trusted, or the plane is torn, it is restarted. Landmarks and the masks of person and
+hair are carried, too, and corrected slowly by those that are found every few frames: their jitter
+is larger than what a frame's flow is off.
 
 The flow is OpenCV's DIS on a picture of half the size: chunks and masks that are carried along want
 a smooth flow of the whole, and it costs a fifth. Where the two directions disagree it can't be
@@ -18,8 +13,7 @@ trusted; where they do nearly everywhere, the scene was cut.
 A painted frame knows for each pixel which shift from the anchor plane to the exemplar it copies
 with. The anchor plane goes on with the flow, and so may the shifts: the next frame then copies the
 same strokes from their new places, as sharply as if it were painted from scratch, without guides,
-seeds and chunks. Where a frame shows what the one before did not, the guided place of that one
-serves.
+seeds and chunks. Where a frame shows what the one before did not, its guided place serves.
 """
 
 from __future__ import annotations
@@ -32,6 +26,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -172,27 +167,21 @@ def block_side(shape: tuple[int, ...]) -> int:
 
 
 class Flow:
-    """The flow through a video, or nothing where there is no OpenCV."""
+    """The flow through a video."""
 
     def __init__(self) -> None:
-        self._library = _library()
-        self._network: Any = None
-        if self._library is not None:
-            self._network = self._library.DISOpticalFlow_create(
-                self._library.DISOPTICAL_FLOW_PRESET_FAST)
+        self._network: Any = cv2.DISOpticalFlow_create(  # type: ignore[attr-defined]
+            cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._before: UInt8 | None = None
 
     def _luma(self, frame: UInt8, factor: int) -> UInt8:
         """The frame in grey, means of blocks of ``factor`` pixels."""
         size = (-(-frame.shape[1] // factor), -(-frame.shape[0] // factor))
-        luma = self._library.cvtColor(frame, self._library.COLOR_RGB2GRAY)
-        return np.asarray(self._library.resize(luma, size,
-                                               interpolation=self._library.INTER_AREA))
+        luma = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
+        return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def next(self, frame: UInt8) -> Motion | None:
         """Motion to the next frame; None for the first one and after a cut."""
-        if self._network is None:
-            return None
         factor = block_side(frame.shape)
         luma = self._luma(frame, factor)
         before, self._before = self._before, luma
@@ -226,15 +215,6 @@ def _unlike(luma: UInt8, before: UInt8, back: Float32) -> bool:
     return bool(left > 0.5 * all_of_it and left > 2)
 
 
-def _library() -> Any:
-    """OpenCV, which has the flow, or None."""
-    try:
-        import cv2
-    except ImportError:
-        return None
-    return cv2
-
-
 def reduced(prepared: Transfer, factor: float) -> Transfer:
     """The same painting, ``factor`` times smaller.
 
@@ -257,19 +237,16 @@ def reduced(prepared: Transfer, factor: float) -> Transfer:
 def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
                  person: Callable[[], Float32], anchor: Float32, motion: Motion,
                  kept: Bool, before: TransferResult) -> TransferResult:
-    """Paint a frame with the shifts of the one before.
+    """Paint a frame uint8 [H, W, 3] with the shifts of the one before.
+
+    Guides other than the anchor are those of the frame before.
 
     Parameters
     ----------
-    frame, landmarks : uint8 [H, W, 3] and [68, 2].
     person : Gives the person's mask, float32 [H, W], if it is needed.
     anchor : float32 [H, W, 2].
     motion, kept : From the frame before; bool [h, w], blocks whose anchors came from there.
     before : What the frame before was painted with.
-
-    Returns
-    -------
-    The result; its guides other than the anchor are those of the frame before.
     """
     config, guides = prepared.config.blit, before.guides
     height, width = frame.shape[:2]
@@ -281,8 +258,7 @@ def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
     image = np.empty((height, width, 3), np.float32)
     pitch = anchor_scale(anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)
-    vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False,
-         image)
+    vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False, image)
     result, cover = image, before.mask
     if not prepared.covers_all:
         cover = prepared.cover(frame, landmarks, person())
@@ -353,22 +329,16 @@ class VideoTransfer:
     Parameters
     ----------
     carry : False keeps the seeds where they are in the picture, for comparison.
-    detect, segment : Landmarks are detected, person and hair segmented, in every Nth frame;
-        between they are carried.
-    paint : Paint every Nth frame from scratch; between these, strokes are carried, too.
 
     Attributes
     ----------
     flicker : For each frame but the first, the root mean square difference to the stylised frame
-        before, warped by the flow, over the contrast of the frame; empty without OpenCV. Every
+        before, warped by the flow, over the contrast of the frame. Every
         fourth pixel of every fourth row is looked at.
     """
 
-    def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
-                 segment: int = SEGMENT, paint: int = PAINT) -> None:
-        self.prepared = prepared
-        self.carry = carry
-        self.detect, self.segment, self.paint = detect, segment, paint
+    def __init__(self, prepared: Transfer, carry: bool = True) -> None:
+        self.prepared, self.carry = prepared, carry
         self.flicker: list[float] = []
         self._flow = Flow()
         self._number = 0
@@ -380,23 +350,11 @@ class VideoTransfer:
         self._result: TransferResult | None = None
         self._scale = 1.0
 
-    def apply(self, frame: UInt8,
-              landmarks: NDArray[np.floating] | None = None) -> Float32:
-        """Stylise the next frame.
+    def apply(self, frame: UInt8, landmarks: NDArray[np.floating] | None = None) -> Float32:
+        """Stylise the next frame, uint8 [H, W, 3], all of one size; float32 [H, W, 3] in [0, 1].
 
-        Parameters
-        ----------
-        frame : uint8 [H, W, 3], all of one size.
-        landmarks : [68, 2]; detected if None. Where no face is found those of the frame before
-            serve.
-
-        Returns
-        -------
-        float32 [H, W, 3] in [0, 1].
-
-        Raises
-        ------
-        UserError : If there is no face in the first frame.
+        Landmarks [68, 2] are detected if None. Where no face is found those of the frame before
+        serve.
         """
         step = self._follow(frame, landmarks)
         self._result = self._painting(step, self._result)
@@ -404,19 +362,11 @@ class VideoTransfer:
         return self._result.image
 
     def frames(self, frames: Iterable[UInt8]) -> Iterator[UInt8]:
-        """Stylise frames one after the other, several at a time.
+        """Stylise frames as `apply` does, several at a time: uint8 [H, W, 3] each.
 
-        One thread follows the motion through the video; others paint, each a frame that needs
-        nothing from the one before, and those that go on from it. Each kernel keeps to its thread,
-        so none waits for another.
-
-        Parameters
-        ----------
-        frames : uint8 [H, W, 3], all of one size; taken on another thread.
-
-        Returns
-        -------
-        Iterator over uint8 [H, W, 3], the same bytes as from `apply`.
+        One thread takes frames and follows the motion through the video; others paint, each a frame
+        that needs nothing from the one before, and those that go on from it. Each kernel keeps to
+        its thread, so none waits for another.
         """
         if not _threads_share_kernels():
             yield from (_bytes_of(self.apply(frame)) for frame in frames)
@@ -441,14 +391,13 @@ class VideoTransfer:
                 self._compare(step, image)
                 yield picture
 
-    def _follow(self, frame: UInt8,
-                landmarks: NDArray[np.floating] | None = None) -> _Followed:
+    def _follow(self, frame: UInt8, landmarks: NDArray[np.floating] | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
         anchor, kept = self._carried(frame.shape, points, motion)
         masks = self._segmented(frame, points, motion)
-        if self._number % self.paint == 0 or kept is None or kept.mean() < KEPT or not self.carry:
+        if self._number % PAINT == 0 or kept is None or kept.mean() < KEPT or not self.carry:
             kept = None
         self._landmarks = points
         self._number += 1
@@ -480,7 +429,7 @@ class VideoTransfer:
         moved = motion.onward(last)
         # The jaw lies on the border of what moves: it follows the rest of the face.
         moved[:17] = _moved(last[:17], last[17:], moved[17:])
-        if landmarks is None and self._number % self.detect:
+        if landmarks is None and self._number % DETECT:
             return moved
         found = self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
         # A leap is a face that was lost: no reason to glide there.
@@ -488,14 +437,13 @@ class VideoTransfer:
             return found
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
-    def _segmented(self, frame: UInt8, points: Float64,
-                   motion: Motion | None) -> Float32:
+    def _segmented(self, frame: UInt8, points: Float64, motion: Motion | None) -> Float32:
         """Masks of the frame before, carried along, or found, or both."""
         side = block_side(frame.shape)
         masks = None
         if motion is not None and self._masks is not None:
             masks = motion.carry(self._masks)
-        if motion is None or masks is None or self._number % self.segment == 0:
+        if motion is None or masks is None or self._number % SEGMENT == 0:
             fresh = _found_masks(frame, points, side, first=masks is None)
             if motion is None or masks is None:
                 masks = fresh

@@ -110,12 +110,7 @@ def adapters() -> list[Adapter]:
 
 
 def handle_of(adapter: Adapter) -> Any:
-    """The object of wgpu's for an adapter.
-
-    Raises
-    ------
-    LookupError : If this process does not see it.
-    """
+    """The object of wgpu's for an adapter; `LookupError` where this process does not see it."""
     for own, handle in _handles():
         if own == adapter:
             return handle
@@ -134,14 +129,8 @@ def missing() -> str | None:
 def chosen(choice: str) -> Adapter | None:
     """The adapter for the user's choice of ``--device``; None: the CPU.
 
-    Parameters
-    ----------
-    choice : ``"auto"`` takes the best real GPU and never software, ``"gpu"`` the best of all,
-        ``"gpu:NAME"`` the best whose name contains NAME; ``"cpu"`` none.
-
-    Raises
-    ------
-    UserError : If a GPU was asked for and there is none of that name.
+    ``"auto"`` takes the best real GPU and never software, ``"gpu"`` the best of all, ``"gpu:NAME"``
+    the best whose name contains NAME; ``"cpu"`` none.
     """
     if choice == "cpu":
         return None

@@ -59,14 +59,7 @@ class Kernel:
 class Device:
     """A device on an adapter, with WebGPU's default limits.
 
-    Parameters
-    ----------
-    adapter : One of `lfportrait.gpu.adapters`.
-
-    Attributes
-    ----------
-    adapter : As above.
-    kept : Whatever stages keep here from call to call, by names of their own.
+    ``kept`` holds whatever stages keep here from call to call, by names of their own.
     """
 
     def __init__(self, adapter: Adapter) -> None:
@@ -121,8 +114,7 @@ class Device:
             encoder.copy_buffer_to_buffer(buffer, offset + start, staged, 0, size)
             self._device.queue.submit([encoder.finish()])
             staged.map_sync("READ", 0, size)
-            part[:] = np.frombuffer(staged.read_mapped(0, size, copy=False),
-                                    np.uint8)[:part.nbytes]
+            part[:] = np.frombuffer(staged.read_mapped(0, size, copy=False), np.uint8)[:part.nbytes]
             staged.unmap()
         return out
 
@@ -235,17 +227,14 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
           longest: float = _DISPATCH) -> int:
     """Run work on ``total`` rows in bands, sized by what the first ones take.
 
+    Returns the rows that a band may have, for more work of the same kind.
+
     Parameters
     ----------
-    total : Rows of work.
     first : Rows of the calibration dispatch.
     run : ``run(since, until)`` sends a band off.
     wait : Waits until all that was sent off is done.
     longest : Seconds that a band should take at most.
-
-    Returns
-    -------
-    size : Rows that a band may have: for more work of the same kind.
     """
     bound = 0
     since, size = 0, max(1, min(first, total))
@@ -265,20 +254,20 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
     return size
 
 
-def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
-    """Seconds that a device needs to copy so many bytes within its own memory.
+_COPIES = 20
 
-    Parameters
-    ----------
-    size : Bytes; what is more than a binding holds is copied in parts.
-    repeats : Copies whose mean is taken.
+
+def copy_seconds(device: Device, size: int) -> float:
+    """Seconds that a device needs to copy ``size`` bytes within its own memory, the mean of 20.
+
+    What is more than a binding holds is copied in parts.
     """
     part = min(max(size // 4 * 4, 4), BINDING)
     source, target = device.buffer(part), device.buffer(part)
 
     def copy() -> None:
         encoder = device.raw.create_command_encoder()
-        for _ in range(repeats):
+        for _ in range(_COPIES):
             left = size
             while left > 0:
                 some = max(min(left, part) // 4 * 4, 4)
@@ -290,4 +279,4 @@ def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
     copy()
     start = time.perf_counter()
     copy()
-    return (time.perf_counter() - start) / repeats
+    return (time.perf_counter() - start) / _COPIES

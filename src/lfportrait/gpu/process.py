@@ -29,17 +29,9 @@ class GpuLostError(RuntimeError):
 
 
 class GpuProcess:
-    """A child that holds one device.
+    """A child that holds one device; a call that takes ``timeout`` seconds is taken to hang.
 
-    Parameters
-    ----------
-    adapter : The adapter that it uses.
-    timeout : Seconds after which a call is taken to hang.
-
-    Attributes
-    ----------
-    adapter : As above.
-    starts : How many times a child was started.
+    ``starts`` is how many times a child was started.
     """
 
     def __init__(self, adapter: Adapter, timeout: float = _TIMEOUT) -> None:
@@ -51,29 +43,18 @@ class GpuProcess:
 
     def holds(self, kind: str, name: str) -> bool:
         """Whether the child that runs now keeps something under this name (`note`)."""
-        return (self._child is not None and self._child.alive
-                and name in self._held.get(kind, ()))
+        return (self._child is not None and self._child.alive and name in self._held.get(kind, ()))
 
     def note(self, kind: str, names: Collection[str]) -> None:
         """Remember what of a kind the child keeps now."""
         self._held[kind] = frozenset(names)
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call a function in the child.
+        """Call ``"package.module:function"`` in the child, with the `Device` and the arguments.
 
-        Parameters
-        ----------
-        name : ``"package.module:function"``; it is given the `Device`, then the arguments.
-        arguments : Arrays, numbers, text, and what can be pickled of them.
-
-        Returns
-        -------
-        result : What it returned.
-
-        Raises
-        ------
-        GpuLostError : If the child was lost; a later call starts another one, unless that was
-            lost, too.
+        These, and what it returns, are arrays, numbers, text, and what can be pickled of them.
+        Raises `GpuLostError` if the child was lost; a later call starts another one, unless that
+        was lost, too.
         """
         with self._lock:
             if self._lost:

@@ -49,12 +49,7 @@ from .placement import DepthReport, EncodeConfig, Placement
 
 def row_views(display: Display, first: int, count: int, apart: int = 1,
               ) -> NDArray[np.unsignedinteger]:
-    """The nearest view of the sub-pixels of some rows, as `ViewMask` holds all of them.
-
-    Parameters
-    ----------
-    first, count, apart : The first row, how many, and how far apart they are.
-    """
+    """The nearest view of ``count`` rows, ``apart`` apart, as `ViewMask` holds those of all."""
     kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
     views = np.empty((count, display.width, 3), kind)
     mask_views(views, display.steps(), lens_of(display), first, apart)
@@ -141,14 +136,8 @@ def composed(field: VoxelField, display: Display, config: EncodeConfig) -> Encod
     Size, shifts, focus and depth scale of the configuration change what is composed: a size of 0.8
     (the default) leaves it, one of 0.4 halves it, a focus of 0.1 moves it towards the viewer.
 
-    Parameters
-    ----------
-    field : In the portrait frame.
-    config : Parameters; without ``compose`` they come back as they are.
-
-    Returns
-    -------
-    config : For all that takes one. A warning says where the panel can't keep the head sharp.
+    A configuration without ``compose`` comes back as it is. A warning says where the panel can't
+    keep the head sharp. ``field`` is in the portrait frame.
     """
     if not config.compose:
         return config
@@ -173,8 +162,7 @@ def _stand(display: Display, low: float, high: float, wide: float) -> tuple[floa
     nearer = display.distance / (display.distance + 0.5)
     scale = (_TOP - _LOW) / max(high - nearer * low, 0.5)
     scale = float(np.clip(scale, *_SIZES))
-    scale = min(scale, _WIDE * display.aspect / max(wide, 0.3),
-                0.3 * display.aspect / _EYES)
+    scale = min(scale, _WIDE * display.aspect / max(wide, 0.3), 0.3 * display.aspect / _EYES)
     # Above all the bust's end is hidden; then the crown has its distance from the upper edge.
     up = min(_TOP - scale * high, _LOW - nearer * scale * low)
     return scale, float(np.clip(up, -_HIGHEST, _HIGHEST))
@@ -207,11 +195,12 @@ def viewpoints(field: VoxelField, eyes: Float64, distance: float, height: float,
                to_world: Float64) -> Float64:
     """Eyes that colors are evaluated for, float64 [L, 3] in the field's world.
 
+    Colors of one coefficient are the same for all eyes.
+
     Parameters
     ----------
-    field : The field; colors of one coefficient are the same for all eyes.
-    eyes : float64 [V], x of the views' eyes in the deep display frame, `distance` away and
-        `height` up.
+    eyes : float64 [V], x of the views' eyes in the deep display frame, `distance` away and `height`
+        up.
     to_world : float64 [3, 4], from that frame to the world.
     """
     first, last = float(eyes[0]), float(eyes[-1])
@@ -278,12 +267,9 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
     """How much of the head's depth the panel can show sharply.
 
     Detail at distance z from the panel blurs where its disparity between neighbouring views
-    exceeds one lens (Zwicker et al. 2006).
-
-    Returns
-    -------
-    budget : ``sharp_depth``: +- z in half panel heights; ``sharp_percent``: share of the head's
-        depth of two world units that lies within; ``sharp_mm`` where the panel's size is known.
+    exceeds one lens (Zwicker et al. 2006). Returns ``sharp_depth``: +- z in half panel heights;
+    ``sharp_percent``: share of the head's depth of two world units that lies within; ``sharp_mm``
+    where the panel's size is known.
     """
     baseline = 2 * display.distance * math.tan(math.radians(display.cone) / 2) / display.views
     lens = display.pitch / 3.0 * 2.0 / display.height
@@ -339,21 +325,9 @@ def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
     return "slices" if fits else "direct"
 
 
-def _grey(config: EncodeConfig) -> float:
-    """Grey level behind the head where there is no ground."""
-    return max(config.background, 0.0)
-
-
 def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height: int = 0,
               first: int = 0, apart: int = 1) -> PanelJob:
-    """A panel, or ``height`` of its rows, as a GPU takes it.
-
-    Parameters
-    ----------
-    field, display, config : As for `encode`.
-    height, first, apart : How many rows, the first one and how far apart they are; all by
-        default.
-    """
+    """A panel, or ``height`` of its rows from ``first`` on, ``apart`` apart, as a GPU takes it."""
     placement = Placement.of(display, config)
     distance = placement.deep_distance(display)
     panel = _panel(display, config, placement, first, apart)
@@ -370,7 +344,7 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
         2.0 * display.eye_reach * display.breadth / display.pitch, display.gamma,
         3 if slices else 0, stride if slices else step,
         _FAINTEST * field.lattice[5] / stride if slices else 1e-2, _STOP if slices else 1e-3,
-        slices, _grey(config),
+        slices, max(config.background, 0.0),
         colors, None if ground is None else ground.planes,
         (0.0,) * 6 if ground is None else (ground.depth / display.distance, ground.left, ground.top,
                                            *ground.texel, display.eye_height),
@@ -396,7 +370,8 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
     texture = field.texture_rows(_footprint(display, placement), whole=True)
-    background, ground = np.float32(_grey(config)), ground or ground_of(field, display, config)
+    background = np.float32(max(config.background, 0.0))  # where there is no ground
+    ground = ground or ground_of(field, display, config)
     if ground is not None:
         # Below 0: the picture holds what is behind the field already.
         background = np.float32(-1.0)
@@ -447,7 +422,7 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
         "views": display.views, "display": display.name, "device": "cpu",
         "seconds": {"mask": round(mask.seconds, 4), "cast": round(end - laid_out, 4),
                     "total": round(end - start + mask.seconds, 4)},
-        "mask": {"loaded": mask.loaded, "bytes": mask.nbytes},
+        "mask": {"loaded": mask.loaded, "bytes": int(mask.views.nbytes)},
         "depth_budget": depth_budget(display, Placement.of(display, config))}
     return image, figures
 
@@ -505,21 +480,16 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
                 count: int, apart: int = 1, *, views: NDArray[np.unsignedinteger] | None = None,
                 ground: Ground | None = None) -> UInt8:
-    """Code some rows of a panel: the same as these rows of `encode`.
+    """Code some rows of a panel, uint8 [count, W, 3]: the same as these rows of `encode`.
 
     So a picture that is too large for the memory is coded from the top down, and a small copy of it
     from every n-th row.
 
     Parameters
     ----------
-    field, display, config : As for `encode`.
     first, count, apart : The first row, how many, and how far apart they are.
-    views : Their views (`row_views`), where the caller has them.
-    ground : What lies behind the head (`ground_of`), where the caller has it.
-
-    Returns
-    -------
-    rows : uint8 [count, W, 3].
+    views, ground : Their views (`row_views`), and what lies behind the head (`ground_of`), where
+        the caller has them.
     """
     if first < 0 or count < 1 or apart < 1 or first + (count - 1) * apart >= display.height:
         raise ValueError("these rows are not the panel's")
@@ -549,22 +519,13 @@ def render_view(field: VoxelField, display: Display, view: int,
 
 
 def view_camera(display: Display, config: EncodeConfig | None, eye: float, *, width: int,
-                height: int, eye_height: float | None = None) -> Camera:
-    """The off-axis pinhole at an eye point whose picture is the panel's window.
+                height: int) -> Camera:
+    """The off-axis pinhole, a batch of one, at an eye point whose picture is the panel's window.
 
-    Parameters
-    ----------
-    display, config : As for `encode`.
-    eye : x of the eye in the display frame.
-    width, height : Picture size in pixels.
-    eye_height : y of the eye; the display's by default.
-
-    Returns
-    -------
-    camera : A batch of one, in the field's world.
+    ``eye`` is its x in the display frame; the picture has ``width`` x ``height`` pixels.
     """
     placement = Placement.of(display, config or EncodeConfig())
-    y = display.eye_height if eye_height is None else eye_height
+    y = display.eye_height
     pixel = np.array([2.0 * display.aspect / width, 2.0 / height])
     pose = np.eye(4)
     pose[1, 1] = pose[2, 2] = -1.0

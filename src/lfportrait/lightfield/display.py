@@ -49,7 +49,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Float64
+from ..arrays import Float64, Int64
 from ..errors import UserError
 from ..files import atomic_write, read_json
 
@@ -72,10 +72,8 @@ _QUILTS_BY_WIDTH = {1536: (8, 6, 3360, 3360), 1440: (11, 6, 4092, 4092)}
 def customary_views() -> dict[str, int]:
     """Views of each model's customary quilt.
 
-    Returns
-    -------
-    views : By the beginning of the serial number, or, for models without a known one, by the
-        panel's width in pixels as text.
+    By the beginning of the serial number, or, for models without a known one, by the panel's width
+    in pixels as text.
     """
     known = {**_QUILTS, **{str(width): quilt for width, quilt in _QUILTS_BY_WIDTH.items()}}
     return {start: quilt[0] * quilt[1] for start, quilt in known.items()}
@@ -136,16 +134,13 @@ def entries_of_calibration(calibration: dict[str, Any], *, views: int = 0, name:
                ) -> dict[str, Any]:
     """The arguments of a `Display` from the contents of ``visual.json``.
 
+    `Display.view_of` then equals the shader's value on every sub-pixel.
+
     Parameters
     ----------
     calibration : Entries, bare or each as ``{"value": ...}``.
     views : Number of views; that of the panel's customary quilt by default.
     name : Name of the display; its serial number by default.
-
-    Returns
-    -------
-    entries : Of a panel for which `Display.view_of` equals the shader's value on every
-        sub-pixel.
     """
     width = round(_calibrated(calibration, "screenW"))
     height = round(_calibrated(calibration, "screenH"))
@@ -188,84 +183,17 @@ def entries_of_calibration(calibration: dict[str, Any], *, views: int = 0, name:
         "calibrated": True, "name": name or serial or "looking-glass"}
 
 
-def calibration_of(display: Any, dpi: float = 0.0) -> dict[str, Any]:
-    """A panel in Looking Glass's terms: the inverse of `entries_of`.
-
-    Parameters
-    ----------
-    display : The panel, a `Display`; its lenses must be slanted.
-    dpi : Pixels per inch; from the panel's height by default, or 100 where that is not known.
-
-    Returns
-    -------
-    calibration : Entries as ``visual.json`` has them.
-    """
-    if display.slant == 0:
-        raise UserError("a panel with vertical lenses has no finite Looking Glass slope")
-    if dpi <= 0:
-        inches = display.panel_height / 0.0254
-        dpi = display.height / inches if inches > 0 else 100.0
-    lens = 3.0 * display.width / display.pitch
-    height = display.height
-    top, down = (0.5 / height, 1.0 / height) if display.flip_y else (
-        1.0 - 0.5 / height, -1.0 / height)
-    tilt = display.shift / (display.pitch * lens * down)
-    phase = (0.5 / display.width + top * tilt) * lens
-    slope = height / (display.width * tilt) * (-1 if display.flip_x else 1)
-    values: dict[str, float] = {
-        "pitch": lens * dpi / display.width / math.cos(math.atan(1.0 / slope)), "slope": slope,
-        "center": (phase - display.offset / display.pitch) % 1.0, "viewCone": display.cone,
-        "invView": float(display.inverted), "verticalAngle": 0.0, "DPI": dpi,
-        "screenW": float(display.width), "screenH": float(display.height),
-        "flipImageX": float(display.flip_x), "flipImageY": float(display.flip_y),
-        "flipSubp": float(display.subpixels == "BGR")}
-    calibration: dict[str, Any] = {key: {"value": value} for key, value in values.items()}
-    calibration["serial"] = display.name
-    if display.cells:
-        calibration["CellPatternMode"] = {
-            "value": float(CELL_PATTERNS.index(display.cell_pattern))}
-        calibration["subpixelCells"] = [dict(zip(_CELL, cell)) for cell in display.cells]
-    return calibration
-
-
+_REQUIRED = ("width", "height", "views", "pitch")
 _REQUIRED = ("width", "height", "views", "pitch")
 _PAIRS = ("quilt", "quilt_size")
 
 
-def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
-    """Read a display file, or a calibration where the name ends in ``.json``.
-
-    Parameters
-    ----------
-    kinds : Names and types of a display's entries.
-
-    Returns
-    -------
-    entries : Arguments of `Display`.
-
-    Raises
-    ------
-    UserError : If the file is missing or does not describe a display.
-    """
-    if path.suffix.lower() != ".json":
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"can't read the display file {path}: {error}") from error
-        return entries_of(text, path.stem, kinds)
-    data = read_json(path)
-    if isinstance(data, dict):
-        data = data.get("calibration", data)
-    if not isinstance(data, dict):
-        raise UserError(f"{path} is not a calibration file")
-    return entries_of_calibration(data)
-
-
-def entries_of(text: str, name: str, kinds: dict[str, str]) -> dict[str, Any]:
+def entries_of(text: str, name: str) -> dict[str, Any]:
     """The arguments of the `Display` that a TOML text describes.
 
-    ``name`` is for messages and where the text has none; ``kinds`` as in `load_entries`.
+    ``name`` is for messages and where the text has none.
     """
+    kinds = {entry.name: str(entry.type) for entry in fields(Display)}
     try:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -315,24 +243,6 @@ def _value(value: Any, kind: str, name: str, key: str) -> Any:
     if type(value) is not wanted[0]:
         raise wrong(wanted[1])
     return value
-
-
-def text_of(display: Any) -> str:
-    """A `Display` as a TOML text that `entries_of` reads back exactly."""
-    lines = []
-    for entry in fields(display):
-        value = getattr(display, entry.name)
-        if isinstance(value, bool):
-            text = str(value).lower()
-        elif isinstance(value, str):
-            text = json.dumps(value)
-        elif isinstance(value, tuple):
-            text = str([list(row) if isinstance(row, tuple) else row for row in value])
-        else:
-            text = repr(value)
-        note = f"  # radians; {math.degrees(value):.4f} degrees" if entry.name == "slant" else ""
-        lines.append(f"{entry.name} = {text}{note}")
-    return "\n".join(lines) + "\n"
 
 
 _ORDERS = ("RGB", "BGR")
@@ -521,6 +431,10 @@ class Display:
         """Color channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
         return 2 - place if self.subpixels == "BGR" else place
 
+    def order(self) -> Int64:
+        """Color channel of each sub-pixel, int64 [3]."""
+        return np.array([self.channel(place) for place in range(3)])
+
     def to_panel(self, image: NDArray[Any]) -> NDArray[Any]:
         """A picture as seen, [H, W, ...], turned into the one that the panel must be sent.
 
@@ -538,8 +452,41 @@ class Display:
         return Display(**entries_of_calibration(calibration, views=views, name=name))
 
     def looking_glass(self, dpi: float = 0.0) -> dict[str, Any]:
-        """The panel in Looking Glass's terms: `calibration_of`."""
-        return calibration_of(self, dpi)
+        """The panel in Looking Glass's terms: the inverse of `from_looking_glass`.
+
+        Parameters
+        ----------
+        dpi : Pixels per inch; from the panel's height by default, or 100 where that is not known.
+
+        Returns
+        -------
+        calibration : Entries as ``visual.json`` has them.
+        """
+        if self.slant == 0:
+            raise UserError("a panel with vertical lenses has no finite Looking Glass slope")
+        if dpi <= 0:
+            inches = self.panel_height / 0.0254
+            dpi = self.height / inches if inches > 0 else 100.0
+        lens = 3.0 * self.width / self.pitch
+        top, down = (0.5 / self.height, 1.0 / self.height) if self.flip_y else (
+            1.0 - 0.5 / self.height, -1.0 / self.height)
+        tilt = self.shift / (self.pitch * lens * down)
+        phase = (0.5 / self.width + top * tilt) * lens
+        slope = self.height / (self.width * tilt) * (-1 if self.flip_x else 1)
+        values: dict[str, float] = {
+            "pitch": lens * dpi / self.width / math.cos(math.atan(1.0 / slope)), "slope": slope,
+            "center": (phase - self.offset / self.pitch) % 1.0, "viewCone": self.cone,
+            "invView": float(self.inverted), "verticalAngle": 0.0, "DPI": dpi,
+            "screenW": float(self.width), "screenH": float(self.height),
+            "flipImageX": float(self.flip_x), "flipImageY": float(self.flip_y),
+            "flipSubp": float(self.subpixels == "BGR")}
+        calibration: dict[str, Any] = {key: {"value": value} for key, value in values.items()}
+        calibration["serial"] = self.name
+        if self.cells:
+            calibration["CellPatternMode"] = {
+                "value": float(CELL_PATTERNS.index(self.cell_pattern))}
+            calibration["subpixelCells"] = [dict(zip(_CELL, cell)) for cell in self.cells]
+        return calibration
 
     # -- files ------------------------------------------------------------------------------------
 
@@ -562,7 +509,7 @@ class Display:
                             f"{', '.join(Display.names())}; or name a display file")
         folder = resources.files("lfportrait.lightfield") / "presets"
         text = (folder / f"{name}.toml").read_text("utf-8")
-        return Display(**entries_of(text, name, _kinds()))
+        return Display(**entries_of(text, name))
 
     @staticmethod
     def load(path: str | Path) -> Display:
@@ -572,7 +519,19 @@ class Display:
         ------
         UserError : If the file is missing or does not describe a display.
         """
-        return Display(**load_entries(Path(path), _kinds()))
+        path = Path(path)
+        if path.suffix.lower() != ".json":
+            try:
+                text = path.read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                raise UserError(f"can't read the display file {path}: {error}") from error
+            return Display(**entries_of(text, path.stem))
+        data = read_json(path)
+        if isinstance(data, dict):
+            data = data.get("calibration", data)
+        if not isinstance(data, dict):
+            raise UserError(f"{path} is not a calibration file")
+        return Display.from_looking_glass(data)
 
     @staticmethod
     def resolve(name: str | Path) -> Display:
@@ -583,7 +542,17 @@ class Display:
 
     def to_toml(self) -> str:
         """The display as a TOML text that `load` reads and a person can edit."""
-        return text_of(self)
+        lines = []
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(value, tuple):
+                value = [list(row) if isinstance(row, tuple) else row for row in value]
+            # JSON writes these as TOML does.
+            text = json.dumps(value)
+            note = (f"  # radians; {math.degrees(value):.4f} degrees" if entry.name == "slant"
+                    else "")
+            lines.append(f"{entry.name} = {text}{note}")
+        return "\n".join(lines) + "\n"
 
     def save(self, path: str | Path) -> None:
         """Write the display as TOML."""
@@ -610,8 +579,3 @@ class Display:
     def scaled(self, width: int, height: int) -> Display:
         """The same lenses on a panel of another size in pixels."""
         return replace(self, width=width, height=height)
-
-
-def _kinds() -> dict[str, str]:
-    """Names and types of a display's entries, for its files."""
-    return {entry.name: str(entry.type) for entry in fields(Display)}

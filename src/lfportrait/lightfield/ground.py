@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int64, UInt8
 from ..capture import Camera
+from ..color import to_uint8
 from ..errors import UserError
 from ..field import Backdrop, VoxelField, head_points
 from ..media.pictures import read_image
@@ -106,12 +107,7 @@ def panel_reach(display: Display, depth: float) -> tuple[float, float, float]:
 
 
 def backdrop_of(field: VoxelField, config: EncodeConfig) -> Backdrop | None:
-    """What a configuration asks to be shown behind a field; None: a grey level.
-
-    Raises
-    ------
-    UserError : If the ground is no picture.
-    """
+    """What a configuration asks to be shown behind a field; None: a grey level."""
     own = field.backdrop
     if config.ground == "painted":
         # Who asks for a grey level gets it.
@@ -124,9 +120,7 @@ def backdrop_of(field: VoxelField, config: EncodeConfig) -> Backdrop | None:
     if not Path(config.ground).is_file():
         raise UserError(f"the ground {config.ground!r} is no picture's file; give one, or painted, "
                         "black or white")
-    picture = np.ascontiguousarray(read_image(config.ground)[..., :3])
-    if picture.dtype != np.uint8:
-        picture = np.asarray(np.clip(picture, 0, 1) * 255.0 + 0.5, np.uint8)
+    picture = to_uint8(np.ascontiguousarray(read_image(config.ground)[..., :3]))
     return Backdrop(picture, picture.shape[0] / _HIGH, light, points)
 
 
@@ -151,10 +145,7 @@ def ground_of(field: VoxelField, display: Display, config: EncodeConfig) -> Grou
 def world_ground(field: VoxelField, config: EncodeConfig, pixel: float) -> Ground | None:
     """The ground behind a field that cameras in its world look at.
 
-    Parameters
-    ----------
-    field, config : As for `ground_of`; the head is taken to be as large as usual.
-    pixel : Width in world units of what a pixel of the pictures shows.
+    A pixel of the pictures shows ``pixel`` world units. The head is taken to be as large as usual.
     """
     drop = backdrop_of(field, config)
     if drop is None:
@@ -233,18 +224,14 @@ def _folded(places: Int64, size: int) -> Int64:
 
 def _shade(drop: Backdrop, placement: Placement, depth: float,
            window: tuple[float, float, float, float], strength: float) -> tuple[Float32, float]:
-    """What a head leaves of the light on the ground.
+    """What a head leaves of the light on the ground, float32 [a, b] in [0, 1]; its cells' width.
+
+    The first cell lies at the window's corner.
 
     Parameters
     ----------
-    drop, placement, depth : The ground and the head.
-    window : Left, top, width and height of what is seen of it.
+    window : Left, top, width and height of what is seen of the ground.
     strength : Share of the light that the middle of the shadow lacks.
-
-    Returns
-    -------
-    shade, cell : float32 [a, b] in [0, 1], the first at the window's corner, and its cells'
-        width.
     """
     left, top, width, height = window
     shape = int(height / _CELL) + 3, int(width / _CELL) + 3

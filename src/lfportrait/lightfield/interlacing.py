@@ -38,12 +38,7 @@ from .quilts import QuiltLayout, layout_for, warn_of_misfit
 
 
 def check_size(image: UInt8, display: Display) -> None:
-    """Raise `UserError` if a picture does not have the panel's size.
-
-    Raises
-    ------
-    UserError : If the sizes differ.
-    """
+    """Raise `UserError` if a picture does not have the panel's size."""
     if image.shape[:2] != (display.height, display.width):
         raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
                         f"display {display.name} has {display.width} x {display.height}: a coded "
@@ -51,12 +46,7 @@ def check_size(image: UInt8, display: Display) -> None:
 
 
 def lossless(path: str | Path) -> Path:
-    """The path, if its format keeps every sub-pixel.
-
-    Raises
-    ------
-    UserError : If it is a JPEG or the like, which mixes the views.
-    """
+    """The path, if its format keeps every sub-pixel."""
     path = Path(path)
     if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
         raise UserError("a coded picture must keep every sub-pixel: write it as .png, not "
@@ -65,12 +55,7 @@ def lossless(path: str | Path) -> Path:
 
 
 def read_coded(path: str | Path, display: Display) -> UInt8:
-    """A coded picture as the viewer sees the panel, uint8 [H, W, 3].
-
-    Raises
-    ------
-    UserError : If the file is missing or not of the panel's size.
-    """
+    """A coded picture as the viewer sees the panel, uint8 [H, W, 3]."""
     image = np.ascontiguousarray(read_image(path)[..., :3])
     check_size(image, display)
     return display.to_panel(image)
@@ -100,12 +85,7 @@ class InterlaceConfig:
 
 
 def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
-    """The views of a quilt, view 0 first: uint8 [columns * rows, h, w, 3].
-
-    Raises
-    ------
-    UserError : If the picture has fewer pixels than tiles.
-    """
+    """The views of a quilt, view 0 first: uint8 [columns * rows, h, w, 3]."""
     height, width = quilt.shape[0] // layout.rows, quilt.shape[1] // layout.columns
     if height < 1 or width < 1:
         raise UserError(f"a picture of {quilt.shape[1]} x {quilt.shape[0]} pixels is no quilt of "
@@ -117,18 +97,9 @@ def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:
 
 
 def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | None = None) -> UInt8:
-    """The inverse of `quilt_tiles`.
+    """The inverse of `quilt_tiles`: uint8 [H, W, 3] of ``tiles`` uint8 [V, h, w, 3], view 0 first.
 
-    Parameters
-    ----------
-    tiles : uint8 [V, h, w, 3], view 0 first.
-    layout : Columns and rows.
-    size : Width and height of the quilt; what the tiles leave of it at the top and right stays
-        black.
-
-    Returns
-    -------
-    quilt : uint8 [H, W, 3].
+    What the tiles leave of a ``size`` (width and height) at the top and right stays black.
     """
     height, width = tiles.shape[1:3]
     full_width, full_height = size or (layout.columns * width, layout.rows * height)
@@ -142,7 +113,7 @@ def assemble_quilt(tiles: UInt8, layout: QuiltLayout, size: tuple[int, int] | No
 
 def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | None = None,
                views: int = 0) -> tuple[UInt8, float]:
-    """Pictures of views from a quilt or a folder.
+    """Pictures of views, uint8 [V, h, w, 3], and width over height of what they show.
 
     Parameters
     ----------
@@ -150,15 +121,6 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     display : The panel (`lfportrait.lightfield.quilts.layout_for`).
     layout : Layout of the quilt; by default what its name, side file or metadata say.
     views : Use only the first ``views`` views; 0 = all.
-
-    Returns
-    -------
-    views, aspect : uint8 [V, h, w, 3], and width over height of what they show.
-
-    Raises
-    ------
-    UserError : If there is no picture, nothing gives a quilt's layout, or the pictures of a
-        folder differ in size.
     """
     source = Path(source)
     if not source.is_dir():
@@ -190,17 +152,14 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
 
 def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = None, *,
               aspect: float = 0.0) -> UInt8:
-    """Code pictures of views for a panel: each sub-pixel from its view, at its own place.
+    """Code pictures of views for a panel, uint8 [H, W, 3].
+
+    Each sub-pixel comes from its view, at its own place.
 
     Parameters
     ----------
     views : uint8 [V, h, w, 3], view 0 leftmost; V and the size need not be the panel's.
-    config : Sampling.
     aspect : Width over height of what the views show; the panel's by default.
-
-    Returns
-    -------
-    image : uint8 [H, W, 3].
     """
     config = config or InterlaceConfig()
     if aspect < 0 or not math.isfinite(aspect):
@@ -219,9 +178,8 @@ def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = N
     # A point behind the panel by f follows the eye by f / (distance + f) of its way.
     turn = (display.eye_reach * config.focus / (display.distance + config.focus)
             / (2.0 * display.aspect))
-    order = np.array([display.channel(place) for place in range(3)])
     image = np.empty((display.height, display.width, 3), np.uint8)
-    interlace_views(np.ascontiguousarray(views), display.steps(), display.places(), order,
+    interlace_views(np.ascontiguousarray(views), display.steps(), display.places(), display.order(),
                     lens_of(display), np.array([wide, high, turn]), config.sample == "linear",
                     config.blend == "linear", image)
     return image
@@ -290,7 +248,7 @@ def _filled(value: Float32, weight: Float32) -> Float32:
 
 def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
               height: int = 0) -> Iterator[UInt8]:
-    """Whole pictures of the views of a coded picture, the leftmost first.
+    """Whole pictures of the views of a coded picture, uint8 [height, width, 3], the leftmost first.
 
     Sub-pixels that a view owns come through exactly where its picture has the panel's size, and are
     averaged where it is smaller; the rest is filled in.
@@ -300,10 +258,6 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
     image : uint8 [H, W, 3], coded for ``display``.
     count : Number of views; the panel's by default. Others are spread over the same cone.
     width, height : Size of the pictures; the panel's by default.
-
-    Yields
-    ------
-    view : uint8 [height, width, 3].
     """
     check_size(image, display)
     count, width, height = count or display.views, width or display.width, height or display.height
@@ -311,7 +265,6 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
         raise UserError(f"{count} views of {width} x {height} pixels can't be made")
     # Pictures finer than the panel gain nothing but holes.
     inner_width, inner_height = min(width, display.width), min(height, display.height)
-    order = np.array([display.channel(place) for place in range(3)])
     at_once = max(1, min(count, _MEMORY // (24 * inner_width * inner_height)))
     image = np.ascontiguousarray(image).view()
     # As those of files are; for others the kernel would be compiled once more.
@@ -319,8 +272,8 @@ def each_view(image: UInt8, display: Display, *, count: int = 0, width: int = 0,
     for first in range(0, count, at_once):
         shape = (min(at_once, count - first), inner_height, inner_width, 3)
         value, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        gather_views(image, display.steps(), display.places(), order, lens_of(display), count,
-                     first, value, weight)
+        gather_views(image, display.steps(), display.places(), display.order(), lens_of(display),
+                     count, first, value, weight)
         for index in range(shape[0]):
             picture = np.clip(_filled(value[index], weight[index]) + 0.5, 0, 255).astype(np.uint8)
             if (inner_width, inner_height) != (width, height):
@@ -360,13 +313,12 @@ def simulate(image: UInt8, display: Display, eye: Sequence[float] = (0.0,), *,
     received = x + (float(eye[0]) - x) * display.distance / far
     wanted = np.mod(0.5 * (received / display.eye_reach + 1.0) * display.views, display.views)
     picture = np.empty((display.height // block, display.width // block, 3), np.float32)
-    order = np.array([display.channel(place) for place in range(3)])
     # Views mix as light, not as stored values.
     light = ((np.arange(256) / 255.0) ** display.gamma).astype(np.float32)
     # Of arrays that can be written to, the kernel would be compiled once more.
     panel = np.ascontiguousarray(image).view()
     panel.flags.writeable = False
-    see_panel(panel, light, wanted, order, display.steps(), lens_of(display), float(crosstalk),
-              block, picture)
+    see_panel(panel, light, wanted, display.order(), display.steps(), lens_of(display),
+              float(crosstalk), block, picture)
     np.clip(picture, 0, 1, out=picture)
     return np.power(picture, np.float32(1.0 / display.gamma), out=picture)

@@ -36,8 +36,7 @@ from .placement import DepthReport
 _ROWS = 128
 """Rows of the panel that are worked on at once."""
 
-Paint = Callable[[Int64, Float64, Float64, int],
-                 NDArray[np.floating[Any]]]
+Paint = Callable[[Int64, Float64, Float64, int], NDArray[np.floating[Any]]]
 """Color in [0, 1] from the view, x, y (half panel heights, y up) and the channel."""
 
 
@@ -192,17 +191,10 @@ PATTERNS: dict[str, Callable[[Display], Paint]] = {
 
 
 def pattern(display: Display, kind: str = "views") -> UInt8:
-    """A test picture coded for a panel.
+    """A test picture coded for a panel, uint8 [H, W, 3].
 
-    Parameters
-    ----------
-    kind : ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``:
-        order of the sub-pixels; ``"depth"``: grids at five depths. What to look for is
-        described above.
-
-    Returns
-    -------
-    image : uint8 [H, W, 3].
+    ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``: order of
+    the sub-pixels; ``"depth"``: grids at five depths. What to look for is described above.
     """
     if kind not in PATTERNS:
         raise UserError(f"there is no pattern {kind!r}; choose {', '.join(PATTERNS)}")

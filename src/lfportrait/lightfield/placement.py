@@ -1,8 +1,5 @@
 """Where a field stands in front of a panel, and how much of its depth the panel shows sharply.
 
-The placement is a similarity of a few parameters. By default the middle of the head lies on the
-panel's plane, and the head, two world units high, takes 80 % of the panel's height.
-
 A point at z in front of the panel moves by b z / (D - z) on the panel from one view to the next,
 where b is the distance of neighbouring eye points and D the viewing distance. As soon as that is
 more than the width of a lens, detail is drawn twice or blurs (Zwicker et al. 2006): the range in

@@ -37,10 +37,6 @@ def quilt_part(name: str) -> re.Match[str] | None:
     """The part of a name that makes it a quilt's: ``_qs``, ``_qs8x6`` or ``_qs8x6a0.75``.
 
     Its groups are columns, rows and aspect, or None.
-
-    Raises
-    ------
-    UserError : If the name has two layouts that differ.
     """
     found = list(_QUILT.finditer(name))
     numbered = [part for part in found if part[1]]
@@ -71,12 +67,7 @@ class QuiltHint:
 
     @staticmethod
     def of_name(name: str) -> QuiltHint | None:
-        """What a file name says, or None.
-
-        Raises
-        ------
-        UserError : If it gives an impossible layout, or two.
-        """
+        """What a file name says, or None."""
         part = quilt_part(name)
         if part is None or part[1] is None:
             return None
@@ -87,12 +78,7 @@ class QuiltHint:
 
     @staticmethod
     def of_options(columns: int, rows: int, aspect: float) -> QuiltHint | None:
-        """What the options ``--columns``, ``--rows`` and ``--aspect`` say, or None.
-
-        Raises
-        ------
-        UserError : If they are impossible, or only one of columns and rows is given.
-        """
+        """What the options ``--columns``, ``--rows`` and ``--aspect`` say, or None."""
         if (columns > 0) != (rows > 0) or min(columns, rows) < 0:
             raise UserError("give both --columns and --rows of the quilt, or neither")
         if not 0 <= aspect < 1e4:
@@ -131,10 +117,6 @@ class QuiltLayout:
         """The layout that a file name gives, or None.
 
         A name without an aspect (``portrait_qs8x6.png``) has that of ``display``.
-
-        Raises
-        ------
-        UserError : If it is impossible, or the name gives two.
         """
         hint = QuiltHint.of_name(name)
         if hint is None:
@@ -242,23 +224,10 @@ def _inside(path: Path, thorough: bool) -> Iterator[QuiltHint]:
 
 def layout_of_file(path: Path, display: Display | None = None, *,
                    asked: QuiltHint | None = None) -> QuiltLayout | None:
-    """The layout of a quilt by its name, its side file or its metadata, in this order.
+    """The layout of a quilt by its name, its side file or its metadata, in this order; or None.
 
-    If they contradict each other, the first counts, and a warning says so.
-
-    Parameters
-    ----------
-    path : The quilt, a picture or a video.
-    display : Its aspect is taken where only columns and rows are given.
-    asked : What the user says; it comes first.
-
-    Returns
-    -------
-    layout : None if nothing gives it.
-
-    Raises
-    ------
-    UserError : If the name gives an impossible layout, or two.
+    If they contradict each other, the first counts, and a warning says so. What the user ``asked``
+    comes first; the display's aspect is taken where only columns and rows are given.
     """
     hints = [hint for hint in (asked, QuiltHint.of_name(path.name)) if hint is not None]
     hints += _beside(path)
@@ -304,10 +273,6 @@ def layout_for(path: Path, display: Display | None, *, asked: QuiltHint | None =
 
     A quilt of which nothing is said, but which has just the size of the display's customary one, is
     taken for such a one, with a warning.
-
-    Raises
-    ------
-    UserError : If nothing gives the layout, or the file can't be read.
     """
     layout = layout_of_file(path, display, asked=asked)
     if layout is not None:

@@ -54,15 +54,9 @@ def eight_bit(color: Float32) -> UInt8:
 def _rays(row: Float64, size: tuple[int, int], corners: Float64) -> tuple[float, float] | None:
     """Slopes x / z of the first and last ray that a camera sends at the lattice, in its own frame.
 
-    Parameters
-    ----------
-    row : float64 [16], the camera (`Camera.row`).
-    size : Width and height of its picture.
-    corners : float64 [4, 2], x and z of the lattice's corners.
-
-    Returns
-    -------
-    slopes : None if the lattice reaches behind the camera, or up to it.
+    None if the lattice reaches behind the camera, or up to it. ``row`` float64 [16] is the camera
+    (`Camera.row`), ``size`` its picture's width and height, ``corners`` float64 [4, 2] x and z of
+    the lattice's.
     """
     from_eye = corners - row[[3, 11]]
     ahead = from_eye @ row[[2, 10]]
@@ -105,19 +99,14 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
     """What `VoxelField.render` gives of several views, in their order, in less time.
 
     Level cameras that look at the lattice from its front are rendered by slices of the field, one
-    for each row of those that stand side by side. All others are rendered one by one.
+    for each row of those that stand side by side; all others one by one. What a rendering holds may
+    be overwritten once the one after is asked for.
 
     Parameters
     ----------
     cameras, views : Batch of cameras, and which of them; all by default.
-    background : Grey level or RGB behind the field.
-    ground : What is behind it instead.
+    background, ground : Grey level or RGB behind the field, or what is behind it instead.
     device : Where to compute (`lfportrait.device.gpu_adapter`).
-
-    Yields
-    ------
-    rendering : Of the next view. What it holds may be overwritten once the one after is asked
-        for.
     """
     wanted = list(range(len(cameras)) if views is None else views)
     x, z = field.bounds[:, 0], field.bounds[:, 2]
@@ -168,18 +157,10 @@ def _together(field: VoxelField, cameras: Camera, views: Sequence[int], rows: Fl
 
 def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
              name: str | None = None, device: str = "cpu") -> tuple[UInt8, str]:
-    """Render a quilt of a field for a display.
+    """A quilt of a field for a display, uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
 
-    Parameters
-    ----------
-    field, display, config : As for `lfportrait.lightfield.coding`.
-    name : File name that gives columns and rows, and may give the aspect; by default the layout
-        is the display's customary one.
-    device : Where to compute (`lfportrait.device.gpu_adapter`).
-
-    Returns
-    -------
-    quilt, name : uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
+    ``name`` gives columns and rows, and may give the aspect; by default the layout is the display's
+    customary one.
     """
     config = composed(field, display, config or EncodeConfig())
     ground = ground_of(field, display, config)

@@ -108,18 +108,14 @@ def _light(codes: Float64, curve: str) -> Float64:
 def _signal(light: Float64, curve: str) -> Float64:
     """What is shown: gray values of BT.709's curve are kept, all other light is coded as sRGB."""
     if curve == "bt709":
-        return np.where(light < 0.018, 4.5 * light,
-                        1.099 * np.maximum(light, 1e-9) ** 0.45 - 0.099)
+        return np.where(light < 0.018, 4.5 * light, 1.099 * np.maximum(light, 1e-9) ** 0.45 - 0.099)
     return srgb_values(light)
 
 
 def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSpace:
     """What a picture's file says of its colors, an ICC profile aside.
 
-    Parameters
-    ----------
-    picture : As Pillow opens it.
-    stream : Its file, for what Pillow does not read.
+    ``picture`` is as Pillow opens it, ``stream`` its file, for what Pillow does not read.
     """
     numbers = _numbers(picture, stream)
     if numbers is not None and numbers != (_UNSAID, _UNSAID):
@@ -135,18 +131,10 @@ def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSp
 
 
 def named_colors(picture: Image.Image, stream: BinaryIO | None = None) -> tuple[str, str]:
-    """By what a picture's numbers are read, and what says so, both for people.
+    """By what a picture's numbers are read, such as "Display P3", and what says so, for people.
 
-    Nothing is decoded. As `srgb` does: a profile that fits counts, but for high dynamic range.
-
-    Parameters
-    ----------
-    picture, stream : As in `color_space`.
-
-    Returns
-    -------
-    name, source : Such as "Display P3" and "its ICC profile"; ``source`` is empty where nothing
-        says.
+    The latter is such as "its ICC profile", and empty where nothing says. Nothing is decoded. As
+    `srgb` does: a profile that fits counts, but for high dynamic range.
     """
     space, profile = color_space(picture, stream), picture.info.get("icc_profile")
     if profile and not _coded(space):
@@ -230,33 +218,19 @@ def _png_space(picture: Image.Image, stream: BinaryIO | None) -> ColorSpace | No
 
 
 def srgb(picture: Image.Image, stream: BinaryIO | None = None) -> Image.Image:
-    """A picture upright by its EXIF orientation, in sRGB.
+    """A picture upright by its EXIF orientation, in sRGB of eight bits a channel.
 
-    Parameters
-    ----------
-    picture : As Pillow opens it, of any mode.
-    stream : Its file, for what Pillow does not read of it.
-
-    Returns
-    -------
-    picture : ``RGB``, or ``RGBA`` (straight alpha) where there is transparency; eight bits a
-        channel.
-
-    Raises
-    ------
-    OSError, ValueError, SyntaxError : If its data are damaged.
+    ``RGB``, or ``RGBA`` (straight alpha) where there is transparency. ``picture`` is as Pillow
+    opens it, of any mode, ``stream`` its file. Damaged data raise `OSError`, `ValueError` or
+    `SyntaxError`.
     """
     return srgb_from(picture, picture.info.get("icc_profile"), color_space(picture, stream))
 
 
 def srgb_from(picture: Image.Image, profile: bytes | None, space: ColorSpace) -> Image.Image:
-    """`srgb` of a picture whose color space is known: of a reduced copy, for example.
+    """`srgb` of a picture of any mode whose color space is known: of a reduced copy, for example.
 
-    Parameters
-    ----------
-    picture : Of any mode.
-    profile : Its ICC profile; it counts unless the space is not sRGB.
-    space : As `color_space` finds it.
+    Its ICC profile counts unless the space (`color_space`) is not sRGB.
     """
     upright: Image.Image = _in_eight_bits(ImageOps.exif_transpose(picture))
     # LAB's second channel is called A as well.
@@ -336,10 +310,8 @@ def _in_eight_bits(picture: Image.Image) -> Image.Image:
 def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:
     """A profile's name, and how LittleCMS converts this mode by it to sRGB.
 
-    Returns
-    -------
-    name, transform : The transform is None where the profile is sRGB itself. None instead of
-        both for a damaged profile, or one of another kind of picture.
+    The transform is None where the profile is sRGB itself. None instead of both for a damaged
+    profile, or one of another kind of picture.
     """
     from PIL import ImageCms
 

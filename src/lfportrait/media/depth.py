@@ -141,25 +141,21 @@ class DepthMap:
         return self.changed(lambda array: np.rot90(array, turns)) if turns % 4 else self
 
 
-def fitted(confidence: Float32 | None, shape: tuple[int, int]) -> Float32 | None:
+def fitted(confidence: Float32 | None, shape: tuple[int, ...]) -> Float32 | None:
     """A confidence at the size of its depth map, float32 [h, w], by the nearest pixels."""
     if confidence is None or confidence.shape == shape:
         return confidence
-    rows = np.arange(shape[0]) * confidence.shape[0] // shape[0]
-    columns = np.arange(shape[1]) * confidence.shape[1] // shape[1]
+    rows, columns = (np.arange(new) * old // new
+                     for new, old in zip(shape, confidence.shape, strict=True))
     return np.ascontiguousarray(confidence[rows[:, None], columns])
 
 
 def upright(depth: DepthMap, orientation: int, stored: tuple[int, int]) -> DepthMap:
     """A depth map brought upright with its picture.
 
-    A map lies as the picture's stored pixels do, and is turned with them. One whose shape fits the
-    upright picture alone was turned by the program that wrote it.
-
-    Parameters
-    ----------
-    orientation : As EXIF notes it for the picture, 1 to 8; others leave the map.
-    stored : Width and height of the picture's stored pixels.
+    A map lies as the picture's stored pixels do (``stored``: their width and height), and is turned
+    with them by EXIF's orientation, 1 to 8. One whose shape fits the upright picture alone was
+    turned by the program that wrote it.
     """
     change = _TO_UPRIGHT.get(orientation)
     if change is None:
@@ -201,11 +197,8 @@ def packets(data: bytes) -> list[bytes]:
 def properties(packet: bytes, namespace: str) -> list[dict[str, str]]:
     """The values of a vocabulary's names in a packet: a table for each thing that has any.
 
-    XMP writes a value as an attribute or as an element of its own, which means the same.
-
-    Raises
-    ------
-    XmpError : If it is no XML, or declares entities, which XMP never does.
+    XMP writes a value as an attribute or as an element of its own, which means the same. Raises
+    `XmpError` where it is no XML, or declares entities, which XMP never does.
     """
     if b"<!" in packet.replace(b"<!--", b""):
         raise XmpError("the XMP declares entities")
@@ -242,16 +235,13 @@ def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, 
                   source: str) -> DepthMap:
     """The depth map of a grey picture by GDepth's or Dynamic Depth's notes.
 
+    Raises `XmpError` where the format is unknown or the range makes no sense.
+
     Parameters
     ----------
-    shares : float32 [h, w] in [0, 1], the grey picture.
-    confidence : float32 [., .] in [0, 1], or None.
+    shares, confidence : float32 [h, w] in [0, 1], the grey picture, and one of any size, or None.
     table : ``Format``, ``Near``, ``Far``, ``Units``, ``MeasureType``, where noted.
     source : For `DepthMap.source`.
-
-    Raises
-    ------
-    XmpError : If the format is unknown or the range makes no sense.
     """
     linear = table.get("Format", "RangeInverse").lower()
     if linear not in ("rangelinear", "rangeinverse"):
@@ -259,7 +249,7 @@ def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, 
     along: Literal["axis", "ray"] = (
         "ray" if table.get("MeasureType", "").lower() == "opticray" else "axis")
     kind: Literal["distance", "inverse"] = "distance" if linear == "rangelinear" else "inverse"
-    sure = fitted(confidence, (shares.shape[0], shares.shape[1]))
+    sure = fitted(confidence, shares.shape)
     near, far = _number(table, "Near"), _number(table, "Far")
     if near is None or far is None:
         # What is nearer is still known.
@@ -283,15 +273,8 @@ def android_depth(shares: Float32, confidence: Float32 | None, table: dict[str, 
 def apple_depth(shares: Float32, packet: bytes, source: str) -> DepthMap | None:
     """The depth map of a grey picture by Apple's notes, or None where they are of another thing.
 
-    Parameters
-    ----------
-    shares : float32 [h, w] in [0, 1], the grey picture.
-    packet : The XMP packet that belongs to it.
-    source : For `DepthMap.source`.
-
-    Raises
-    ------
-    XmpError : If the notes are damaged.
+    ``shares`` is the picture, float32 [h, w] in [0, 1], ``packet`` the XMP that belongs to it.
+    Raises `XmpError` where the notes are damaged.
     """
     table = {name: value for one in properties(packet, APPLE) for name, value in one.items()}
     kind = _APPLE_KINDS.get(_pixel_format(table.get("NativeFormat", "")))
@@ -309,15 +292,11 @@ def apple_depth(shares: Float32, packet: bytes, source: str) -> DepthMap | None:
     white = 2 ** max(8, int(codes[1]).bit_length()) - 1
     steps = (shares * white - codes[0]) / (codes[1] - codes[0])
     accuracy = {one.get("Accuracy", "").lower() for one in properties(packet, _APPLE_DEPTH)}
-    low, high = range_ if kind == "distance" else _inverse(range_)
+    # Of inverse distances the largest is the nearest; 0 is no end.
+    near, far = range_ if kind == "distance" else (
+        1.0 / end if end > 0 else None for end in range_[::-1])
     return DepthMap(_blend(steps, *range_), kind, "absolute" in accuracy, "axis",
-                    low, high, None, source)
-
-
-def _inverse(range_: tuple[float, float]) -> tuple[float | None, float | None]:
-    """Nearest and farthest distance of a range of inverse distances; None = no end."""
-    low, high = range_
-    return (1.0 / high if high > 0 else None), (1.0 / low if low > 0 else None)
+                    near, far, None, source)
 
 
 def _pixel_format(text: str) -> bytes:
@@ -343,9 +322,7 @@ def is_heic(start: bytes) -> bool:
 def heic_depth(path: Path) -> DepthMap | None:
     """The depth of a HEIC picture, upright, or None where it has none.
 
-    Raises
-    ------
-    Exception : Whatever pillow-heif raises for a damaged file.
+    Raises whatever pillow-heif raises for a damaged file.
     """
     try:
         import pillow_heif
@@ -395,18 +372,17 @@ def _by_standard(shares: Float32, notes: dict[str, Any]) -> DepthMap:
     kind = notes.get("representation_type")
     near, far, low, high = (_positive(notes.get(name))
                             for name in ("z_near", "z_far", "d_min", "d_max"))
+    def depth(start: float, end: float, kind: Literal["distance", "inverse"],
+              near: float | None, far: float | None) -> DepthMap:
+        return DepthMap(_blend(shares, start, end), kind, False, "axis", near, far, None, _SOURCE)
+
     if kind == 0 and near and far:
-        values = 1.0 / far + shares * (1.0 / near - 1.0 / far)
-        return DepthMap(np.asarray(values, np.float32), "inverse", False, "axis", near, far,
-                        None, _SOURCE)
+        return depth(1.0 / far, 1.0 / near, "inverse", near, far)
     if kind == 2:
         start, end = (near, far) if near and far else (0.0, 1.0)
-        values = start + shares * (end - start)
-        return DepthMap(np.asarray(values, np.float32), "distance", False, "axis",
-                        near or None, far or None, None, _SOURCE)
+        return depth(start, end, "distance", near or None, far or None)
     if kind == 1 and high > low:
-        return DepthMap(np.asarray(low + shares * (high - low), np.float32), "inverse", False,
-                        "axis", 1.0 / high, 1.0 / low if low else None, None, _SOURCE)
+        return depth(low, high, "inverse", 1.0 / high, 1.0 / low if low else None)
     return DepthMap(shares, "inverse", False, "axis", None, None, None, _SOURCE)
 
 
@@ -432,11 +408,8 @@ def is_jpeg(start: bytes) -> bool:
 def jpeg_depth(path: Path) -> DepthMap | None:
     """The depth of a JPEG, upright, or None where it has none.
 
-    Without depth no more than the segments before the first scan is read.
-
-    Raises
-    ------
-    Exception : If its depth is damaged: what Pillow, base64 and the parser of XML raise.
+    Without depth no more than the segments before the first scan is read. Where depth is damaged,
+    what Pillow, base64 and the parser of XML raise is raised.
     """
     with open(path, "rb") as stream:
         notes, more, pictures = _notes(stream)

@@ -93,13 +93,9 @@ class Listing:
 
 
 def list_pictures(folder: Path, *, photos: bool = False) -> Listing:
-    """The pictures of a folder, not of folders in it.
+    """The pictures of a folder, not of folders in it; one that is missing holds none.
 
-    Parameters
-    ----------
-    folder : A folder; one that is missing holds none.
-    photos : Whether they are photos: then of equal copies, too, one is taken. Views of a light
-        field may be equal.
+    Of equal copies of ``photos``, too, one is taken. Views of a light field may be equal.
     """
     pictures: list[Path] = []
     left: dict[str, list[Path]] = {}
@@ -136,16 +132,9 @@ def stem_key(path: Path) -> str:
 
 def one_of_each(files: Iterable[Path], *, copies: bool = True,
                 ) -> tuple[list[Path], dict[str, list[Path]]]:
-    """Pictures without their twins.
+    """Pictures of one folder without their twins, in their order; those left out by the reason.
 
-    Parameters
-    ----------
-    files : Pictures of one folder.
-    copies : Whether of files with the same bytes one is taken.
-
-    Returns
-    -------
-    files, left_out : Those that are taken, in their order; the others by the reason.
+    ``copies``: whether of files with the same bytes one is taken.
     """
     files = list(files)
     stems = {stem_key(path) for path in files}
@@ -245,12 +234,8 @@ class Finder:
         """The file of that name in a folder.
 
         An exact name goes first, then one that differs in case or in the form of its accents, then
-        one with another spelling of the same ending (``.jpeg`` for ``.jpg``).
-
-        Parameters
-        ----------
-        folder : Where the name begins.
-        name : Relative path, with slashes or, as Windows writes it, backslashes.
+        one with another spelling of the same ending (``.jpeg`` for ``.jpg``). The name is a
+        relative path, with slashes or, as Windows writes it, backslashes.
         """
         name = name.replace("\\", "/")
         place = folder / name

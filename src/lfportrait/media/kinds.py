@@ -80,12 +80,9 @@ def _boxed(head: bytes) -> str:
 
 
 def file_format(path: Path) -> str:
-    """The format of a file by its first bytes.
+    """The format of a file by its first bytes: ``"jpeg"``, ``"png"``, ``"heic"``, ``"mp4"``, ...
 
-    Returns
-    -------
-    format : ``"jpeg"``, ``"png"``, ``"heic"``, ``"mp4"``, ...; empty where they are of no known
-        kind, or the file can't be read.
+    Empty where they are of no known kind, or the file can't be read.
     """
     head = _head(path)
     for sign, name in _SIGNS:
@@ -139,11 +136,9 @@ _BASELINE = {0xC0, 0xC1}
 
 
 def damage_of(path: Path) -> str:
-    """What is wrong with a picture's compressed data; empty where nothing is found.
+    """What is wrong with a picture's compressed data, such as "zeros from 33 % of the file on".
 
-    Returns
-    -------
-    damage : Such as "zeros from 33 % of the file on".
+    Empty where nothing is found.
     """
     kind = file_format(path)
     if kind not in ("jpeg", "heic", "avif", "webp"):

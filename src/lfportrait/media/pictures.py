@@ -94,12 +94,8 @@ def open_picture(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
     """Open a picture by Pillow, not yet decoded; HEIC, which phones write, by pillow-heif.
 
     Pillow's own bound on pixels (89 million, 179 for an error) is in the way of cameras of today;
-    what counts is what a picture takes when decoded, 2 GiB at most.
-
-    Raises
-    ------
-    OSError, ValueError, SyntaxError : If it is missing, no picture, damaged, too large, or a raw
-        photo.
+    what counts is what a picture takes when decoded, 2 GiB at most. Raises `OSError`, `ValueError`
+    or `SyntaxError` if it is missing, no picture, damaged, too large, or a raw photo.
     """
     path = Path(path)
     kind = kind_of(path)
@@ -169,12 +165,7 @@ _NOTES = {b"eXIf", b"iTXt", b"tEXt", b"zTXt"}
 
 @contextlib.contextmanager
 def open_header(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
-    """A picture as `open_picture` opens it, whose notes can be read without decoding it.
-
-    Raises
-    ------
-    OSError, ValueError, SyntaxError : As in `open_picture`.
-    """
+    """`open_picture` of a picture whose notes can be read without decoding it."""
     with open_picture(path) as picture:
         stream = file_of(picture)
         if (picture.format == "PNG" and stream is not None and "exif" not in picture.info
@@ -222,12 +213,7 @@ _ERRORS = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, EOFError
 
 
 def fault_of(path: Path) -> str:
-    """Why readers refuse a picture, in one line; empty where they read it.
-
-    Parameters
-    ----------
-    path : A file whose kind is a picture's (`kind_of`).
-    """
+    """Why readers refuse a file of a picture's kind (`kind_of`), in one line; empty if not."""
     damage = damage_of(path)
     if damage:
         return f"it is damaged: {damage}"
@@ -281,16 +267,7 @@ _BRIGHT = 128
 
 
 def read_mask(path: Path) -> UInt8:
-    """A mask's file as a mask, turned upright by its EXIF orientation.
-
-    Returns
-    -------
-    mask : uint8 [H, W], 255 is the person.
-
-    Raises
-    ------
-    UserError : If the file is missing, damaged, or no mask.
-    """
+    """A mask's file, upright by its EXIF orientation, uint8 [H, W], 255 is the person."""
     try:
         with open_picture(path) as picture:
             picture.load()
@@ -303,12 +280,7 @@ def read_mask(path: Path) -> UInt8:
 
 
 def mask_values(picture: Image.Image, name: str) -> UInt8:
-    """A decoded picture of any mode as a mask, uint8 [H, W], 255 is the person.
-
-    Raises
-    ------
-    UserError : If it is no mask.
-    """
+    """A decoded picture of any mode as a mask, uint8 [H, W], 255 is the person."""
     if picture.mode == "P" and "transparency" not in picture.info:
         return _of_palette(picture, name)
     if picture.mode.startswith(("I", "F")):
@@ -382,13 +354,8 @@ def mask_places(finder: Finder, folders: Iterable[Path], name: str) -> Path | No
     """The file of a photo's mask, of any kind of picture, by the customs of other programs.
 
     ``NAME.EXT.png`` (COLMAP), ``NAME.png`` (nerfstudio), ``NAME_mask.png`` (Metashape),
-    ``NAME.mask.png``, in the first folder that has one.
-
-    Parameters
-    ----------
-    finder : Looks names up.
-    folders : Where masks may lie.
-    name : The photo's file name, with folders if it has some there.
+    ``NAME.mask.png``, in the first folder that has one. ``name`` is the photo's file name, with
+    folders if it has some there.
     """
     base = Path(name)
     for folder in folders:

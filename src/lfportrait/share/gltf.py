@@ -20,9 +20,7 @@ _VERTICES, _INDICES = 34962, 34963
 class Glb:
     """A scene of one node named ``portrait``, filled bit by bit and then written.
 
-    Attributes
-    ----------
-    scene : The JSON; `add` and `add_picture` extend it.
+    ``scene`` is the JSON, which `add` and `add_picture` extend.
     """
 
     def __init__(self, extensions: list[str]) -> None:

@@ -96,16 +96,9 @@ def _tiles(flat, n, size):
 def fill_tiles(flat, order, size):
     """Lists of the splats that touch each tile, from front to back.
 
-    Parameters
-    ----------
-    flat : float32 [N, COLUMNS].
-    order : int64 [M], splats in the picture from front to back.
-    size : Width and height in pixels.
-
-    Returns
-    -------
-    starts : int64 [T + 1], where each tile's list begins.
-    members : int32 [P], splats.
+    ``flat`` float32 [N, COLUMNS]; ``order`` int64 [M], splats in the picture from front to back;
+    ``size``, width and height in pixels. Returns int64 [T + 1], where each tile's list begins, and
+    int32 [P], splats.
     """
     across, down = -(-size[0] // TILE), -(-size[1] // TILE)
     starts = np.zeros(across * down + 1, np.int64)

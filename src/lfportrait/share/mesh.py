@@ -5,11 +5,11 @@ The picture is the atlas of a skin: views of the head from far away, side by sid
 meet, corners are doubled. What no chart sees (behind an ear, in a fold) gets small pieces of
 picture of its own below the charts, with the colors of the face's corners.
 
-Materials are unlit: the photos' light is in the colors already. OBJ has its colors at vertices, or
-in a picture beside it; PLY holds points and colored meshes; USDZ is a scene as text and its
-picture, in a zip file without compression. Apple's Quick Look takes colors from pictures alone.
-Each file's content begins at a multiple of 64 bytes, so that readers can map it. The material glows
-in the picture's colors and reflects nothing: the photos' light is in them already.
+Materials are unlit, they glow in the picture's colors and reflect nothing: the photos' light is in
+the colors already. OBJ has its colors at vertices, or in a picture beside it; PLY holds points and
+colored meshes; USDZ is a scene as text and its picture (Apple's Quick Look takes colors from
+pictures alone), in a zip file without compression, where each file's content begins at a multiple
+of 64 bytes, so that readers can map it.
 """
 
 from __future__ import annotations
@@ -62,16 +62,14 @@ class TexturedMesh:
 
 
 def bake_texture(field: VoxelField, mesh: Mesh) -> TexturedMesh:
-    """Unwrap a mesh of a field and paint its picture.
+    """Unwrap a mesh (`lfportrait.field.field_mesh`) of a field in the portrait frame, and paint it.
 
-    Parameters
-    ----------
-    field : In the portrait frame.
-    mesh : Of the field (`lfportrait.field.field_mesh`), with less than 5 million faces.
+    It has less than 5 million faces.
     """
     atlas = _atlas(field)
     chart = _charts(field, atlas, mesh)
-    places = _places(atlas, mesh.vertices)
+    # Where each chart shows each corner, [C, V, 2], in pixels of the atlas.
+    places = atlas.cameras.project(mesh.vertices.astype(np.float64))[0] + atlas.boxes[:, None, 4:]
     fits = _inside(atlas, chart, places, mesh.faces)
     chart = np.where(fits, chart, -1)
     picture = _filled(atlas)
@@ -121,13 +119,7 @@ def _charts(field: VoxelField, atlas: Atlas, mesh: Mesh) -> Int64:
     return chart
 
 
-def _places(atlas: Atlas, vertices: Float32) -> Float64:
-    """Where each chart shows each corner, float64 [C, V, 2], in pixels of the atlas."""
-    return atlas.cameras.project(vertices.astype(np.float64))[0] + atlas.boxes[:, None, 4:]
-
-
-def _inside(atlas: Atlas, chart: Int64, places: Float64,
-            faces: Int32) -> Bool:
+def _inside(atlas: Atlas, chart: Int64, places: Float64, faces: Int32) -> Bool:
     """Faces whose corners lie within their chart, and that it shows from outside, bool [F]."""
     corners = places[np.maximum(chart, 0)[:, None], faces]
     x0, y0, x1, y1, dx, dy = atlas.boxes[np.maximum(chart, 0)].T[:, :, None]
@@ -154,17 +146,9 @@ def _filled(atlas: Atlas) -> UInt8:
 
 
 def _pieces(colors: UInt8, width: int) -> tuple[UInt8, Float32]:
-    """Pieces of picture for faces that no chart shows.
+    """Pieces of picture for faces that no chart shows, by their corners' colors uint8 [K, 3, 3].
 
-    Parameters
-    ----------
-    colors : uint8 [K, 3, 3], of their corners.
-    width : Of the picture.
-
-    Returns
-    -------
-    picture : uint8 [H, width, 3].
-    places : float32 [K, 3, 2], the corners' places in it.
+    uint8 [H, width, 3], and float32 [K, 3, 2], the corners' places in it.
     """
     across = width // PIECE
     number = np.arange(len(colors))
@@ -225,36 +209,24 @@ def jpeg(picture: UInt8) -> bytes:
 _UNLIT = "KHR_materials_unlit"
 
 
-def write_colored_glb(stream: BinaryIO, place: Float32, normals: Float32,
-                      mesh: Mesh) -> None:
-    """A mesh with colors at its vertices, as linear light."""
+def write_glb(stream: BinaryIO, place: Float32, normals: Float32,
+              mesh: Mesh | TexturedMesh) -> None:
+    """A mesh with a picture, sRGB, or with colors at its vertices, as linear light."""
     glb = Glb([_UNLIT])
-    attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
-                  "COLOR_0": glb.add(_linear(mesh.colors), normalized=True)}
-    _finish(glb, attributes, mesh.faces, {})
-    glb.write(stream)
-
-
-def write_textured_glb(stream: BinaryIO, place: Float32, normals: Float32,
-                       mesh: TexturedMesh) -> None:
-    """A mesh with a picture, sRGB."""
-    glb = Glb([_UNLIT])
-    attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals),
-                  "TEXCOORD_0": glb.add(mesh.places)}
-    texture = glb.add_jpeg(jpeg(mesh.picture))
-    _finish(glb, attributes, mesh.faces, {"baseColorTexture": {"index": texture}})
-    glb.write(stream)
-
-
-def _finish(glb: Glb, attributes: dict[str, int], faces: Int32,
-            color: dict[str, Any]) -> None:
-    """Describe the mesh and its material."""
-    indices = glb.add(faces.reshape(-1).astype(np.uint32), indices=True)
+    attributes = {"POSITION": glb.add(place, bounds=True), "NORMAL": glb.add(normals)}
+    color: dict[str, Any] = {}
+    if isinstance(mesh, TexturedMesh):
+        attributes["TEXCOORD_0"] = glb.add(mesh.places)
+        color = {"baseColorTexture": {"index": glb.add_jpeg(jpeg(mesh.picture))}}
+    else:
+        attributes["COLOR_0"] = glb.add(_linear(mesh.colors), normalized=True)
+    indices = glb.add(mesh.faces.reshape(-1).astype(np.uint32), indices=True)
     glb.scene["materials"] = [{
         "extensions": {_UNLIT: {}}, "doubleSided": True,
         "pbrMetallicRoughness": {**color, "metallicFactor": 0.0, "roughnessFactor": 1.0}}]
     glb.scene["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices,
                                             "material": 0}]}]
+    glb.write(stream)
 
 
 def _linear(color: UInt8) -> NDArray[np.uint16]:
@@ -275,8 +247,7 @@ def _write_lines(stream: BinaryIO, rows: NDArray[Any], form: str) -> None:
         stream.write((len(some) * line % tuple(some.ravel().tolist())).encode())
 
 
-def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32,
-                      mesh: Mesh) -> None:
+def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32, mesh: Mesh) -> None:
     """A mesh with a color behind each position, as Blender and MeshLab write it."""
     stream.write(f"# lfportrait {__version__}\n".encode())
     _write_lines(stream, np.hstack([place, mesh.colors / 255.0]), "v %.6f %.6f %.6f %.4f %.4f %.4f")
@@ -286,14 +257,10 @@ def write_colored_obj(stream: BinaryIO, place: Float32, normals: Float32,
 
 def write_textured_obj(path: Path, place: Float32, normals: Float32,
                        mesh: TexturedMesh) -> list[Path]:
-    """A mesh with a picture: ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``.
+    """Write ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``, which are returned.
 
     The names of the material and of the picture stand in the files, in plain letters
-    (`plain_stem`).
-
-    Returns
-    -------
-    paths : Of the files; the mesh, which names the others, is written last.
+    (`plain_stem`). The mesh, which names the others, is written last.
     """
     stem = plain_stem(path.stem)
     material, picture = path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}_texture.png")
@@ -310,13 +277,11 @@ def write_textured_obj(path: Path, place: Float32, normals: Float32,
         _write_lines(stream, np.column_stack([mesh.places[:, 0], 1 - mesh.places[:, 1]]),
                      "vt %.6f %.6f")
         _write_lines(stream, normals, "vn %.4f %.4f %.4f")
-        _write_lines(stream, np.repeat(mesh.faces + 1, 3, axis=1),
-                     "f %d/%d/%d %d/%d/%d %d/%d/%d")
+        _write_lines(stream, np.repeat(mesh.faces + 1, 3, axis=1), "f %d/%d/%d %d/%d/%d %d/%d/%d")
     return [path, material, picture]
 
 
-def write_ply(stream: BinaryIO, place: Float32, normals: Float32,
-              item: PointCloud | Mesh) -> None:
+def write_ply(stream: BinaryIO, place: Float32, normals: Float32, item: PointCloud | Mesh) -> None:
     """Binary PLY: position, normal, color, and a point's opacity or the faces."""
     columns = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
     columns += [(name, "u1") for name in ("red", "green", "blue")]
@@ -405,8 +370,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     archive.writestr(member, content)
 
 
-def _text(place: Float32, normals: Float32, mesh: TexturedMesh,
-          unit: float) -> bytes:
+def _text(place: Float32, normals: Float32, mesh: TexturedMesh, unit: float) -> bytes:
     """The scene in USD's text form."""
     low, high = place.min(axis=0), place.max(axis=0)
     extent = ", ".join(f"({x:.6g}, {y:.6g}, {z:.6g})" for x, y, z in (low, high))

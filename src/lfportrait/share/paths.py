@@ -43,8 +43,7 @@ def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
     return min(max(reach, 0.5), 0.9), max(low, -1.0), min(high, 1.2)
 
 
-def _arc(degrees: Float64, size: int, field: VoxelField | None,
-         pitch: float) -> Camera:
+def _arc(degrees: Float64, size: int, field: VoxelField | None, pitch: float = 0.0) -> Camera:
     """Cameras on an arc that see the whole head, framed the same in all of them."""
     reach, low, high = head_extent(field)
     half = _MARGIN * max(reach, (high - low) / 2)
@@ -63,16 +62,13 @@ def good_cone(field: VoxelField, cone: float) -> float:
 def sweep_degrees(frames: int, cone: float) -> Float64:
     """Yaw of each frame of a sweep there and back: slow at the ends, without a seam in a loop.
 
-    Parameters
-    ----------
-    frames : Number of frames of one loop.
-    cone : Full width in degrees: the yaw runs 0, +cone/2, 0, -cone/2, 0.
+    Over the full width ``cone`` in degrees it runs 0, +cone/2, 0, -cone/2, 0.
     """
     return 0.5 * cone * np.sin(2.0 * np.pi * np.arange(frames) / frames)
 
 
 def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
-                  field: VoxelField | None = None, pitch: float = 0.0) -> Camera:
+                  field: VoxelField | None = None) -> Camera:
     """Cameras of a horizontal sweep there and back over a view cone.
 
     Parameters
@@ -81,9 +77,8 @@ def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
     frames : Number of frames of one loop.
     size : Width and height of the pictures in pixels.
     field : Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
-    pitch : Degrees above the horizon.
     """
-    return _arc(sweep_degrees(frames, cone), size, field, pitch)
+    return _arc(sweep_degrees(frames, cone), size, field)
 
 
 def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = None,
@@ -157,10 +152,7 @@ _TICK = 10
 def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:
     """The cameras of a loop, from above the middle to the head's left side and on.
 
-    Parameters
-    ----------
-    config : Frames, size and the ellipse's radii.
-    field : Whose extent to frame, and which may limit the turn (`VoxelField.cone`).
+    The field's extent is framed, and it may limit the turn (`VoxelField.cone`).
     """
     share = np.arange(config.frames) / config.frames
     wide = good_cone(field, 2 * config.sway)
@@ -188,20 +180,7 @@ def _frames(field: VoxelField, config: LoopConfig, context: ExportContext,
 
 def write_loop(field: VoxelField, path: Path, config: LoopConfig,
                context: ExportContext) -> dict[str, Any]:
-    """Write a loop as MP4, GIF or WebP, by the file's name.
-
-    Parameters
-    ----------
-    field, path, config, context : As `lfportrait.share.Export.write` has them.
-
-    Returns
-    -------
-    figures : ``frames``.
-
-    Raises
-    ------
-    UserError : If the file can't be written.
-    """
+    """Write a loop as MP4, GIF or WebP, by the file's name (`lfportrait.share.Export.write`)."""
     frames = _frames(field, config, context)
     if path.suffix.lower() == ".mp4":
         return {"frames": write_video(path, frames, config.fps, quality=20)}

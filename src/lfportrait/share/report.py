@@ -75,8 +75,7 @@ class Section:
     def empty(self) -> bool:
         """Whether there is nothing to show."""
         film = self.video is not None and Path(self.video).is_file()
-        return not (self.text or _present(self.pictures) or self.tables or self.drawings
-                    or film)
+        return not (self.text or _present(self.pictures) or self.tables or self.drawings or film)
 
 
 @dataclass
@@ -101,7 +100,7 @@ def _pixels(picture: Picture) -> Image.Image:
              else np.asarray(picture.image))
     if array.dtype == bool:
         array = array.astype(np.uint8) * 255
-    elif array.dtype != np.uint8:
+    else:
         array = to_uint8(np.nan_to_num(array))
     image = Image.fromarray(array)
     if picture.width and image.width > picture.width and not picture.exact:
@@ -209,17 +208,9 @@ def _section(section: Section) -> str:
 
 
 def write_report(path: str | Path, report: Report) -> None:
-    """Write a report as one self-contained HTML file.
+    """Write a report as one self-contained HTML file; it appears when it is complete.
 
-    Parameters
-    ----------
-    path : ``report.html``; it appears when it is complete.
-    report : What to show. Texts are escaped; sections without content, and files that don't
-        exist, are left out.
-
-    Raises
-    ------
-    UserError : If a picture is damaged or the file can't be written.
+    Texts are escaped; sections without content, and files that don't exist, are left out.
     """
     sections = [section for section in report.sections if not section.empty()]
     links = "".join(f'<a href="#{_anchor(section.title)}">{html.escape(section.title)}</a>'

@@ -16,12 +16,11 @@ folder of pictures is resumed after an interruption; a video is restarted.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
@@ -57,9 +56,7 @@ def _picture(frame: NDArray[Any], even: bool) -> UInt8:
     """One frame as uint8; with even sides, the last row and column are repeated where needed."""
     if frame.ndim != 3 or frame.shape[2] < 3:
         raise ValueError(f"a frame must be [H, W, 3], not {list(frame.shape)}")
-    frame = frame[..., :3]
-    if frame.dtype != np.uint8:
-        frame = to_uint8(frame)
+    frame = to_uint8(frame[..., :3])
     if not even:
         return np.ascontiguousarray(frame)
     height, width = frame.shape[:2]
@@ -94,10 +91,6 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
     Returns
     -------
     count : Number of frames written.
-
-    Raises
-    ------
-    UserError : If there are no frames, the format is unknown or the file can't be written.
     """
     import av
 
@@ -231,21 +224,15 @@ class SequenceConfig:
         share = self.share(frame)
         turn = config.turn if self.turn_to is None else self.turn_to
         focus = config.focus if self.focus_to is None else self.focus_to
-        return dataclasses.replace(config, turn=config.turn + share * (turn - config.turn),
+        return replace(config, turn=config.turn + share * (turn - config.turn),
                                    focus=config.focus + share * (focus - config.focus))
 
 
 def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
                sequence: SequenceConfig) -> Iterator[UInt8]:
-    """Frames of a sequence, coded one at a time.
+    """Frames of a sequence, uint8 [H, W, 3] as the viewer sees the panel, coded one at a time.
 
-    Parameters
-    ----------
-    field, display, config : As for `encode`; ``config`` is the beginning of the motion.
-
-    Yields
-    ------
-    image : uint8 [H, W, 3], as the viewer sees the panel.
+    ``config`` is the beginning of the motion.
     """
     mask = ViewMask.build(display)
     for frame in range(sequence.frames):
@@ -261,20 +248,16 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
         texels = (*texels, field.backdrop.picture, field.backdrop.light)
     for array in (field.links, field.density, field.sh, field.center, field.radius, *texels):
         digest.update(np.ascontiguousarray(array).data)
-    motion = dataclasses.replace(sequence, fps=1.0, video="lossless")
+    motion = replace(sequence, fps=1.0, video="lossless")
     return key_of(__name__, digest.hexdigest(), display, config, motion)
-
-
-def _names(sequence: SequenceConfig) -> list[str]:
-    digits = max(4, len(str(sequence.frames - 1)))
-    return [f"{frame:0{digits}d}.png" for frame in range(sequence.frames)]
 
 
 def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
                   sequence: SequenceConfig, out: Path, step: Callable[[], None]) -> int:
     """The missing pictures of a folder; returns how many were there."""
     key = _key(field, display, config, sequence)
-    names = _names(sequence)
+    digits = max(4, len(str(sequence.frames - 1)))
+    names = [f"{frame:0{digits}d}.png" for frame in range(sequence.frames)]
     record = out / _RECORD
     if record.is_file():
         if read_json(record).get("key") != key:
@@ -300,23 +283,12 @@ def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
 def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
                    sequence: SequenceConfig, out: str | Path,
                    step: Callable[[], None] = lambda: None) -> dict[str, Any]:
-    """Write a moving light field as a video or as a folder of pictures.
+    """Write a moving light field (`each_frame`) as a video or as a folder of pictures.
 
-    Parameters
-    ----------
-    field, display, config, sequence : As for `each_frame`.
-    out : ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is complete; a name
-        without a suffix: a folder of PNG files, which is resumed if some of them exist.
-    step : Called after each frame.
-
-    Returns
-    -------
-    figures : ``frames``: their number; ``kept``: how many of them were there.
-
-    Raises
-    ------
-    UserError : If there are no frames, ``out`` is neither a video nor a folder, or the folder
-        holds pictures of another sequence.
+    Returns ``frames``: their number; ``kept``: how many of them were there. ``step`` is called
+    after each frame. ``out`` is ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is
+    complete; or a name without a suffix: a folder of PNG files, which is resumed if some of them
+    exist.
     """
     out = Path(out)
     if sequence.frames < 1:

@@ -79,13 +79,13 @@ def write_mesh(field: VoxelField, path: Path, config: ExportConfig,
             return {**figures, "bytes": sum(part.stat().st_size for part in parts)}
         with atomic_write(path) as stream:
             if suffix == ".glb":
-                meshes.write_textured_glb(stream, place, normals, textured)
+                meshes.write_glb(stream, place, normals, textured)
             else:
                 meshes.write_usdz(stream, place, normals, textured, _unit(field, config))
         return figures
     place, normals = _placed(mesh.vertices, mesh.normals, field, config)
     write: Any = {".ply": meshes.write_ply, ".obj": meshes.write_colored_obj,
-                  ".glb": meshes.write_colored_glb}[suffix]
+                  ".glb": meshes.write_glb}[suffix]
     with atomic_write(path) as stream:
         write(stream, place, normals, mesh)
     return figures

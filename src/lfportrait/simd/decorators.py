@@ -123,9 +123,7 @@ class _CacheByIdentity(FunctionCache):
 def identified(*parts: Any) -> Callable[[Any], Any]:
     """Decorate a factory's compiled function (outermost) with an identity made of ``parts``.
 
-    Parameters
-    ----------
-    parts : Identity of the function: its name, and all arguments of the factory.
+    These are its name, and all arguments of the factory.
     """
     def set_identity(function: Any) -> Any:
         name = repr((kernel_sources(), *parts))

@@ -122,12 +122,7 @@ def watched_compilations(heard: Callable[[str], None]) -> Iterator[None]:
 @contextmanager
 def compiling_progress(title: str, total: int = 0, enabled: bool = True,
                        outlook: Outlook | None = None) -> Iterator[Progress]:
-    """A progress line that also shows the compilation of kernels, which takes seconds.
-
-    Parameters
-    ----------
-    title, total, enabled, outlook : As for `Progress`.
-    """
+    """A `Progress` line that also shows the compilation of kernels, which takes seconds."""
     count = 0
 
     def heard(_: str) -> None:

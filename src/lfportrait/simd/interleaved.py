@@ -119,8 +119,7 @@ def _gathered_two(array, index, pitch):
 
     def code(context, builder, sig, args):
         words = _gathered(context, builder, sig, args, _I64, "i64", pitch)
-        return _split(context, builder, result,
-                      builder.bitcast(words, ir.VectorType(_I32, 32)))
+        return _split(context, builder, result, builder.bitcast(words, ir.VectorType(_I32, 32)))
     return result(array, index), code
 
 
@@ -253,11 +252,8 @@ def store_half(typing, array, start, value):  # type: ignore[no-untyped-def]
 def look_up_way() -> str:
     """How this processor reads a stretch of a row quickest.
 
-    Returns
-    -------
-    way : ``"permuted"``: picked from two registers in one step (AVX-512 BW); ``"near"``:
-        gathered, but for stretches of 16 places `make_near_look_up` is quicker (AVX2); or
-        ``"gathered"``.
+    ``"permuted"``: picked from two registers in one step (AVX-512 BW); ``"near"``: gathered, but
+    for stretches of 16 places `make_near_look_up` is quicker (AVX2); or ``"gathered"``.
     """
     found = features()
     if found.get("avx512bw"):
@@ -268,15 +264,10 @@ def look_up_way() -> str:
 def make_look_up(way: str | None = None) -> Callable[..., Any]:
     """Neighbouring values of a short stretch of a row, as linear interpolation wants them.
 
-    Parameters
-    ----------
-    way : One of those of `look_up_way`; by default what that says.
-
-    Returns
-    -------
-    look_up : ``look_up(array, start, index)``: the float16 values array[start + index] and
-        array[start + index + 1] lane by lane, as two float lanes. The array is C-contiguous
-        uint16 and holds 64 values from ``start`` on; int lanes ``index`` lie in 0..62.
+    ``look_up(array, start, index)``: the float16 values array[start + index] and array[start +
+    index + 1] lane by lane, as two float lanes. The array is C-contiguous uint16 and holds 64
+    values from ``start`` on; int lanes ``index`` lie in 0..62. ``way`` is by default what
+    `look_up_way` says.
     """
     if (way or look_up_way()) != "permuted":
         @identified("look up", False)
@@ -331,11 +322,9 @@ NEAR = 15
 def make_near_look_up() -> Callable[..., Any]:
     """`make_look_up` of two stretches of 16 places, picked in the registers of AVX2.
 
-    Returns
-    -------
-    look_up : ``look_up(array, start, other, index)`` as `make_look_up` has it, but for the first
-        eight lanes the stretch begins at ``start``, for the last eight at ``other``. ``index``
-        lies in 0..`NEAR`, and the array holds 17 values from either start on.
+    ``look_up(array, start, other, index)`` as `make_look_up` has it, but for the first eight lanes
+    the stretch begins at ``start``, for the last eight at ``other``. ``index`` lies in 0..`NEAR`,
+    and the array holds 17 values from either start on.
     """
     pair = types.UniTuple(F, 2)
     eight, places = ir.VectorType(ir.FloatType(), 8), ir.VectorType(_I32, 8)

@@ -1,8 +1,7 @@
 """What a vector is: Numba's types of sixteen lanes, and the instructions they are compiled to.
 
-The types are LLVM vectors: 16 float32 (`F`), 16 int32 (`I`) and 16 booleans (`M`). Operands are
-lanes of one kind, or lanes and a number, which is then the same in every lane. What else can be
-done with them is in `lfportrait.simd.vectors`.
+The types are LLVM vectors: 16 float32 (`F`), 16 int32 (`I`) and 16 booleans (`M`). What can be done
+with them is in `lfportrait.simd.vectors`.
 
 By default LLVM compiles for this very processor. ``LFPORTRAIT_VECTORS`` asks for less: ``avx2``
 (most laptops) or ``sse2`` (every 64-bit processor of the x86 kind), for code that is to run
@@ -204,12 +203,7 @@ def features() -> dict[str, bool]:
 
 
 def limit_vectors() -> None:
-    """Compile for the vector unit that `SETTING` names, if any.
-
-    Raises
-    ------
-    UserError : If it is no level, or one that this processor does not have.
-    """
+    """Compile for the vector unit that `SETTING` names, if any."""
     level = _level()
     if level is None:
         return

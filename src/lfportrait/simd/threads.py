@@ -125,15 +125,13 @@ def with_kernel(call: Callable[..., None], kernel: Any) -> Callable[..., None]:
 def shared(over: str, per: int = 1) -> Callable[[Any], Callable[..., None]]:
     """Decorate a kernel ``(first, last, ...)`` to be called without these two, on all threads.
 
+    What it gives has the compiled function as ``kernel``.
+
     Parameters
     ----------
     over : The parameter that says how many lines there are: a number, or an array with so many
         rows.
     per : Rows of that array in a line.
-
-    Returns
-    -------
-    decorate : What it gives has the compiled function as ``kernel``.
     """
     def decorate(kernel: Any) -> Callable[..., None]:
         place = list(inspect.signature(kernel.py_func).parameters).index(over) - 2

@@ -68,8 +68,7 @@ def _search_rows(since, until, red, green, appearance, place, look, reach, begin
                 for y in range(top, bottom):
                     away = place * abs(green[y] - g)
                     for x in range(left, right):
-                        error = (away + place * abs(red[x] - r)
-                                 + look * abs(appearance[y, x] - a))
+                        error = (away + place * abs(red[x] - r) + look * abs(appearance[y, x] - a))
                         if error < best:
                             best, found = error, np.int32(y * width + x)
                 table[g, r, a] = found

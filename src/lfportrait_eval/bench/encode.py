@@ -70,29 +70,19 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
                  progress: Progress | None = None) -> dict[str, Any]:
     """Speed of the coding at several panel sizes, with quality, the mask's benefit and a baseline.
 
-    Panels have 96 views over 40 degrees, the head is 80 % as high as the panel.
-
-    Parameters
-    ----------
-    field : The field to code.
-    sizes : Of `PANELS`.
-    masks : Of `MASKS`: with and without the stored mask guide (Shen et al. 2023, Table 1).
-    rivals : Of ``sizes``: where the other ways are measured.
-    repeats : The shortest of so many runs counts.
-    config : Coding.
-    device : Where to code, a choice of ``--device``; on a GPU there is no mask, and ``masks`` is
-        left out.
+    Panels have 96 views over 40 degrees, the head is 80 % as high as the panel. The shortest of
+    ``repeats`` runs counts. On a GPU there is no mask.
 
     Returns
     -------
     figures : ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``,
-        ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps
-        of half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
+        ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps of
+        half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
         `device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all views
-        rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``: seconds
-        at the middle size by their number and by degrees. ``mask``: a list with
-        ``build_seconds``, ``load_seconds``, ``with_seconds`` (load and code),
-        ``without_seconds`` (build and code), ``bytes``.
+        rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``: seconds at
+        the middle size by their number and by degrees. ``mask``: a list with ``build_seconds``,
+        ``load_seconds``, ``with_seconds`` (load and code), ``without_seconds`` (build and code),
+        ``bytes``.
     """
     config = config or EncodeConfig()
     adapter = gpu_adapter(device)
@@ -128,15 +118,7 @@ def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, rep
                 progress: Progress | None = None) -> list[dict[str, Any]]:
     """Table 1 of Shen et al. (2023): time and memory with and without the stored mask guide.
 
-    Parameters
-    ----------
-    field : The field to code.
-    sizes : Of `MASKS`, at least one.
-    repeats, config, progress : As for `bench_encode`.
-
-    Returns
-    -------
-    rows : ``resolution``, and the figures of ``mask`` in `bench_encode`.
+    For each of some `MASKS` the ``resolution``, and the figures of ``mask`` in `bench_encode`.
     """
     config = config or EncodeConfig()
     # A small picture compiles the kernels before the clock starts.
@@ -226,7 +208,7 @@ def _mask(field: VoxelField, display: Display, config: EncodeConfig, repeats: in
         fresh, _ = timed(lambda: code(False), repeats)
         memory, _ = memory_of(lambda: code(folder))
     return {"build_seconds": build, "load_seconds": load, "with_seconds": stored,
-            "without_seconds": fresh, "bytes": mask.nbytes, "memory_bytes": memory}
+            "without_seconds": fresh, "bytes": int(mask.views.nbytes), "memory_bytes": memory}
 
 
 _REPEATS = 20
@@ -236,11 +218,9 @@ def device_figures(field: VoxelField, display: Display, config: EncodeConfig,
                    adapter: Adapter) -> dict[str, Any]:
     """Times on the device, with nothing read back.
 
-    Returns
-    -------
-    figures : ``device_seconds`` of coding, the field being there; ``shade_seconds`` of
-        evaluating its colors for the views; ``copy_seconds``: the floor, a copy of as many
-        bytes as the field and the picture have, within the device's memory.
+    ``device_seconds`` of coding, the field being there; ``shade_seconds`` of evaluating its colors
+    for the views; ``copy_seconds``: the floor, a copy of as many bytes as the field and the picture
+    have, within the device's memory.
     """
     process = gpu_process(adapter)
     config = composed(field, display, config)
@@ -262,18 +242,15 @@ def bench_print(field: VoxelField, config: PrintConfig | None = None, *, repeats
                 progress: Progress | None = None) -> dict[str, Any]:
     """Time, memory and quality of a print and of the usual way to make one.
 
-    Parameters
-    ----------
-    field : The field to print.
-    config : Page and lens sheet; by default 8 x 10 inches at 720 dpi without border, 60.12 lpi.
-    repeats : The shortest of so many runs counts.
+    The page is by default 8 x 10 inches at 720 dpi without border, 60.12 lpi. The shortest of
+    ``repeats`` runs counts.
 
     Returns
     -------
     figures : ``rays`` and ``usual``: ``seconds`` with the file written, ``cpu_seconds`` of all
         cores together, ``memory_bytes`` beyond the field's, ``psnr`` (dB) of what an eye sees
-        through the lenses at nine places, the mean and the ``worst``, against the field
-        rendered from there; ``usual`` also by its parts and ``times_slower``. ``pixels``,
+        through the lenses at nine places, the mean and the ``worst``, against the field rendered
+        from there; ``usual`` also by its parts and ``times_slower``. ``pixels``,
         ``pixels_per_lens``, ``depth_scale``.
     """
     config = config or PrintConfig(lpi=60.12, bleed=0.0, margin=0.0)

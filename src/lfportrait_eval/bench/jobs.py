@@ -26,6 +26,7 @@ from lfportrait.progress import Progress
 from lfportrait.simd.host import vector_unit
 from lfportrait.temporary import temporary_folder
 
+from ..markdown import number, table
 from .transfer import say
 
 STAGES = ("capture", "reconstruct", "stylize", "encode", "share")
@@ -72,10 +73,7 @@ def bench_jobs(captures: Sequence[Path] = (), *, style: str = "fauve", display: 
     Parameters
     ----------
     captures : Folders of photos, videos or data sets; by default the demo's built-in head.
-    style, display : As for ``lfportrait make``.
     repeats : Runs of each job; the one with the median of the total seconds is reported.
-    device : Where to compute, a choice of ``--device``.
-    seed : Seed of all random choices.
     run : Runs a command.
 
     Returns
@@ -83,18 +81,13 @@ def bench_jobs(captures: Sequence[Path] = (), *, style: str = "fauve", display: 
     figures : ``jobs``: by name, the figures of each job that was made. ``seconds`` has its
         ``total`` (of the whole process), the stages', and those ``outside`` of the stages;
         ``core_seconds`` and ``cores_in_use`` (the former by the seconds) are of the process and
-        those it started; ``stages`` has the same of each stage and each of its ``steps`` (of
-        its process alone, None where unknown); ``first_look_seconds`` (None where the job tells
-        none), ``peak_memory_bytes``, ``folder_bytes``, ``files`` (bytes of each file and
-        folder, the largest first), ``photos``, ``given_photos`` (None for data sets), ``psnr``
-        of the held-out photos, ``compiled`` (whether a stage had to compile kernels),
-        ``device``, ``totals`` (the total seconds of all runs). ``failed``: by name, why a job
-        failed. Also ``repeats``, ``vectors``, ``machine``, and ``device`` and
-        ``peak_memory_bytes`` of all jobs.
-
-    Raises
-    ------
-    UserError : If there is nothing to repeat.
+        those it started; ``stages`` has the same of each stage and each of its ``steps`` (of its
+        process alone, None where unknown); ``first_look_seconds`` (None where the job tells none),
+        ``peak_memory_bytes``, ``folder_bytes``, ``files`` (bytes of each file and folder, the
+        largest first), ``photos``, ``given_photos`` (None for data sets), ``psnr`` of the held-out
+        photos, ``compiled`` (whether a stage had to compile kernels), ``device``, ``totals`` (the
+        total seconds of all runs). ``failed``: by name, why a job failed. Also ``repeats``,
+        ``vectors``, ``machine``, and ``device`` and ``peak_memory_bytes`` of all jobs.
     """
     if repeats < 1:
         raise UserError(f"--repeat is {repeats}; it must be at least 1")
@@ -215,7 +208,7 @@ def job_tables(figures: dict[str, Any]) -> str:
     """The figures of `bench_jobs` as Markdown tables."""
     parts = [_conditions(figures)]
     if figures["jobs"]:
-        parts.append(_table(
+        parts.append(table(
             ["job", "captured photos", "total", *STAGES, "first look", "peak memory", "folder"],
             [_row(name, job) for name, job in figures["jobs"].items()]))
     for name, job in figures["jobs"].items():
@@ -252,7 +245,7 @@ def _photos(job: dict[str, Any]) -> str:
 
 def _about(name: str, job: dict[str, Any]) -> str:
     """What the table has no column for, over the steps of a job."""
-    facts = [f"cores in use: {_number(job['cores_in_use'], 2)}", f"device: {job['device']}"]
+    facts = [f"cores in use: {number(job['cores_in_use'], 2)}", f"device: {job['device']}"]
     if job["psnr"] is not None:
         facts.append(f"held-out photos: {job['psnr']:.2f} dB")
     if job["compiled"]:
@@ -262,24 +255,13 @@ def _about(name: str, job: dict[str, Any]) -> str:
 
 def _steps(job: dict[str, Any]) -> str:
     """A job's long steps, and what lies outside of its stages."""
-    rows = [[stage, step, _seconds(cost["seconds"]), _number(cost["cores_in_use"], 2)]
+    rows = [[stage, step, _seconds(cost["seconds"]), number(cost["cores_in_use"], 2)]
             for stage, found in job["stages"].items() for step, cost in found["steps"].items()
             if cost["seconds"] > _LONG]
     if job["seconds"]["outside"] > _LONG:
         rows.append(["-", "outside of the stages", _seconds(job["seconds"]["outside"]), "-"])
-    return _table(["stage", "step", "time", "cores in use"], rows)
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |"
-                     for line in lines)
+    return table(["stage", "step", "time", "cores in use"], rows)
 
 
 def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{_number(value, 1)} s"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+    return "-" if value is None else f"{number(value, 1)} s"

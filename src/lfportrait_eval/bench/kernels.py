@@ -16,11 +16,8 @@ _floats, _load, _store = LANES.floats, LANES.load, LANES.store
 def random_lines(since, until, table, count, out):
     """Read ``count`` random lines of 64 bytes by each of ``len(out)`` workers.
 
-    Parameters
-    ----------
-    table : float32 [16 * K], K a power of two.
-    count : Lines a worker reads.
-    out : float32 [workers, 16], the sums of what was read.
+    ``table`` float32 [16 * K], K a power of two; ``out`` float32 [workers, 16], the sums of what
+    was read.
     """
     mask = np.uint64(len(table) // 16 - 1)
     for worker in range(since, until):
@@ -38,11 +35,8 @@ def random_lines(since, until, table, count, out):
 def multiply_adds(since, until, count, factor, out):
     """``count`` times eight multiply-adds of 16 lanes by each of ``len(out)`` workers.
 
-    Parameters
-    ----------
-    count : Rounds.
-    factor : float32, what the values are multiplied with.
-    out : float32 [workers, 16], the sums.
+    ``factor`` float32, what the values are multiplied with; ``out`` float32 [workers, 16], the
+    sums.
     """
     for worker in range(since, until):
         scale, more = _floats(factor), _floats(np.float32(1e-3))

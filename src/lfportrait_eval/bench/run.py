@@ -53,10 +53,10 @@ SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,)
 """A reconstruction that takes seconds, for a field to measure on."""
 
 
-def _embedded_capture(size: int = 256, views: int = 36) -> Capture:
+def _embedded_capture() -> Capture:
     from lfportrait.demo import demo_capture
 
-    return demo_capture(size=size, views=views)
+    return demo_capture(size=256, views=36)
 
 
 def _field(path: Path | None, progress: Progress | None) -> VoxelField:
@@ -139,12 +139,9 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
 
     Parameters
     ----------
-    field, capture : The real field and its capture with landmarks.
-    exemplar : The painting; the embedded one by default.
     by_views : How it is stylised by painted views; its steps of refinement are also those on the
         skin. By default five views of 320 pixels, and six steps.
     pixels : Of the skin per world unit; None: as by default.
-    device : Where the networks compute, a choice of ``--device``.
 
     Returns
     -------
@@ -214,22 +211,16 @@ BENCHES = ("encode", "print", "reconstruct", "transfer", "stylize")
 def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
           plot: Path | None = None, full: bool = False, device: str = "auto",
           progress: Progress | None = None) -> dict[str, Any]:
-    """Run one measurement, or all.
+    """Run one measurement, or all; figures with ``machine`` and ``peak_memory_bytes``.
 
     Parameters
     ----------
-    what : ``"encode"``, ``"print"``, ``"reconstruct"``, ``"transfer"``, ``"stylize"`` or
-        ``"all"``.
+    what : ``"encode"``, ``"print"``, ``"reconstruct"``, ``"transfer"``, ``"stylize"`` or ``"all"``:
+        one entry each.
     field : Field file; without it, the embedded head is reconstructed first.
     capture : Capture to reconstruct and stylise; the embedded one by default.
     plot : File for a picture of the reconstruction's PSNR over time.
     full : Reconstruct by the default schedule instead of in seconds.
-    device : Where to compute, a choice of ``--device``.
-
-    Returns
-    -------
-    figures : Those of the measurement, with ``machine`` and ``peak_memory_bytes``; for ``"all"``
-        one entry each.
     """
     def run(name: str) -> dict[str, Any]:
         if name == "encode":
@@ -256,19 +247,10 @@ _COLORS = ("#1f62b4", "#c85214", "#28824a", "#823c96")
 
 
 def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, across: str, up: str,
-              title: str = "", size: tuple[int, int] = (960, 600)) -> UInt8:
-    """Draw curves over a common axis.
+              title: str = "") -> UInt8:
+    """Draw curves, names and points (x, y), over a common axis: uint8 [600, 960, 3].
 
-    Parameters
-    ----------
-    curves : Name and points (x, y) of each curve.
-    across, up : What the axes show, with units.
-    title : Line above the plot.
-    size : Width and height in pixels.
-
-    Returns
-    -------
-    picture : uint8 [H, W, 3].
+    ``across`` and ``up`` say what the axes show, with units.
     """
     # Here: a third of a second, for one option of one command.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -276,7 +258,7 @@ def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, acr
 
     if not any(len(x) for x, _ in curves.values()):
         raise ValueError("a plot needs points")
-    figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100, layout="constrained")
+    figure = Figure(figsize=(9.6, 6.0), dpi=100, layout="constrained")
     canvas, axes = FigureCanvasAgg(figure), figure.add_subplot()
     for index, (name, curve) in enumerate(curves.items()):
         x, y = np.array(sorted(zip(*curve))).reshape(-1, 2).T
@@ -294,9 +276,7 @@ def line_plot(curves: dict[str, tuple[Sequence[float], Sequence[float]]], *, acr
 def machine_rates(megabytes: int = 512) -> dict[str, float]:
     """Random lines of 64 bytes and multiply-adds a second, all processors together.
 
-    Parameters
-    ----------
-    megabytes : Size of the table that lines are read from, a power of two far above the caches.
+    Lines are read from a table of some megabytes, a power of two far above the caches.
     """
     workers = numba.get_num_threads()
     table = np.ones(megabytes * 2 ** 18, np.float32)
@@ -324,15 +304,14 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
     ----------
     rates : Of `machine_rates`.
     samples : Samples of a ray that take light.
-    rows : Records of lattice points that a ray leaves (its packet's, by sixteen): each point's
-        row must come from memory to be seen, and come and go when its record is taken up.
+    rows : Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
+        must come from memory to be seen, and come and go when its record is taken up.
     width : Values of a lattice point's row, 4 bytes each.
 
     Returns
     -------
-    figures : ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``,
-        ``memory_rays_per_second``, ``compute_rays_per_second`` and the smaller of the two,
-        ``rays_per_second``.
+    figures : ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
+        ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
     """
     lines = rows * 3.0 * width * 4.0 / 64.0
     # A sample: density, three colors and back five slopes of eight corners, and an exponential.
@@ -346,17 +325,10 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
 
 
 def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dict[str, float]:
-    """Most rays a second that a GPU's memory lets be trained.
+    """Most rays a second that a GPU's memory lets be trained, ``rays`` a step.
 
-    Parameters
-    ----------
-    rays : Rays of a step.
-    rows, width : As for `training_floor`.
-
-    Returns
-    -------
-    figures : ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied
-        within the device's memory, each read or written once.
+    ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied within the
+    device's memory, each read or written once. ``rows`` and ``width`` are as for `training_floor`.
     """
     moved = rows * 3.0 * width * 4.0
     seconds = process.call("lfportrait.gpu.device:copy_seconds", int(rays * moved / 2.0))
@@ -391,12 +363,7 @@ def commit_of_checkout() -> str:
 
 
 def read_measured(path: Path) -> dict[str, Any]:
-    """The file's content, or an empty one where there is none.
-
-    Raises
-    ------
-    UserError : If it is no such file.
-    """
+    """The file's content, or an empty one where there is none."""
     if not path.exists():
         return {"runs": {}, "figures": {}}
     found = read_json(path)
@@ -407,20 +374,11 @@ def read_measured(path: Path) -> dict[str, Any]:
 
 def record(path: Path, what: str, figures: Mapping[str, Any], command: str, *,
            date: datetime.date | None = None, commit: str | None = None) -> None:
-    """Add a run's figures to a file; those of the same names are replaced.
+    """Add a run's figures, as ``--json`` has them, to a file; those of the same names are replaced.
 
-    Parameters
-    ----------
-    path : The file; made where there is none.
-    what : What was measured, a choice of ``lfportrait bench``; before the figures' names, but
-        for ``all`` and ``job``, whose names begin with what they are.
-    figures : As the command's ``--json`` has them, with ``machine``.
-    command : The command.
-    date, commit : By default today's, and that of the checkout.
-
-    Raises
-    ------
-    UserError : If the file exists and is none of measured figures.
+    ``what`` was measured, a choice of ``lfportrait bench``, stands before the figures' names, but
+    for ``all`` and ``job``, whose names begin with what they are. Date and commit are by default
+    today's, and that of the checkout.
     """
     known = read_measured(path)
     commit = commit or commit_of_checkout()

@@ -48,24 +48,17 @@ def bench_transfer(image: UInt8 | None = None,
                    progress: Progress | None = None) -> dict[str, Any]:
     """Transfer by all methods, pre-calculation and synthesis apart (Shen et al. 2023, Fig. 6).
 
-    Parameters
-    ----------
-    image, landmarks : uint8 [H, W, 3] and its [68, 2] landmarks; by default the embedded head,
-        768 x 1024.
-    exemplar : The painting; the embedded one by default.
-    repeats : The fastest of so many runs counts; the slow methods run once.
-    methods : Which of `METHODS`.
-    network : Training of the network; by default it lasts 20 seconds.
+    Picture, landmarks and exemplar are by default the embedded ones, 768 x 1024; the network trains
+    20 seconds. The fastest of ``repeats`` runs counts; the slow methods run once.
 
     Returns
     -------
     figures : For each method ``precalculation_seconds`` (once per style), ``guides_seconds``,
-        ``synthesis_seconds`` (with voting and blending), ``frame_seconds``,
-        ``frames_per_second``, ``patch_fidelity``. For ``styleblit`` also ``table_seconds`` and
-        ``prepare_seconds`` (the whole pre-calculation); for ``faceblit``
-        ``published_table_seconds``, the exhaustive search of the whole table, extrapolated from
-        8 of its 256 rows; for ``network`` ``teacher_seconds``, ``training_seconds``, ``pairs``,
-        ``steps``. ``size``: width and height.
+        ``synthesis_seconds`` (with voting and blending), ``frame_seconds``, ``frames_per_second``,
+        ``patch_fidelity``. For ``styleblit`` also ``table_seconds`` and ``prepare_seconds`` (the
+        whole pre-calculation); for ``faceblit`` ``published_table_seconds``, the exhaustive search
+        of the whole table, extrapolated from 8 of its 256 rows; for ``network``
+        ``teacher_seconds``, ``training_seconds``, ``pairs``, ``steps``. ``size``: width and height.
     """
     if image is None:
         image, landmarks = _embedded_photo()

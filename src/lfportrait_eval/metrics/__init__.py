@@ -21,7 +21,6 @@ from .repeats import (
     exemplar_regions,
     gradient_energy,
     region_repeats,
-    repeats,
     sharpness,
     strongest_repeat,
 )
@@ -44,6 +43,6 @@ __all__ = ["Arc", "PatchIndex", "Repeat", "RowLabels", "arc_cameras", "consisten
            "contour_correlation", "evaluate_field", "evaluate_job", "exemplar_regions", "face_unit",
            "feature_distance", "frechet_distance", "gradient_energy", "head_cameras", "identity",
            "inception_features", "kernel_distance", "landmark_error", "landmarks_kept", "lpips",
-           "pair_error", "patch_fidelity", "region_repeats", "repeats", "sharpness",
+           "pair_error", "patch_fidelity", "region_repeats", "sharpness",
            "strongest_repeat", "style_distance", "view_pairs", "views_fidelity", "warp",
            "without_nan"]

@@ -20,7 +20,7 @@ as with ``spatial=True``, both pictures are black outside the mask, and the mean
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from lfportrait import models
 from lfportrait.arrays import Bool, Float64, UInt8
 from lfportrait.device import torch_device
+from lfportrait.example import Exemplar
 
 
 def frechet_distance(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
@@ -64,10 +65,8 @@ def style_distance(pictures: Sequence[UInt8], exemplar: Sequence[UInt8],
                    device: str = "auto") -> dict[str, Any]:
     """FID of 64, 192 and 768 dimensions and KID-768 between two sets of pictures (or crops).
 
-    Returns
-    -------
-    figures : ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see
-        the module for what these are, and are not.
+    ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see the module
+    for what these are, and are not.
     """
     ours, theirs = (inception_features(those, device=device) for those in (pictures, exemplar))
     figures: dict[str, Any] = {f"fid_{name}": frechet_distance(ours[name], theirs[name])
@@ -78,19 +77,11 @@ def style_distance(pictures: Sequence[UInt8], exemplar: Sequence[UInt8],
 
 def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None,
                      network: str = "auto", device: str = "auto") -> float:
-    """Mean squared distance of unit-length features of two pictures.
+    """Mean squared distance of unit-length features of two pictures, float [H, W, 3] in [0, 1].
 
-    Parameters
-    ----------
-    a, b : float [H, W, 3] in [0, 1].
-    mask : bool [H, W], the pixels that count.
-    network : Name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand,
-        else the embedded network.
-    device : Where the network computes, a choice of ``--device``.
-
-    Returns
-    -------
-    distance : 0 (equal) to 4, mean over the layers.
+    0 (equal) to 4, mean over the layers. Pixels of ``mask`` bool [H, W] count. ``network`` is a
+    name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand, else the
+    embedded one.
     """
     import torch
 
@@ -147,6 +138,9 @@ def read_weights(path: Path, place: str = "cpu") -> dict[str, Any]:
 
 
 Features = dict[str, Float64]
+
+CROP = 0.6
+"""Side of a crop over the width of the face."""
 
 
 def _folded(weights: dict[str, Any], epsilon: float = 1e-3) -> dict[str, Any]:
@@ -259,22 +253,10 @@ class _Inception:
 
 def inception_features(pictures: Iterable[UInt8], batch: int = 8, *,
                        full: bool = False, device: str = "auto") -> Features:
-    """Pooled features of the FID network.
+    """Pooled features of the FID network: ``"64"``, ``"192"``, ``"768"``; float64 [N, 64] etc.
 
-    Parameters
-    ----------
-    pictures : uint8 [H, W, 3] each; resized to 299 x 299 (bilinear).
-    batch : Pictures at once.
-    full : Also the features of 2048 dimensions, after the last block (the usual FID).
-    device : Where the network computes, a choice of ``--device``.
-
-    Returns
-    -------
-    features : ``"64"``, ``"192"``, ``"768"``, and ``"2048"``: float64 [N, 64] and so on.
-
-    Raises
-    ------
-    UserError : If the weights (``inception``; ``inception-2048`` for the last) are missing.
+    Pictures uint8 [H, W, 3] are resized to 299 x 299 (bilinear). ``full``: also those of 2048
+    dimensions, after the last block (the usual FID).
     """
     import torch
 
@@ -307,12 +289,8 @@ def spread_crops(pictures: list[UInt8], masks: list[Bool], size: int,
                  count: int, seed: int) -> list[UInt8]:
     """Square crops whose middles lie where the masks are set, spread evenly over the pictures.
 
-    Parameters
-    ----------
-    pictures, masks : uint8 [H, W, 3] and bool [H, W] each.
-    size : Side in pixels; a smaller picture gives smaller crops.
-    count : How many; fewer where a mask is empty.
-    seed : Of their places.
+    Pictures are uint8 [H, W, 3], masks bool [H, W] each; ``size`` is a side in pixels: a smaller
+    picture gives smaller crops. There are ``count``; fewer where a mask is empty.
     """
     generator = np.random.default_rng(seed)
     crops = []
@@ -330,6 +308,21 @@ def spread_crops(pictures: list[UInt8], masks: list[Bool], size: int,
     return crops
 
 
+def exemplar_crops(exemplar: Exemplar, count: int, seed: int) -> list[UInt8]:
+    """Crops of a painting's person, or of its face where no mask is known.
+
+    They are 0.6 of the face's width a side.
+    """
+    if exemplar.mask is None:
+        mask = np.zeros(exemplar.image.shape[:2], bool)
+        low, high = exemplar.landmarks.min(axis=0), exemplar.landmarks.max(axis=0)
+        mask[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
+    else:
+        mask = exemplar.mask > 0.5
+    size = max(int(CROP * float(np.ptp(exemplar.landmarks[:, 0]))), 16)
+    return spread_crops([exemplar.image], [mask], size, count, seed)
+
+
 Backbone = Literal["vgg", "alex"]
 
 LPIPS_NETWORKS: dict[Backbone, tuple[str, ...]] = {
@@ -338,11 +331,15 @@ LPIPS_NETWORKS: dict[Backbone, tuple[str, ...]] = {
 
 Weights = dict[str, Any]
 
-# The convolutions (torchvision's ``features.N``) up to each of LPIPS' five maps.
-_VGG_BLOCKS = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
-# Of AlexNet: number, stride, padding, and whether a 3 x 3 maximum of stride 2 comes before it.
-_ALEX_LAYERS = ((0, 4, 2, False), (3, 1, 2, True), (6, 1, 1, True), (8, 1, 1, False),
-                (10, 1, 1, False))
+# Of torchvision's ``features.N``: number, stride, padding, side of a maximum of stride 2 that comes
+# before it (0: none), and whether it is one of LPIPS' five maps.
+_LAYERS: dict[Backbone, tuple[tuple[int, int, int, int, bool], ...]] = {
+    "vgg": tuple((number, 1, 1, 2 if block and not at else 0, at == len(numbers) - 1)
+                 for block, numbers in enumerate(((0, 2), (5, 7), (10, 12, 14), (17, 19, 21),
+                                                  (24, 26, 28)))
+                 for at, number in enumerate(numbers)),
+    "alex": ((0, 4, 2, 0, True), (3, 1, 2, 3, True), (6, 1, 1, 3, True), (8, 1, 1, 0, True),
+             (10, 1, 1, 0, True))}
 _SHIFT = (-0.030, -0.088, -0.188)
 _SCALE = (0.458, 0.448, 0.450)
 
@@ -354,59 +351,27 @@ def _weights(linear: Path, backbone: Path, place: str) -> tuple[Weights, Weights
     return read_weights(linear, place), convolutions
 
 
-def _vgg_maps(weights: Weights, x: Any) -> list[Any]:
-    """The output of each block of VGG-16 of a picture [1, 3, H, W]."""
+def _maps(network: Backbone, weights: Weights, x: Any) -> list[Any]:
+    """LPIPS' five maps of a picture [1, 3, H, W]."""
     import torch
     from torch.nn import functional
 
     maps = []
-    for block, numbers in enumerate(_VGG_BLOCKS):
-        if block:
-            x = functional.max_pool2d(x, 2)
-        for number in numbers:
-            x = torch.relu(functional.conv2d(x, weights[f"features.{number}.weight"],
-                                             weights[f"features.{number}.bias"], padding=1))
-        maps.append(x)
-    return maps
-
-
-def _alex_maps(weights: Weights, x: Any) -> list[Any]:
-    """The output of each convolution of AlexNet of a picture [1, 3, H, W]."""
-    import torch
-    from torch.nn import functional
-
-    maps = []
-    for number, stride, padding, pooled in _ALEX_LAYERS:
+    for number, stride, padding, pooled, kept in _LAYERS[network]:
         if pooled:
-            x = functional.max_pool2d(x, 3, 2)
+            x = functional.max_pool2d(x, pooled, 2)
         x = torch.relu(functional.conv2d(x, weights[f"features.{number}.weight"],
                                          weights[f"features.{number}.bias"], stride, padding))
-        maps.append(x)
+        if kept:
+            maps.append(x)
     return maps
-
-
-_BACKBONES: dict[Backbone, Callable[[Weights, Any], list[Any]]] = {
-    "vgg": _vgg_maps, "alex": _alex_maps}
 
 
 def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
           network: Backbone = "vgg", device: str = "auto") -> float:
-    """LPIPS v0.1 of two pictures.
+    """LPIPS v0.1 of two pictures, float [H, W, 3] in [0, 1], at least 32 pixels wide and high.
 
-    Parameters
-    ----------
-    a, b : float [H, W, 3] in [0, 1], at least 32 pixels wide and high.
-    mask : bool [H, W], the pixels that count; all by default.
-    network : Whose features.
-    device : Where the network computes, a choice of ``--device``.
-
-    Returns
-    -------
-    distance : 0 for equal pictures, about 0.7 for unlike ones. NaN where the mask is empty.
-
-    Raises
-    ------
-    UserError : If its networks (`LPIPS_NETWORKS`) are missing; nothing is downloaded.
+    0 for equal pictures, about 0.7 for unlike ones. NaN where the mask, bool [H, W], is empty.
     """
     import torch
 
@@ -418,7 +383,7 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
     first_file, second_file = (models.fetch(name) for name in names)
     linear, convolutions = _weights(first_file, second_file, place)
     with exact(place):
-        first, second = (_unit_maps(_BACKBONES[network], convolutions, image, mask, place)
+        first, second = (_unit_maps(network, convolutions, image, mask, place)
                          for image in (a, b))
         layers = [((x - y).square() * linear[f"lin{layer}.model.1.weight"]).sum(
             dim=1, keepdim=True) for layer, (x, y) in enumerate(zip(first, second, strict=True))]
@@ -431,8 +396,8 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None, *,
         return float(whole[0, 0][inside].mean())
 
 
-def _unit_maps(maps: Callable[[Weights, Any], list[Any]], weights: Weights, image: NDArray[Any],
-               mask: Bool | None, place: str) -> list[Any]:
+def _unit_maps(network: Backbone, weights: Weights, image: NDArray[Any], mask: Bool | None,
+               place: str) -> list[Any]:
     """Unit-length features of a picture [H, W, 3], black outside the mask."""
     import torch
 
@@ -442,4 +407,5 @@ def _unit_maps(maps: Callable[[Weights, Any], list[Any]], weights: Weights, imag
     shift, scale = (torch.tensor(three)[:, None, None] for three in (_SHIFT, _SCALE))
     picture = torch.from_numpy(np.ascontiguousarray(values.transpose(2, 0, 1)))
     x = ((2.0 * picture - 1.0 - shift) / scale)[None].to(place)
-    return [found / (found.norm(dim=1, keepdim=True) + 1e-10) for found in maps(weights, x)]
+    return [found / (found.norm(dim=1, keepdim=True) + 1e-10)
+            for found in _maps(network, weights, x)]

@@ -19,7 +19,14 @@ from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField, held_out_quality
 from lfportrait.progress import Progress
 
-from .features import LPIPS_NETWORKS, feature_distance, lpips, spread_crops, style_distance
+from .features import (
+    LPIPS_NETWORKS,
+    exemplar_crops,
+    feature_distance,
+    lpips,
+    spread_crops,
+    style_distance,
+)
 from .patches import patch_fidelity
 from .repeats import RowLabels, region_repeats, sharpness
 from .views import Arc, Pictures, arc_cameras, identity
@@ -47,26 +54,22 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     ----------
     field, styled : The real and the stylised field (same densities).
     exemplar : The painting; without it the distances to the style are left out.
-    cone : Width in degrees of the arc for consistency; identity is measured from -45 to +45.
-    views : Views on that arc.
-    size : Width and height of the renders in pixels.
+    cone, views, size : Width in degrees of the arc for consistency, views on it, and width and
+        height of the renders in pixels; identity is measured from -45 to +45.
     crops : Crops of renders and exemplar compared by Inception features.
-    seed : Seed of the samples.
-    labels : Regions of the rows, for repeats; by default those that ``styled`` carries, if it
-        does.
+    labels : Regions of the rows, for repeats; by default those that ``styled`` carries, if it does.
     landmarks : [68, 3] in space, for the size of the face in the views for repeats.
     wanted : What was painted, seen in a view, for the sharpness.
     close : Width and height in pixels of the renders for repeats and sharpness.
-    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures : ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the
-        face detector is at hand), ``content`` (feature distance of stylised and real views;
-        LPIPS, too, if its networks are at hand), ``style`` (if an exemplar is given),
-        ``repeats`` (`region_repeats` at the ends and the middle of the arc, in profile and from
-        behind; needs an exemplar and labels), ``sharpness`` (of the views at the ends and in
-        the middle, and their ``mean``; needs ``wanted``). What could not be measured is None.
+    figures : ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the face
+        detector is at hand), ``content`` (feature distance of stylised and real views; LPIPS, too,
+        if its networks are at hand), ``style`` (if an exemplar is given), ``repeats``
+        (`region_repeats` at the ends and the middle of the arc, in profile and from behind; needs
+        an exemplar and labels), ``sharpness`` (of the views at the ends and in the middle, and
+        their ``mean``; needs ``wanted``). What could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -109,17 +112,7 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
 
 
 def landmarks_kept(field: VoxelField, styled: VoxelField, size: int = 384) -> dict[str, float]:
-    """Landmarks kept from -45 to +45 degrees, by the registry's detector.
-
-    Parameters
-    ----------
-    field, styled : The real and the stylised field.
-    size : Width and height of the views in pixels.
-
-    Returns
-    -------
-    figures : See `lfportrait_eval.metrics.identity`.
-    """
+    """Landmarks kept from -45 to +45 degrees, by the registry's detector: figures of `identity`."""
     from lfportrait.face import detect_landmarks
 
     degrees = np.linspace(-45.0, 45.0, 7)
@@ -149,39 +142,20 @@ def _style(painted: Pictures, masks: list[Bool], exemplar: Exemplar, crops: int,
     figures: dict[str, Any] = {"patch_fidelity": patch_fidelity(
         painted[middle], exemplar.image, masks[middle], seed=seed)}
     if models.available("inception"):
-        mask = (np.ones(exemplar.image.shape[:2], bool) if exemplar.mask is None
-                else exemplar.mask > 0.5)
-        if exemplar.mask is None:
-            low, high = exemplar.landmarks.min(axis=0), exemplar.landmarks.max(axis=0)
-            mask[:] = False
-            mask[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
-        # Crops of about 0.6 of the face's width in both: a face takes 0.4 of a sweep's picture.
+        # Crops of about `CROP` of the face's width in both: a face takes 0.4 of a sweep's picture.
         ours = max(painted[middle].shape[0] // 4, 16)
-        theirs = max(int(0.6 * float(np.ptp(exemplar.landmarks[:, 0]))), 16)
         figures.update(style_distance(
             spread_crops([to_uint8(image) for image in painted], masks, ours, crops, seed),
-            spread_crops([exemplar.image], [mask], theirs, crops, seed + 1), device))
+            exemplar_crops(exemplar, crops, seed + 1), device))
     return figures
 
 
 def evaluate_job(job: str | Path, exemplar: Exemplar | None = None, *,
                  progress: Progress | None = None, **options: Any) -> dict[str, Any]:
-    """Measure a finished job.
+    """Measure a finished job, the folder that `lfportrait make` or `demo` wrote.
 
-    Parameters
-    ----------
-    job : Folder that `lfportrait make` or `demo` wrote.
-    exemplar : The job's exemplar, for the distances to the style.
-    options : Passed on to `evaluate_field`.
-
-    Returns
-    -------
-    figures : Those of `evaluate_field`, and ``test``: PSNR and SSIM of the held-out views of the
-        real field.
-
-    Raises
-    ------
-    UserError : If the folder is not a finished job.
+    Figures of `evaluate_field`, which is given the options, and ``test``: PSNR and SSIM of the
+    held-out views of the real field.
     """
     job = Path(job)
     for name in ("capture", "field.npz", "styled.npz"):

@@ -68,8 +68,7 @@ def _search(points, query, image, first, pitch, source, source_pitch, source_col
                 if _total(step * step) >= best:
                     continue
                 place = order[n]
-                other = ((place // source_columns) * source_pitch
-                         + 3 * (place % source_columns))
+                other = ((place // source_columns) * source_pitch + 3 * (place % source_columns))
                 distance = _patch_distance(image, first, pitch, source, other, source_pitch, side,
                                            best)
                 if distance < best:

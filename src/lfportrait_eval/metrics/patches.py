@@ -34,17 +34,9 @@ def lab(image: NDArray[Any]) -> Float32:
 
 
 def spread_places(allowed: Bool, samples: int, seed: int = 0) -> Int64:
-    """At least about ``samples`` places spread evenly over a mask: one in each of equal squares.
+    """About ``samples`` places spread evenly over a mask [H, W]: one in each of equal squares.
 
-    Parameters
-    ----------
-    allowed : bool [H, W].
-    samples : Wanted; all places if there are fewer.
-    seed : Of the places inside the squares.
-
-    Returns
-    -------
-    int64 [N, 2], rows and columns, square by square.
+    int64 [N, 2], rows and columns, square by square; all places if there are fewer.
     """
     side = max(1, int(np.sqrt(allowed.sum() / max(samples, 1))))
     height, width = allowed.shape
@@ -59,10 +51,7 @@ def spread_places(allowed: Bool, samples: int, seed: int = 0) -> Int64:
 class PatchIndex:
     """All patches of one exemplar, to look up the nearest ones of any picture's.
 
-    Parameters
-    ----------
-    exemplar : [h, w, 3], uint8 or float in [0, 1].
-    size : Side of a patch in pixels, odd.
+    It is [h, w, 3], uint8 or float in [0, 1]; ``size`` is the side of a patch in pixels, odd.
     """
 
     def __init__(self, exemplar: NDArray[Any], size: int = 7) -> None:
@@ -85,8 +74,7 @@ class PatchIndex:
         return np.lib.stride_tricks.sliding_window_view(picture, (self.size, self.size),
                                                         axis=(0, 1))
 
-    def _short(self, picture: Float32, rows: Int64,
-               columns: Int64) -> Float32:
+    def _short(self, picture: Float32, rows: Int64, columns: Int64) -> Float32:
         """Short vectors of patches: main components, and the length of what they leave out."""
         patches = self._patches(picture)
         out = np.empty((len(rows), COMPONENTS + 1), np.float32)
@@ -99,19 +87,12 @@ class PatchIndex:
             out[part, -1] = np.sqrt(np.maximum(left, 0))
         return out
 
-    def distances(self, image: NDArray[Any], rows: Int64,
-                  columns: Int64) -> Float32:
-        """Distances of patches to the exemplar's nearest.
+    def distances(self, image: NDArray[Any], rows: Int64, columns: Int64) -> Float32:
+        """Distances of patches to the exemplar's nearest, float32 [Q].
 
-        Parameters
-        ----------
-        image : [H, W, 3], uint8 or float in [0, 1].
-        rows, columns : [Q], the patches' first pixels, faster where neighbours follow each
-            other.
-
-        Returns
-        -------
-        float32 [Q], root mean square difference in CIE Lab over a patch's pixels (delta E).
+        They are root mean square differences in CIE Lab over a patch's pixels (delta E). ``rows``
+        and ``columns`` [Q] are the patches' first pixels, faster where neighbours follow each
+        other.
         """
         picture = lab(image)
         out = np.empty(len(rows), np.float32)
@@ -173,22 +154,17 @@ def _boxes(keys: Float32, leaf: Int64) -> tuple[Float32, Float32]:
 
 
 def patch_fidelity(image: NDArray[Any], exemplar: NDArray[Any],
-                   mask: Bool | None = None, *, size: int = 7,
+                   mask: Bool | None = None, *,
                    samples: int = SAMPLES, seed: int = 0) -> float:
     """Mean distance of a picture's patches to their nearest patches of the exemplar.
+
+    Root mean square difference in CIE Lab over a patch's pixels (delta E), mean over the patches; 0
+    for a picture copied from the exemplar. NaN where the mask leaves nothing.
 
     Parameters
     ----------
     image, exemplar : [H, W, 3] and [H', W', 3], uint8 or float in [0, 1].
     mask : bool [H, W], where the middles of the patches may lie; everywhere by default.
-    size : Side of a patch in pixels, odd.
     samples : Patches looked up, about; see `spread_places`.
-    seed : Seed of their places.
-
-    Returns
-    -------
-    distance : Root mean square difference in CIE Lab over a patch's pixels (delta E), mean over
-        the patches; 0 for a picture copied from the exemplar. NaN where the mask leaves
-        nothing.
     """
-    return PatchIndex(exemplar, size).fidelity(image, mask, samples=samples, seed=seed)
+    return PatchIndex(exemplar).fidelity(image, mask, samples=samples, seed=seed)

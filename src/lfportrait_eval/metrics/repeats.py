@@ -18,7 +18,7 @@ What counts as a peak:
   equal distances are a repeat. The lobe of a picture of small tiles is smaller than a tile, and of
   a large piece as wide as its strokes, so either's copies are seen.
 * Then only local maxima count, at least `NEAREST` away: else the lobe's own foot would be the peak.
-* The samples common to both must make up a quarter of the region (``overlap``). Of a few samples,
+* The samples common to both must make up a quarter of the region (`OVERLAP`). Of a few samples,
   many agree by chance.
 
 Chance: n samples of independent strokes of effective area a (the sum of the squared correlations
@@ -55,6 +55,7 @@ from scipy import fft, ndimage
 
 from lfportrait.arrays import Bool, Float32, Int64, UInt8
 from lfportrait.capture import Camera
+from lfportrait.color import LUMA
 from lfportrait.example import Exemplar
 from lfportrait.field import C0, VoxelField
 from lfportrait.labels import PICTURE_LABELS
@@ -68,6 +69,8 @@ FINE = 0.02
 LOBE = 0.2
 """Correlation down to which lags are connected to zero. Chance is seldom as high near zero, where
 nearly the whole region overlaps: at 0.1 the lobe of a small region grows into the plain around."""
+OVERLAP = 0.25
+"""Least share of the region that must lie in the region again when it is moved."""
 NEAREST = 0.1
 """Least lag in units, 1/26 of a face's width: nearer than that it is the grain of a stroke."""
 LEAST_CONTRAST = 2.0 / 255.0
@@ -87,26 +90,17 @@ class Repeat(NamedTuple):
 def luma(picture: NDArray[Any]) -> Float32:
     """Luma of a picture [H, W, 3], uint8 or float in [0, 1] (Rec. 601), float32 [H, W]."""
     scale = 1.0 / 255.0 if picture.dtype == np.uint8 else 1.0
-    return np.asarray(picture[..., :3] @ np.array([0.299, 0.587, 0.114], np.float32)
-                      * np.float32(scale), np.float32)
+    return np.asarray(picture[..., :3] @ LUMA * np.float32(scale), np.float32)
 
 
 def masked_autocorrelation(values: NDArray[Any], mask: Bool, *,
                            least: float = LEAST_CONTRAST) -> tuple[Float32, Int64]:
-    """Correlation of a region's values with themselves at every lag.
+    """Correlation of a region's values [H, W] with themselves at every lag.
 
-    Parameters
-    ----------
-    values : float [H, W]; what is outside the mask does not count.
-    mask : bool [H, W].
-    least : Standard deviation that is added, squared, to the variances of both sides.
-
-    Returns
-    -------
-    correlation : float32 [2 H - 1, 2 W - 1] in [-1, 1], lag zero in the middle: the correlation
-        coefficient of ``values[p]`` and ``values[p + lag]`` over the p with both in the mask; 0
-        without any.
-    common : int64, the same shape: how many there are.
+    float32 [2 H - 1, 2 W - 1] in [-1, 1], lag zero in the middle: the correlation coefficient of
+    ``values[p]`` and ``values[p + lag]`` over the p with both in the mask, and int64 of the same
+    shape, how many there are; 0 without any. ``least`` is a standard deviation that is added,
+    squared, to the variances of both sides.
     """
     height, width = mask.shape
     shape = [fft.next_fast_len(2 * side - 1, real=True) for side in (height, width)]
@@ -158,38 +152,29 @@ def _detail(plane: Float32, mask: Bool, unit: float) -> Float32:
     return np.where(mask, blurred(FINE * unit) - blurred(COARSE * unit), np.float32(0))
 
 
-def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
-                     overlap: float = 0.25) -> Repeat:
+def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float) -> Repeat:
     """The highest peak of a region's autocorrelation away from zero, and where it is.
+
+    Its peak is 0 where no lag but the lobe's overlaps enough, NaN where the mask is empty. Raises
+    `ValueError` if picture and mask differ in size, or the unit is out of range.
 
     Parameters
     ----------
     picture : [H, W, 3], uint8 or float in [0, 1].
     mask : bool [H, W], the region, without the silhouette.
     unit : Size of the face in pixels (`lfportrait.example.face_size`), > 0.
-    overlap : Least share in (0, 1] of the region that must lie in the region again when it is
-        moved.
-
-    Returns
-    -------
-    repeat : See `Repeat`. Its peak is 0 where no lag but the lobe's overlaps enough, NaN where
-        the mask is empty.
-
-    Raises
-    ------
-    ValueError : If picture and mask differ in size, or the unit or the overlap is out of range.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
-    if not (unit > 0 and 0 < overlap <= 1):
-        raise ValueError(f"the unit must be > 0 and the overlap in (0, 1], not {unit}, {overlap}")
+    if not unit > 0:
+        raise ValueError(f"the unit must be > 0, not {unit}")
     if not mask.any():
         return Repeat(float("nan"), (0, 0), float("nan"))
     box = ndimage.find_objects(mask.astype(np.uint8))[0]
     mask = np.asarray(mask[box], bool)
     correlation, common = masked_autocorrelation(_detail(luma(picture[box]), mask, unit), mask)
     middle = mask.shape[0] - 1, mask.shape[1] - 1
-    allowed = common >= overlap * mask.sum()
+    allowed = common >= OVERLAP * mask.sum()
     correlation = np.where(allowed, correlation, np.float32(0))
     zero = float(correlation[middle])
     if zero <= 0:
@@ -212,25 +197,13 @@ def strongest_repeat(picture: NDArray[Any], mask: Bool, unit: float, *,
     return Repeat(peak, (int(place[0]) - middle[0], int(place[1]) - middle[1]), chance)
 
 
-def repeats(picture: NDArray[Any], mask: Bool, unit: float, *,
-            overlap: float = 0.25) -> float:
-    """How much a region repeats itself, in [0, 1]: the peak of `strongest_repeat`; see there."""
-    return strongest_repeat(picture, mask, unit, overlap=overlap).peak
-
-
 def over_exemplar(ours: Repeat, theirs: Repeat) -> float:
     """How much a region repeats itself, over how much the exemplar does in the same material.
 
-    Parameters
-    ----------
-    ours, theirs : Of the region, and of the exemplar's, at the same size of the face.
-
-    Returns
-    -------
-    ratio : About 1 where the picture repeats itself no more than the exemplar does; NaN where
-        one of the regions is empty. The exemplar's peak is taken to be at least `LEAST_PEAK`
-        and at least what chance gives in the picture's region: a plain exemplar, or one with a
-        larger region under finer strokes, does not make a repeat of what is none.
+    About 1 where the picture repeats itself no more than the exemplar does at the same size of the
+    face; NaN where one of the regions is empty. The exemplar's peak is taken to be at least
+    `LEAST_PEAK` and at least what chance gives in the picture's region: a plain exemplar, or one
+    with a larger region under finer strokes, does not make a repeat of what is none.
     """
     if np.isnan(ours.peak) or np.isnan(theirs.peak):
         return float("nan")
@@ -274,24 +247,15 @@ class RowLabels:
         with np.load(path, allow_pickle=False) as arrays:
             if not {"labels", "region_names"} <= set(arrays.files):
                 return None
-            return _with_body(arrays["labels"],
-                              tuple(map(str, arrays["region_names"].ravel())))
+            return _with_body(arrays["labels"], tuple(map(str, arrays["region_names"].ravel())))
 
     def masks(self, field: VoxelField, cameras: Camera, names: Sequence[str],
               margin: float = 0.0) -> list[Masks]:
-        """Where the regions are seen in some views.
+        """Where the regions are seen in some views: for each a bool [H, W] by region.
 
-        Parameters
-        ----------
-        field : A field whose rows these are.
-        cameras : V views.
-        names : Regions that are wanted; those without labels are left out.
-        margin : Pixels that a region keeps from its borders and from the head's silhouette.
-
-        Returns
-        -------
-        masks : For each view a bool [H, W] by region: pixels of the head (opacity over 0.5) that
-            lie in it by more than half.
+        They are pixels of the head (opacity over 0.5) that lie in it by more than half. Of the
+        regions wanted, those without labels are left out; a region keeps ``margin`` pixels from its
+        borders and from the head's silhouette.
         """
         if len(self.weights) != len(field.density):
             raise ValueError(f"labels of {len(self.weights)} rows are not those of a field of "
@@ -331,18 +295,10 @@ def _eroded(mask: Bool, margin: float) -> Bool:
 
 def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
                      margin: float = 0.0) -> tuple[UInt8, Masks]:
-    """An exemplar resized to a face of ``unit`` pixels, and its regions.
+    """An exemplar uint8 [h, w, 3], resized to a face of ``unit`` pixels; its regions, bool [h, w].
 
-    Parameters
-    ----------
-    unit : Wanted size of its face in pixels (`Exemplar.size`).
-    names : Regions of `lfportrait.example.PICTURE_LABELS`; others are left out.
-    margin : Pixels that a region keeps from its borders.
-
-    Returns
-    -------
-    picture : uint8 [h, w, 3].
-    masks : bool [h, w] by region.
+    Of the regions wanted, others than `lfportrait.example.PICTURE_LABELS` are left out; one keeps
+    ``margin`` pixels from its borders.
     """
     labels = exemplar.regions().labels()
     height, width = exemplar.image.shape[:2]
@@ -364,20 +320,16 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
                    ) -> dict[str, dict[str, Any]]:
     """Repetition of paint in a stylised field, per region.
 
+    By region: ``views`` (the peak of `strongest_repeat` by yaw), ``exemplar`` (its own peak at the
+    same scale), ``chance`` (of the worst view) and ``ratio``, the worst view's peak over that of
+    the exemplar (`over_exemplar`). NaN where a view or the exemplar shows less than `LEAST_AREA` of
+    the region; the ratio is then over chance alone.
+
     Parameters
     ----------
-    labels : Of the field's rows.
-    names : Regions to measure; ``body`` is neck, shoulders and clothes.
-    degrees : Yaws of the views.
-    size : Width and height of the views in pixels.
+    labels, names : Of the field's rows; ``body`` is neck, shoulders and clothes.
+    degrees, size : Yaws of the views, and their width and height in pixels.
     landmarks : [68, 3] in space, for the size of the face; see `face_unit`.
-
-    Returns
-    -------
-    figures : By region: ``views`` (the peak of `strongest_repeat` by yaw), ``exemplar`` (its own
-        peak at the same scale), ``chance`` (of the worst view) and ``ratio``, the worst view's
-        peak over that of the exemplar (`over_exemplar`). NaN where a view or the exemplar shows
-        less than `LEAST_AREA` of the region; the ratio is then over chance alone.
     """
     unit = face_unit(styled, size, landmarks)
     cameras = arc_cameras(styled, degrees, size)
@@ -416,21 +368,12 @@ def _energy(plane: Float32, counts: Bool) -> float:
 
 
 def gradient_energy(picture: NDArray[Any], mask: Bool) -> float:
-    """Mean squared gradient of a picture's luma over a mask.
+    """Mean squared gradient of a picture's luma over a mask bool [H, W] of the same size.
 
-    Parameters
-    ----------
-    picture : [H, W, 3], uint8 or float in [0, 1]; NaN where it is unknown.
-    mask : bool [H, W], the pixels that count. A silhouette inside it counts as detail: erode it.
-
-    Returns
-    -------
-    energy : Luma squared per pixel squared, >= 0, by forward differences: of each pixel that is
-        known and in the mask together with those to its right and below. NaN without any.
-
-    Raises
-    ------
-    ValueError : If picture and mask differ in size.
+    Luma squared per pixel squared, >= 0, by forward differences: of each pixel that is known and in
+    the mask together with those to its right and below. NaN without any. The picture [H, W, 3] is
+    uint8 or float in [0, 1]; NaN where it is unknown. A silhouette inside the mask counts as
+    detail: erode it.
     """
     if picture.shape[:2] != mask.shape:
         raise ValueError(f"a picture {picture.shape} needs a mask of its size, not {mask.shape}")
@@ -442,24 +385,18 @@ def sharpness(rendered: NDArray[Any], wanted: NDArray[Any], mask: Bool, *,
               margin: int = 3) -> float:
     """Gradient energy of a rendered view over that of what was painted, seen in the same view.
 
+    >= 0; 1 where both are equally sharp. NaN where nothing is left to compare, or where ``wanted``
+    is flat. Raises `ValueError` if the pictures and the mask differ in size.
+
     Parameters
     ----------
     rendered : [H, W, 3], uint8 or float in [0, 1].
-    wanted : [H, W, 3], what was painted; NaN where it is unknown. Its values beside the head
-        don't matter.
+    wanted : [H, W, 3], what was painted; NaN where it is unknown. Its values beside the head don't
+        matter.
     mask : bool [H, W], the head.
     margin : Pixels that the mask is eroded by, so that no silhouette counts. Holes of ``wanted``
         are not widened: only differences between known pixels count, the same ones in both
         pictures.
-
-    Returns
-    -------
-    ratio : >= 0; 1 where both are equally sharp. NaN where nothing is left to compare, or where
-        ``wanted`` is flat.
-
-    Raises
-    ------
-    ValueError : If the pictures and the mask differ in size.
     """
     if not rendered.shape[:2] == wanted.shape[:2] == mask.shape:
         raise ValueError(f"pictures {rendered.shape} and {wanted.shape} and a mask {mask.shape} "

@@ -59,20 +59,11 @@ def _smooth(depth: Float32) -> Bool:
 def warp(image: NDArray[Any], cameras: Camera, source: int, target: int,
          depth_source: Float32, depth_target: Float32,
          ) -> tuple[Float32, Bool]:
-    """Warp a view backwards into another by depth.
+    """Warp a view float [H, W, 3] backwards into another by depth.
 
-    Parameters
-    ----------
-    image : float [H, W, 3], seen from view ``source``.
-    cameras, source, target : The two views.
-    depth_source, depth_target : float32 [H, W], depth along the optical axis, infinite where
-        there is no surface.
-
-    Returns
-    -------
-    warped : float32 [H', W', 3], the source's colors in the target view, bilinear; 0 where
-        invalid.
-    valid : bool [H', W']: both views see the same surface there, away from depth edges.
+    float32 [H', W', 3], the source's colors in the target view, bilinear; 0 where invalid; and bool
+    [H', W']: both views see the same surface there, away from depth edges. Depths float32 [H, W]
+    lie along the optical axis, infinite where there is no surface.
     """
     height, width = depth_target.shape
     valid = _smooth(depth_target)
@@ -106,10 +97,7 @@ def pair_error(target: NDArray[Any], warped: NDArray[Any], valid: Bool,
                ) -> tuple[float, float]:
     """RMSE of a pair over the valid pixels, and the same over the target's contrast.
 
-    Returns
-    -------
-    rmse, normalised : Both NaN where no pixel is valid; the second also where the target's
-        contrast is below one grey level.
+    Both NaN where no pixel is valid; the second also where that contrast is below one grey level.
     """
     if not valid.any():
         return float("nan"), float("nan")
@@ -129,6 +117,10 @@ def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering
                 compare: Mapping[str, Comparison] | None = None) -> dict[str, Any]:
     """Consistency of stylised views along a path, over short and long gaps.
 
+    For ``gap_1``, ``gap_7``, ..., ``extremes``: ``rmse``, ``floor_rmse`` (the real field),
+    ``normalised``, ``floor_normalised``, ``valid`` (share of the surface's pixels that count),
+    ``pairs``, and those of ``compare``; means over the pairs.
+
     Parameters
     ----------
     stylised : V stylised views, float [H, W, 3] in [0, 1].
@@ -137,12 +129,6 @@ def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering
     gaps : Distances between the views of a pair; those that are too long are left out. The two
         outermost views are always compared, as ``extremes``.
     compare : Further distances by name, of a stylised view and the other one warped into it.
-
-    Returns
-    -------
-    figures : For ``gap_1``, ``gap_7``, ..., ``extremes``: ``rmse``, ``floor_rmse`` (the real
-        field), ``normalised``, ``floor_normalised``, ``valid`` (share of the surface's pixels
-        that count), ``pairs``, and those of ``compare``; means over the pairs.
     """
     count = len(stylised)
     if not (len(renderings) == len(cameras) == count):
@@ -170,12 +156,16 @@ def _group(pairs: list[tuple[int, int]], stylised: Sequence[NDArray[Any]],
                      *(distance(np.asarray(stylised[first], np.float32), warped[..., :3], valid)
                        if valid.any() else float("nan") for distance in compare.values())))
     # Pairs without a common surface count for nothing.
-    table = np.array(rows)
-    known = np.isfinite(table)
-    totals = np.where(known, table, 0.0).sum(axis=0)
-    means = np.where(known.any(axis=0), totals / np.maximum(known.sum(axis=0), 1), np.nan)
+    means = known_means(np.array(rows))
     names = ("rmse", "normalised", "floor_rmse", "floor_normalised", "valid", *compare)
     return {**dict(zip(names, map(float, means))), "pairs": len(pairs)}
+
+
+def known_means(rows: Float64) -> Float64:
+    """Means of each column's finite values; NaN where it has none."""
+    known = np.isfinite(rows)
+    totals = np.where(known, rows, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), totals / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 Detector = Callable[[UInt8], Float64 | None]
@@ -193,9 +183,7 @@ def face_region(shape: tuple[int, ...], landmarks: NDArray[np.floating]) -> Bool
 def landmark_error(found: NDArray[np.floating], wanted: NDArray[np.floating]) -> float:
     """Mean distance of the 51 inner landmarks over the distance of the outer eye corners.
 
-    Parameters
-    ----------
-    found, wanted : [68, 2] pixels, iBUG order. Normalised by ``wanted``'s eyes.
+    Landmarks are [68, 2] pixels, iBUG order; the eyes are those of ``wanted``.
     """
     eyes = float(np.linalg.norm(wanted[_OUTER_EYES[0]] - wanted[_OUTER_EYES[1]]))
     return float(np.linalg.norm(found[_INNER] - wanted[_INNER], axis=1).mean()) / max(eyes, 1e-9)
@@ -203,18 +191,11 @@ def landmark_error(found: NDArray[np.floating], wanted: NDArray[np.floating]) ->
 
 def identity(stylised: Sequence[UInt8], real: Sequence[UInt8],
              detect: Detector) -> dict[str, float]:
-    """Landmark error between stylised and real pictures of the same views.
+    """Landmark error between stylised and real pictures of the same views, uint8 [H, W, 3] each.
 
-    Parameters
-    ----------
-    stylised, real : uint8 [H, W, 3] each, pairs of the same view.
-    detect : Picture -> landmarks [68, 2] or None; e.g. `lfportrait.face.detect_landmarks`.
-
-    Returns
-    -------
-    figures : ``nme`` (mean over the views where both faces are found, NaN if there is none),
-        ``detected`` (share of the faces found in the real views that are found in the stylised
-        ones), ``views`` (faces found in the real views).
+    ``nme`` (mean over the views where both faces are found, NaN if there is none), ``detected``
+    (share of the faces found in the real views that are found in the stylised ones), ``views``
+    (faces found in the real views). ``detect`` gives landmarks [68, 2] of a picture, or None.
     """
     errors, views = [], 0
     for painted, photo in zip(stylised, real, strict=True):
@@ -230,13 +211,7 @@ def identity(stylised: Sequence[UInt8], real: Sequence[UInt8],
 
 
 def contour_correlation(a: NDArray[Any], b: NDArray[Any], mask: Bool) -> float:
-    """Correlation in [-1, 1] of the gradient magnitudes (grey, sigma 1.5) of two pictures.
-
-    Parameters
-    ----------
-    a, b : float [H, W, 3].
-    mask : bool [H, W], the pixels that count.
-    """
+    """Correlation in [-1, 1] of the gradient magnitudes (grey, sigma 1.5) of two pictures."""
     strengths = [ndimage.gaussian_gradient_magnitude(
         np.asarray(image, np.float64) @ (0.299, 0.587, 0.114), 1.5)[mask] for image in (a, b)]
     if min(strength.std() for strength in strengths) < 1e-9:
@@ -253,13 +228,9 @@ the picture: 0.14 to 0.15 on the heads that were measured."""
 
 def arc_cameras(field: VoxelField, degrees: Sequence[float] | NDArray[np.floating],
                 size: int) -> Camera:
-    """Cameras framed like a sweep.
+    """Cameras framed like a sweep of a field, of ``size`` pixels a side.
 
-    Parameters
-    ----------
-    field : Whose extent to frame.
-    degrees : Yaw of each camera; 0 is the front, positive yaws are towards +x.
-    size : Width and height of the pictures in pixels.
+    A yaw of 0 ``degrees`` is the front, positive yaws are towards +x.
     """
     front = sweep_cameras(0.0, 1, size, field)
     # A sweep's cameras differ in yaw alone: turn the frontal one about the vertical axis.
@@ -269,40 +240,37 @@ def arc_cameras(field: VoxelField, degrees: Sequence[float] | NDArray[np.floatin
         turn[0, 0] = turn[2, 2] = np.cos(yaw)
         turn[0, 2], turn[2, 0] = np.sin(yaw), -np.sin(yaw)
         poses.append(turn @ front.pose[0])
-    return Camera(np.array(poses), front.focal[0], front.center[0], front.width[0],
-                  front.height[0])
+    return Camera(np.array(poses), front.focal[0], front.center[0], front.width[0], front.height[0])
+
+
+_AWAY = 4.4
+"""Distance of cameras from the middle of the head, in the field's units."""
 
 
 def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDArray[np.floating],
-                 size: int, distance: float = 4.4, *, room: float = 1.0,
+                 size: int, *, room: float = 1.0,
                  back: float = 0.13) -> Camera:
     """Cameras whose pictures the head fills, so that strokes are as large as in an exemplar.
 
     Parameters
     ----------
     landmarks : [68, 3] in space.
-    degrees : Yaw of each camera.
-    size : Width and height of the pictures in pixels.
-    distance : Of the cameras from the middle of the head, in the field's units.
+    degrees, size : Yaw of each camera, and pixels a side of its picture.
     room : Height of what is seen, over 2.3 times the distance of brows and chin.
-    back : How far the middle lies behind the landmarks' mean, in the same heights: 0.13 for
-        views from the front, a quarter where profiles shall not lose the back of the head.
+    back : How far the middle lies behind the landmarks' mean, in the same heights: 0.13 for views
+        from the front, a quarter where profiles shall not lose the back of the head.
     """
     brows, chin = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmin(landmarks[:, 1]))
     high = 2.3 * (brows - chin)
     middle = np.nanmean(landmarks, axis=0) + high * np.array([0.0, 0.1, -back])
-    return Camera.arc(np.asarray(degrees, np.float64), distance=distance, width=size, height=size,
-                      focal=size * distance / (room * high), target=middle)
+    return Camera.arc(np.asarray(degrees, np.float64), distance=_AWAY, width=size, height=size,
+                      focal=size * _AWAY / (room * high), target=middle)
 
 
-def face_unit(field: VoxelField, size: int,
-              landmarks: NDArray[np.floating] | None = None) -> float:
-    """Size of the face in pixels in a frontal view framed like a sweep.
+def face_unit(field: VoxelField, size: int, landmarks: NDArray[np.floating] | None = None) -> float:
+    """Size of the face in pixels in a frontal view of ``size`` pixels framed like a sweep.
 
-    Parameters
-    ----------
-    size : Width and height of the view in pixels.
-    landmarks : [68, 3] in space; without them the size that heads usually have (`FACE`).
+    Without ``landmarks`` [68, 3] in space the size that heads usually have (`FACE`).
     """
     if landmarks is None:
         return FACE * size
@@ -320,14 +288,9 @@ class Arc:
     @staticmethod
     def of(field: VoxelField, cone: float = 40.0, views: int = 21, size: int = 384,
            say: Callable[[str], None] = lambda text: None) -> Arc:
-        """Render an arc.
+        """Render an arc of so many degrees, with some views of ``size`` pixels on it, evenly apart.
 
-        Parameters
-        ----------
-        cone : Width of the arc in degrees.
-        views : Number of views on it, evenly apart.
-        size : Width and height of a view in pixels.
-        say : Called with what is being done.
+        ``say`` is called with what is being done.
         """
         cameras = arc_cameras(field, np.linspace(-cone / 2, cone / 2, views), size)
         real = []
@@ -362,16 +325,8 @@ def views_fidelity(styled: VoxelField, patches: PatchIndex,
                    seed: int = 0) -> float:
     """Patch fidelity of views of a stylised field, as large as an exemplar's own picture.
 
-    Parameters
-    ----------
-    degrees : Yaws of the views.
-    size : Width and height of the views in pixels.
-    seed : Of the patches' places.
-
-    Returns
-    -------
-    distance : Mean over the views of `PatchIndex.fidelity` on the head (opacity over 0.5), in
-        delta E.
+    Mean over views at some yaws, ``size`` pixels wide and high, of `PatchIndex.fidelity` on the
+    head (opacity over 0.5), in delta E.
     """
     cameras = arc_cameras(styled, degrees, size)
     shots = [styled.render(cameras, view) for view in range(len(cameras))]

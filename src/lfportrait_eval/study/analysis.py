@@ -43,10 +43,7 @@ class Share:
 def wilson(count: int, total: int, effective: float | None = None) -> Share:
     """The 95 % score interval of a share (Wilson 1927), without continuity correction.
 
-    Parameters
-    ----------
-    count, total : How many of how many; ``total`` is at least 1.
-    effective : How many independent answers these are worth; ``total`` by default.
+    ``total``, at least 1, answers are worth ``effective`` independent ones; all by default.
     """
     n = float(total if effective is None else effective)
     share = count / total
@@ -56,19 +53,12 @@ def wilson(count: int, total: int, effective: float | None = None) -> Share:
 
 
 def effective_answers(counts: NDArray[np.integer]) -> float:
-    """Effective number of independent answers, if each person gave several.
+    """Effective number of independent answers, of [people, 2] of each kind, if each gave several.
 
     People have tastes: their answers are more alike than chance, and a share then varies more from
     study to study than Wilson's interval thinks. The number of answers is divided by how much more
-    it varies (the design effect, here of a ratio over people; Korn & Graubard 1998).
-
-    Parameters
-    ----------
-    counts : [people, 2] answers of each kind.
-
-    Returns
-    -------
-    number : Never more than the answers.
+    it varies (the design effect, here of a ratio over people; Korn & Graubard 1998); it is never
+    more than the answers.
     """
     each = counts.sum(axis=1)
     people, total = len(counts), int(each.sum())
@@ -100,15 +90,8 @@ def kendall_agreement(counts: NDArray[np.integer]) -> float:
     """How far people agree, +1 for all alike, 0 for as by chance (Kendall & Babington Smith 1940).
 
     Their coefficient u: of all couples of answers to the same pair by different people, twice the
-    share that are alike, less 1.
-
-    Parameters
-    ----------
-    counts : [items, 2] answers of each kind; items with fewer than two answers don't count.
-
-    Returns
-    -------
-    u : NaN if no item has two answers.
+    share that are alike, less 1. Items of ``counts`` [items, 2] with fewer than two answers don't
+    count; NaN if no item has two.
     """
     n = counts.sum(axis=1)
     couples = (n * (n - 1)).sum()
@@ -116,16 +99,9 @@ def kendall_agreement(counts: NDArray[np.integer]) -> float:
 
 
 def fleiss_kappa(counts: NDArray[np.integer]) -> float:
-    """Agreement beyond chance of as many people on each item (Fleiss 1971).
+    """Agreement beyond chance of as many people on each item, [items, kinds] answers (Fleiss 1971).
 
-    Parameters
-    ----------
-    counts : [items, kinds] answers of each kind; each item has as many.
-
-    Returns
-    -------
-    kappa : NaN if the items have fewer than two answers, or not as many each, or all are of one
-        kind.
+    NaN if the items have fewer than two answers, or not as many each, or all are of one kind.
     """
     people = counts.sum(axis=1)
     if not len(counts) or people.min() != people.max() or people[0] < 2:
@@ -139,13 +115,8 @@ def fleiss_kappa(counts: NDArray[np.integer]) -> float:
 def krippendorff_alpha(counts: NDArray[np.integer]) -> float:
     """Agreement beyond chance where not everybody answers everything (Krippendorff, nominal).
 
-    Parameters
-    ----------
-    counts : [items, kinds] answers of each kind; items with fewer than two answers don't count.
-
-    Returns
-    -------
-    alpha : NaN if nothing can be compared, or all answers are of one kind.
+    Items of ``counts`` [items, kinds] with fewer than two answers don't count; NaN if nothing can
+    be compared, or all answers are of one kind.
     """
     counts = counts[counts.sum(axis=1) > 1]
     n = counts.sum(axis=1, keepdims=True)
@@ -174,30 +145,22 @@ class Ranking:
 def bradley_terry(wins: NDArray[np.floating], compared: Bool | None = None,
                   prior: float = 0.5, steps: int = 20000,
                   tolerance: float = 1e-9) -> Float64:
-    """One scale for all methods, from choices between two (Bradley and Terry 1952).
+    """One scale for all methods, from choices between two: logarithms, with mean 0.
 
-    Method i is preferred to method j with probability p_i / (p_i + p_j). The strengths p are those
-    of the highest likelihood, found by Hunter's MM algorithm (Annals of Statistics 32, 2004):
-    p_i <- W_i / sum_j n_ij / (p_i + p_j). A method that was always preferred would have no finite
-    strength; so each two methods that were compared are taken to have met once more, undecided.
+    Method i is preferred to method j with probability p_i / (p_i + p_j) (Bradley and Terry 1952).
+    The strengths p are those of the highest likelihood, found by Hunter's MM algorithm (Annals of
+    Statistics 32, 2004): p_i <- W_i / sum_j n_ij / (p_i + p_j). A method that was always preferred
+    would have no finite strength; so each two methods that were compared are taken to have met once
+    more, undecided. Raises `ValueError` if the methods fall into groups that have never met.
 
     Parameters
     ----------
     wins : [..., methods, methods] how often the row's method was preferred to the column's; the
         diagonal is 0.
-    compared : [methods, methods] which are taken to have met once more, undecided; by default
-        all that have met in any of ``wins``.
-    prior : Wins that each of two that were compared gets on top; 0 for the plain model, in which
-        a method that always wins, or never does, has no finite strength.
+    compared : [methods, methods] which are taken to have met once more, undecided; by default all
+        that have met in any of ``wins``.
+    prior : Wins that each of two that were compared gets on top; 0 for the plain model.
     steps, tolerance : Largest number of steps, and the change of a logarithm that ends them.
-
-    Returns
-    -------
-    strength : [..., methods] logarithms of p, with mean 0.
-
-    Raises
-    ------
-    ValueError : If the methods fall into groups that have never met.
     """
     met: Bool = np.asarray(wins + np.swapaxes(wins, -1, -2) > 0)
     if compared is None:
@@ -224,11 +187,7 @@ def bradley_terry(wins: NDArray[np.floating], compared: Bool | None = None,
 def rank(wins: NDArray[np.floating], samples: int = 2000, seed: int = 0) -> Ranking:
     """Strengths with intervals: people are resampled with all their answers (bootstrap).
 
-    Parameters
-    ----------
-    wins : [people, methods, methods] see `bradley_terry`.
-    samples : How often people are drawn.
-    seed : Seed of it.
+    ``wins`` [people, methods, methods] as for `bradley_terry`; people are drawn ``samples`` times.
     """
     people = len(wins)
     together = wins.sum(axis=0)
@@ -311,8 +270,7 @@ def _one(file: Path) -> Answers:
           "it is damaged")
     questions = tuple(Question(each["name"], str(each.get("text", ""))) for each in asked)
     _need(bool(data["trials"]), "it holds no answers")
-    trials = tuple(_trial(each, questions, number)
-                   for number, each in enumerate(data["trials"], 1))
+    trials = tuple(_trial(each, questions, number) for number, each in enumerate(data["trials"], 1))
     _need(not all(trial.repeat for trial in trials), "it holds repeated answers alone")
     return Answers(file, data["study"], data["person"], questions, trials)
 
@@ -323,8 +281,7 @@ def _fits(answers: Answers, design: dict[str, Any]) -> None:
     _need([question.name for question in answers.questions] == names,
           f"it answers other questions than {', '.join(names)}")
     wanted = len(design["sheets"][0]) + int(design["repeats"])
-    _need(len(answers.trials) == wanted,
-          f"it has {len(answers.trials)} pairs instead of {wanted}")
+    _need(len(answers.trials) == wanted, f"it has {len(answers.trials)} pairs instead of {wanted}")
     for number, trial in enumerate(answers.trials, 1):
         right = 0 <= trial.pair < len(design["pairs"])
         if right:
@@ -368,21 +325,10 @@ def _all(values: Any, right: Callable[[Any], bool]) -> bool:
 
 def read_answers(files: Sequence[Path], study: Path | None = None,
                  ) -> tuple[list[Answers], list[tuple[Path, str]]]:
-    """Read the answers to one study.
+    """The answers to one study that can be used, and files with the reason why they can't.
 
-    Parameters
-    ----------
-    files : Answer files.
-    study : The study's ``study.json``, or its folder, to check the answers against; without it,
-        the study that most of the files answer counts.
-
-    Returns
-    -------
-    answers, left_out : What can be used, and files with the reason why they can't.
-
-    Raises
-    ------
-    UserError : If no file can be used; the reasons are in it.
+    They are checked against a study's ``study.json``, or its folder; without it, the study that
+    most of the files answer counts.
     """
     design = None if study is None else _design(study)
     read: list[Answers] = []
@@ -515,26 +461,18 @@ def _sides(people: Sequence[Answers], question: str) -> dict[str, Any]:
 
 
 def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
-    """All figures of a study.
+    """All figures of a study, by the answers of different people.
 
-    Parameters
-    ----------
-    people : Answers of different people to the same study. Pairs that came again count for
-        ``self_agreement`` and ``left`` alone.
-    seed : Seed of the bootstrap.
-
-    Returns
-    -------
-    figures : ``study``, ``people``, ``answers``, ``questions``, ``methods``; ``preferences`` for
-        each question and two methods (the share of the first with its Wilson interval, by the
-        number of ``effective`` answers, and by all as ``wilson_low`` and ``wilson_high``; for
-        how many people it was the one they chose more often, the sign test's ``p`` of that and
-        ``p_holm``, corrected for the number of tests); ``ranking`` by question (None if some
-        methods have never met); ``agreement``, ``self_agreement`` and ``left`` by question;
-        ``not_compared``, methods that no pair shows; ``seconds_per_answer``, the median.
+    ``study``, ``people``, ``answers``, ``questions``, ``methods``; ``preferences`` for each
+    question and two methods (the share of the first with its Wilson interval, by the number of
+    ``effective`` answers, and by all as ``wilson_low`` and ``wilson_high``; for how many people it
+    was the one they chose more often, the sign test's ``p`` of that and ``p_holm``, corrected for
+    the number of tests); ``ranking`` by question (None if some methods have never met);
+    ``agreement``, ``self_agreement`` and ``left`` by question (the latter two alone count pairs
+    that came again); ``not_compared``, methods that no pair shows; ``seconds_per_answer``, the
+    median.
     """
-    shown = [(answers, trial) for answers in people for trial in answers.trials
-             if not trial.repeat]
+    shown = [(answers, trial) for answers in people for trial in answers.trials if not trial.repeat]
     questions = people[0].questions
     names = [question.name for question in questions]
     methods = sorted({method for _, trial in shown for method in (trial.left, trial.right)})

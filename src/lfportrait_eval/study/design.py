@@ -24,7 +24,6 @@ and not only so on average:
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import html
 import io
@@ -43,8 +42,9 @@ import numpy as np
 from PIL import Image
 
 from lfportrait.arrays import UInt8
+from lfportrait.color import to_uint8
 from lfportrait.errors import UserError
-from lfportrait.files import atomic_write, read_json, script_json, write_json
+from lfportrait.files import atomic_write, read_json, script_json, script_streams, write_json
 from lfportrait.media.pictures import read_image
 from lfportrait.progress import Progress
 from lfportrait.share import write_video
@@ -91,16 +91,9 @@ class StudyConfig:
 
 
 def questions_of(choice: str) -> tuple[Question, ...]:
-    """The questions of a choice.
+    """The questions of ``"all"``, ``"paper"`` or a text file.
 
-    Parameters
-    ----------
-    choice : ``"all"``, ``"paper"`` or a text file, one ``name: text`` a line; ``#`` begins a
-        comment.
-
-    Raises
-    ------
-    UserError : If the file is missing or a line is not a question.
+    It has one ``name: text`` a line; ``#`` begins a comment.
     """
     if choice in ("all", "paper"):
         return QUESTIONS if choice == "all" else QUESTIONS[:1]
@@ -174,7 +167,7 @@ def _frontal(job: Path) -> UInt8:
     eyes = capture.cameras.position
     view = int(np.argmin(np.abs(np.arctan2(eyes[:, 0], eyes[:, 2])) + np.abs(
         np.arctan2(eyes[:, 1], np.hypot(eyes[:, 0], eyes[:, 2])))))
-    return np.asarray(np.clip(capture.image_float(view), 0, 1) * 255 + 0.5, np.uint8)
+    return to_uint8(capture.image_float(view))
 
 
 def _built_in(style: str) -> UInt8 | None:
@@ -238,22 +231,15 @@ def _named(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def entries_of(jobs: Sequence[str], pictures: Sequence[Path] = ()) -> list[Entry]:
-    """Find the portraits that are compared.
+    """Find the portraits that are compared, in order of sitter, style and method.
+
+    Those of one sitter and style have the same painting and photo.
 
     Parameters
     ----------
     jobs : Folders that `lfportrait make` or `demo` wrote, and videos; ``METHOD=PATH`` or
         ``METHOD:SITTER:STYLE=PATH`` says what a portrait is called.
     pictures : Paintings and photos, by the names of styles and sitters.
-
-    Returns
-    -------
-    entries : In order of sitter, style and method. Those of one sitter and style have the same
-        painting and photo.
-
-    Raises
-    ------
-    UserError : If something is missing, a method occurs twice, or there is nothing to compare.
     """
     entries = _named([_entry(word) for word in jobs])
     extra = {path.stem: _on_white(read_image(path)) for path in pictures}
@@ -301,15 +287,8 @@ Sheet = tuple[tuple[int, bool], ...]
 def pairs_of(entries: Sequence[Entry], seed: int = 0) -> list[Pair]:
     """All pairs of methods of each sitter and style, pairs of methods taking turns.
 
-    Parameters
-    ----------
-    entries : The portraits.
-    seed : Seed of the order of sitters and styles.
-
-    Returns
-    -------
-    pairs : In an order of which any stretch has the pairs of methods equally often, up to one,
-        if each sitter and style has all methods.
+    In an order of which any stretch has the pairs of methods equally often, up to one, if each
+    sitter and style has all methods; ``seed`` is that of sitters and styles.
     """
     generator = np.random.default_rng(seed)
     groups: dict[tuple[str, str], list[int]] = {}
@@ -357,20 +336,9 @@ def _swapped(edges: Sequence[tuple[str, str]]) -> list[bool]:
 
 
 def sheets_of(pairs: Sequence[Pair], pairs_per_person: int = 0) -> list[Sheet]:
-    """The sheets of a study.
+    """The sheets of a study with so many pairs (0 for all) a person.
 
-    Parameters
-    ----------
-    pairs : Those of `pairs_of`.
-    pairs_per_person : Pairs on one sheet; 0 for all.
-
-    Returns
-    -------
-    sheets : Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
-
-    Raises
-    ------
-    UserError : If there are fewer pairs than a person should see.
+    Sheet ``2 k + 1`` is sheet ``2 k`` with all sides swapped.
     """
     if not 0 <= pairs_per_person <= len(pairs):
         raise UserError(f"--pairs-per-person must be 1 to {len(pairs)}, the number of pairs, or 0 "
@@ -381,8 +349,7 @@ def sheets_of(pairs: Sequence[Pair], pairs_per_person: int = 0) -> list[Sheet]:
         shown = [(window * size + place) % len(pairs) for place in range(size)]
         sides = _swapped([pairs[number].methods for number in shown])
         for mirrored in (False, True):
-            sheets.append(tuple((number, side != mirrored)
-                                for number, side in zip(shown, sides)))
+            sheets.append(tuple((number, side != mirrored) for number, side in zip(shown, sides)))
     return sheets
 
 
@@ -456,34 +423,24 @@ def _design(config: StudyConfig, questions: Sequence[Question], entries: Sequenc
     return {"study": hashlib.sha256(text).hexdigest()[:12], **design}
 
 
-def _streams(files: dict[str, bytes]) -> str:
-    return "\n".join(f'<script type="application/octet-stream" data-stream="{name}">'
-                     f"{base64.b64encode(data).decode()}</script>"
-                     for name, data in files.items())
-
-
 def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None = None, *,
                 seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
-    """Write the page of a user study.
+    """Write the page of a user study of the portraits that `entries_of` finds.
+
+    An older study in the folder is not overwritten: answers to it would be lost.
 
     Parameters
     ----------
-    jobs : What is compared: see `entries_of`.
-    out : Folder for ``index.html`` (opens offline), ``study.json`` and, where the videos are
-        large, ``media/``.
+    out : Folder for ``index.html`` (opens offline), ``study.json`` and, where the videos are large,
+        ``media/``.
     config : Questions, pairs and looks.
     seed : Seed of the order in which pairs are dealt out.
 
     Returns
     -------
     figures : ``study`` (its name), ``methods``, ``groups`` of sitter and style, ``pairs``,
-        ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of
-        the ``media`` beside it.
-
-    Raises
-    ------
-    UserError : If an input can't be used, or the folder holds another study: answers to it would
-        be lost.
+        ``pairs_per_person``, ``answers_per_person``, ``sheets``, ``bytes`` of the page and of the
+        ``media`` beside it.
     """
     config, out = config or StudyConfig(), Path(out)
     questions = questions_of(config.questions)
@@ -515,7 +472,7 @@ def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None
                 stream.write(clip.data)
     parts = {"title": html.escape(config.title), "style": _text("study.css"),
              "script": study_script(), "study": script_json(data),
-             "streams": _streams({**pictures, **(videos if embedded else {})})}
+             "streams": script_streams({**pictures, **(videos if embedded else {})})}
     # One pass: what is put in may itself hold such a mark.
     page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], _text("study.html")).encode()
     with atomic_write(out / "index.html") as stream:
@@ -560,12 +517,7 @@ def _frames(container: Any) -> Iterator[UInt8]:
 
 
 def clip_of(path: Path) -> Clip:
-    """Read a video; formats that browsers may not show are re-encoded as H.264.
-
-    Raises
-    ------
-    UserError : If it can't be read or has no pictures.
-    """
+    """Read a video; formats that browsers may not show are re-encoded as H.264."""
     import av
 
     try:
@@ -594,13 +546,7 @@ def clip_of(path: Path) -> Clip:
 
 
 def picture_bytes(image: UInt8, longest: int = 640) -> bytes:
-    """A picture as WebP, its longer side at most ``longest`` pixels.
-
-    Parameters
-    ----------
-    image : uint8 [H, W, 3].
-    longest : Length in pixels.
-    """
+    """A picture uint8 [H, W, 3] as WebP, its longer side at most ``longest`` pixels."""
     picture = Image.fromarray(image)
     picture.thumbnail((longest, longest), Image.Resampling.LANCZOS)
     buffer = io.BytesIO()

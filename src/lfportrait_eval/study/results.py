@@ -13,6 +13,7 @@ from typing import Any
 
 from lfportrait.files import atomic_write, write_json
 
+from ..markdown import interval, number, percent, table
 from .analysis import analyse, read_answers
 
 _COLUMNS = {
@@ -24,34 +25,15 @@ _COLUMNS = {
 }
 
 
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.1f} %"
-
-
-def _interval(row: dict[str, Any]) -> str:
-    return "-" if row["low"] is None else f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
-
-
 def _p(value: float) -> str:
     return "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    def cells(row: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
-
-    return "\n".join([cells(head), cells(["---"] * len(head)), *map(cells, rows)])
-
-
 def _preferences(figures: dict[str, Any]) -> str:
-    return _table(
+    return table(
         ("question", "preferred", "to", "share", "95 % interval", "answers", "people for : against",
          "p", "p (Holm)"),
-        [(row["question"], row["first"], row["second"], _percent(row["share"]), _interval(row),
+        [(row["question"], row["first"], row["second"], percent(row["share"]), interval(row),
           str(row["total"]), f"{row['people_for']} : {row['people_against']}", _p(row["p"]),
           _p(row["p_holm"])) for row in figures["preferences"]])
 
@@ -59,9 +41,9 @@ def _preferences(figures: dict[str, Any]) -> str:
 def _ranking(figures: dict[str, Any]) -> str:
     rows = [row for ranking in figures["ranking"].values() for row in ranking or ()]
     missing = [name for name, ranking in figures["ranking"].items() if ranking is None]
-    text = _table(("question", "method", "strength", "95 % interval", "wins expected"),
+    text = table(("question", "method", "strength", "95 % interval", "wins expected"),
                   [(row["question"], row["method"], f"{row['strength']:+.2f}",
-                    f"{row['low']:+.2f} to {row['high']:+.2f}", _percent(row["expected_share"]))
+                    f"{row['low']:+.2f} to {row['high']:+.2f}", percent(row["expected_share"]))
                    for row in rows]) if rows else ""
     if missing:
         text += ("\n\nNo ranking: some methods were never compared, not even indirectly.")
@@ -72,11 +54,11 @@ def _people(figures: dict[str, Any]) -> str:
     rows = []
     for agreement, oneself, left in zip(figures["agreement"], figures["self_agreement"],
                                         figures["left"]):
-        rows.append((agreement["question"], _number(agreement["kendall_u"]),
-                     _number(agreement["fleiss_kappa"]), _number(agreement["krippendorff_alpha"]),
-                     f"{_percent(oneself['share'])} of {oneself['total']}",
-                     f"{_percent(left['share'])} ({_interval(left)})"))
-    return _table(("question", "Kendall's u", "Fleiss' kappa", "Krippendorff's alpha",
+        rows.append((agreement["question"], number(agreement["kendall_u"]),
+                     number(agreement["fleiss_kappa"]), number(agreement["krippendorff_alpha"]),
+                     f"{percent(oneself['share'])} of {oneself['total']}",
+                     f"{percent(left['share'])} ({interval(left)})"))
+    return table(("question", "Kendall's u", "Fleiss' kappa", "Krippendorff's alpha",
                    "same choice again", "left chosen"), rows)
 
 
@@ -112,7 +94,7 @@ def _markdown(figures: dict[str, Any]) -> str:
 def _chart_files(figures: dict[str, Any]) -> dict[str, str]:
     def group(rows: Sequence[dict[str, Any]]) -> list[Row]:
         return [Row(f"{row['first']} over {row['second']}", 100 * row["share"], 100 * row["low"],
-                    100 * row["high"], f"{_percent(row['share'])} of {row['total']}")
+                    100 * row["high"], f"{percent(row['share'])} of {row['total']}")
                 for row in rows]
 
     names = [question["name"] for question in figures["questions"]]
@@ -142,24 +124,10 @@ def _csv(rows: Sequence[dict[str, Any]], columns: Sequence[str]) -> str:
 
 def write_results(files: Sequence[str | Path], out: str | Path, *, study: Path | None = None,
                   seed: int = 0) -> dict[str, Any]:
-    """Evaluate the answers to a study.
+    """Evaluate the answers to a study; figures of `analyse`, and ``left_out``, as `read_answers`.
 
-    Parameters
-    ----------
-    files : Answer files.
-    out : Folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
-        ``preferences.svg`` and ``ranking.svg``.
-    study : The study's ``study.json``, or its folder, to check the answers against.
-    seed : Seed of the bootstrap.
-
-    Returns
-    -------
-    figures : Those of `analyse`, and ``left_out``: files that can't be used, each with the
-        ``reason``.
-
-    Raises
-    ------
-    UserError : If no file can be used.
+    ``out`` is a folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
+    ``preferences.svg`` and ``ranking.svg``.
     """
     people, left_out = read_answers([Path(file) for file in files], study)
     figures = analyse(people, seed)
@@ -178,18 +146,12 @@ def write_results(files: Sequence[str | Path], out: str | Path, *, study: Path |
 
 _INK, _SOFT, _GRID = "#28282c", "#6f6f76", "#e2e2e6"
 _COLORS = ("#1f62b4", "#c85214", "#28824a", "#823c96")
-_ROW, _LETTER = 26, 7.2
+_WIDTH, _ROW, _LETTER = 860, 26, 7.2
 
 
 @dataclass(frozen=True)
 class Row:
-    """One value.
-
-    Attributes
-    ----------
-    label, note : What stands on the left and on the right of it.
-    value, low, high : The dot, and the ends of the line.
-    """
+    """A dot, the ends of the line through it, and the words to its left and right."""
 
     label: str
     value: float
@@ -214,22 +176,11 @@ def _text(x: float, y: float, text: str, anchor: str = "start", color: str = _IN
 
 
 def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, across: str,
-                   reference: float, span: tuple[float, float] | None = None,
-                   width: int = 860) -> str:
-    """Draw groups of values with their intervals.
+                   reference: float, span: tuple[float, float] | None = None) -> str:
+    """Draw groups of values, a heading and rows each, with their intervals, as SVG text.
 
-    Parameters
-    ----------
-    groups : Heading and rows of each; at least one row in all.
-    title : What the drawing shows.
-    across : What the axis shows.
-    reference : Where a line marks no difference.
-    span : Ends of the axis; by default what the intervals need.
-    width : Width of the drawing in pixels.
-
-    Returns
-    -------
-    svg : The drawing as text.
+    ``across`` says what the axis shows, from end to end of ``span`` (by default what the intervals
+    need); a line marks no difference at ``reference``.
     """
     rows = [row for _, members in groups for row in members]
     if span is None:
@@ -239,13 +190,13 @@ def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, a
     else:
         low, high = span
     left = 24 + _LETTER * max(len(row.label) for row in rows)
-    right = width - 40 - _LETTER * max(len(row.note) for row in rows)
+    right = _WIDTH - 40 - _LETTER * max(len(row.note) for row in rows)
     bottom = 56 + _ROW * (len(rows) + sum(1.5 if name else 0.5 for name, _ in groups))
 
     def place(value: float) -> float:
         return left + (right - left) * (value - low) / max(high - low, 1e-9)
 
-    parts = [f'<rect width="{width}" height="{bottom + 56:.0f}" fill="#fff"/>',
+    parts = [f'<rect width="{_WIDTH}" height="{bottom + 56:.0f}" fill="#fff"/>',
              _text(16, 28, title, weight="bold")]
     for tick in _ticks(low, high):
         parts += [f'<path d="M{place(tick):.1f} 44V{bottom:.1f}" stroke="{_GRID}"/>',
@@ -253,8 +204,8 @@ def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, a
     parts.append(f'<path d="M{place(reference):.1f} 44V{bottom:.1f}" stroke="{_SOFT}" '
                  'stroke-dasharray="4 3"/>')
     y = 56.0
-    for number, (name, members) in enumerate(groups):
-        color = _COLORS[number % len(_COLORS)]
+    for group, (name, members) in enumerate(groups):
+        color = _COLORS[group % len(_COLORS)]
         if name:
             y += _ROW
             parts.append(_text(16, y - 6, name, color=color, weight="bold"))
@@ -266,9 +217,9 @@ def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, a
                       f'stroke="{color}" stroke-width="3" stroke-linecap="round"/>',
                       f'<circle cx="{place(row.value):.1f}" cy="{middle}" r="5.5" '
                       f'fill="{color}"/>',
-                      _text(width - 16, y - 5, row.note, "end", _SOFT)]
+                      _text(_WIDTH - 16, y - 5, row.note, "end", _SOFT)]
         y += _ROW / 2
     parts.append(_text((left + right) / 2, bottom + 40, across, "middle", _SOFT))
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {bottom + 56:.0f}" '
-            f'width="{width}" font-family="system-ui, sans-serif" font-size="13" role="img">\n'
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {bottom + 56:.0f}" '
+            f'width="{_WIDTH}" font-family="system-ui, sans-serif" font-size="13" role="img">\n'
             f"<title>{escape(title)}</title>\n" + "\n".join(parts) + "\n</svg>\n")

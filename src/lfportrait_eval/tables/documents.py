@@ -20,6 +20,7 @@ from lfportrait.errors import UserError
 from lfportrait.files import atomic_write, write_json
 from lfportrait.share import Picture, Report, Section, Table, write_report
 
+from ..markdown import interval, number, percent, table
 from ..study import Row, interval_chart
 from .figures import missing_networks
 
@@ -151,6 +152,8 @@ BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 _MARKS = {"low": " ↓", "high": " ↑", "one": " → 1", "": ""}
 
 Rows = dict[str, dict[str, Spread]]
+Grid = tuple[str, list[str], list[list[str]], list[str | None]]
+"""A table: title, head, rows, and the method that is best in each column but the first."""
 
 
 def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
@@ -159,40 +162,36 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
                     paintings: dict[str, UInt8] | None) -> dict[str, Any]:
     """Write ``tables.md``, ``tables.csv``, ``tables.json`` and, with pictures, ``index.html``.
 
+    Returns the figures of ``tables.json``.
+
     Parameters
     ----------
-    out : Folder.
     facts : What the run was: sizes, seed, machine, sitters, styles, methods.
     cells, floors : What was measured.
-    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are
-        none.
+    speed, study : Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
     failures : Cells that could not be measured.
     paintings : The styles' pictures by name, for the page; None writes none.
-
-    Returns
-    -------
-    figures : Those of ``tables.json``.
     """
     missing = missing_networks()
     rows = spreads(cells, list(facts["methods"]))
     base = _floor_rows(floors)
     figures = {
         **{name: asdict(value) if name == "sizes" else value for name, value in facts.items()},
-        "cells": [{**asdict(cell)} for cell in cells], "floors": floors,
+        "cells": [asdict(cell) for cell in cells], "floors": floors,
         "summary": {method: {name: asdict(spread) for name, spread in row.items()}
                     for method, row in {**rows, **base}.items()},
         "not_measured": {"cells": list(failures), "networks": missing},
         **{name: value for name, value in speed.items() if name != "stage_seconds"},
         **({"study": study} if study is not None else {})}
-    text = markdown_tables(facts, rows, base, cells, speed, study, failures, missing)
+    grids = [*_grids(rows, base, facts), *_speed_grids(speed)]
+    notes = _notes(facts, cells, failures, missing)
+    text = markdown_tables(facts, base, grids, study, notes)
     for name, content in (("tables.md", text), ("tables.csv", _csv(cells, floors))):
         with atomic_write(out / name) as stream:
             stream.write(content.encode())
     write_json(out / "tables.json", figures)
     if paintings is not None:
-        tables = [(title, *table) for title, table in _grids(rows, base, facts).items()]
-        write_tables_page(out, facts, cells, rows, base, tables + _speed_grids(speed),
-                          _notes(facts, cells, failures, missing), paintings)
+        write_tables_page(out, facts, cells, rows, base, grids, notes, paintings)
     return figures
 
 
@@ -203,24 +202,19 @@ def _floor_rows(floors: dict[str, dict[str, Any]]) -> Rows:
     return spreads(made, list(FLOORS))
 
 
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}"
-
-
 def spread_text(spread: Spread | None, digits: int) -> str:
     """Mean and spread as text; a dash where nothing was measured."""
     if spread is None:
         return "-"
     if spread.count == 1:
-        return _number(spread.mean, digits)
-    return f"{_number(spread.mean, digits)} ± {_number(spread.deviation, digits)}"
+        return number(spread.mean, digits)
+    return f"{number(spread.mean, digits)} ± {number(spread.deviation, digits)}"
 
 
-def _grids(rows: Rows, base: Rows, facts: dict[str, Any],
-           ) -> dict[str, tuple[list[str], list[list[str]], list[str | None]]]:
-    """Each table: its head, its rows, and the method that is best in each column."""
+def _grids(rows: Rows, base: Rows, facts: dict[str, Any]) -> list[Grid]:
+    """The tables of `GROUPS`."""
     methods = list(facts["methods"])
-    found = {}
+    found: list[Grid] = []
     for key, (title, names) in GROUPS.items():
         known = [name for name in names if any(name in row for row in rows.values())]
         if not known:
@@ -235,41 +229,36 @@ def _grids(rows: Rows, base: Rows, facts: dict[str, Any],
                           *(spread_text(row.get(name), COLUMNS[name].digits) for name in known),
                           " to ".join(str(count) for count in (
                               [counts[0], counts[-1]] if len(counts) > 1 else counts)) or "0"])
-        found[title] = head, lines, [best(rows, name, methods) for name in known]
+        found.append((title, head, lines, [best(rows, name, methods) for name in known]))
     return found
 
 
-def _speed_grids(speed: dict[str, Any]) -> list[tuple[str, list[str], list[list[str]], list[Any]]]:
+def _speed_grids(speed: dict[str, Any]) -> list[Grid]:
     """Table 1 and Fig. 6."""
-    found: list[tuple[str, list[str], list[list[str]], list[Any]]] = []
+    found: list[Grid] = []
     if "table_1" in speed:
         head = ["resolution", "with mask, s", "without, s", "build the mask, s", "load it, s",
                 "mask, MiB", "memory while coding, MiB"]
         found.append(("Table 1: the mask guide", head, [[
-            row["resolution"], *(_number(row[f"{name}_seconds"], 3)
+            row["resolution"], *(number(row[f"{name}_seconds"], 3)
                                  for name in ("with", "without", "build", "load")),
-            _number(row["bytes"] / 2 ** 20, 1), _number(row["memory_bytes"] / 2 ** 20, 1)]
+            number(row["bytes"] / 2 ** 20, 1), number(row["memory_bytes"] / 2 ** 20, 1)]
             for row in speed["table_1"]], []))
     if "fig_6" in speed:
         head = ["transfer", "pre-calculation, s", "as published, s", "guides and synthesis, s",
                 f"whole, {speed['fig_6_views']} views, s", "patches"]
         found.append(("Fig. 6: transfer by example", head, [[
-            name, _number(row["precalculation_seconds"], 3),
-            "-" if row["published_seconds"] is None else _number(row["published_seconds"], 1),
-            _number(row["synthesis_seconds"], 3), _number(row["whole_seconds"], 1),
-            _number(row["patch_fidelity"], 2)] for name, row in speed["fig_6"].items()], []))
+            name, number(row["precalculation_seconds"], 3),
+            number(row["published_seconds"], 1),
+            number(row["synthesis_seconds"], 3), number(row["whole_seconds"], 1),
+            number(row["patch_fidelity"], 2)] for name, row in speed["fig_6"].items()], []))
     return found
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], winners: Sequence[str | None] = (),
-           ) -> str:
-    """A table in Markdown, the best of each column bold."""
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    shown = [[cell if not 0 < column <= len(winners) or winners[column - 1] != row[0]
-              else f"**{cell}**" for column, cell in enumerate(row)] for row in rows]
-    return "\n".join([line(head), line(["---"] * len(head)), *map(line, shown)])
+def _marked(lines: list[list[str]], winners: list[str | None], mark: str) -> list[list[str]]:
+    """A table's rows with the best of each column in a mark, such as ``**{}**``."""
+    return [[mark.format(cell) if 0 < column <= len(winners) and winners[column - 1] == row[0]
+             else cell for column, cell in enumerate(row)] for row in lines]
 
 
 def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict[str, str]],
@@ -296,9 +285,8 @@ def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict
     return notes + [f"{method}: networks: {text}." for method, text in used.items()]
 
 
-def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequence[Cell],
-                    speed: dict[str, Any], study: dict[str, Any] | None,
-                    failures: Sequence[dict[str, str]], missing: dict[str, list[str]]) -> str:
+def markdown_tables(facts: dict[str, Any], base: Rows, grids: Sequence[Grid],
+                    study: dict[str, Any] | None, notes: Sequence[str]) -> str:
     """All tables in Markdown, with what they were measured on."""
     sizes, machine = facts["sizes"], facts["machine"]
     parts = [
@@ -312,18 +300,14 @@ def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequen
         "once a sitter, in " + ", ".join(f"{seconds:.0f} s ({name})" for name, seconds in
                                         facts["skin_seconds"].items()) + ".",
         "\n".join(f"- `{name}`: {what}" for name, what in facts["methods"].items())]
-    for title, (head, lines, winners) in _grids(rows, base, facts).items():
-        parts += [f"### {title}", _table(head, lines, winners)]
+    for title, head, lines, winners in grids:
+        parts += [f"### {title}", table(head, _marked(lines, winners, "**{}**"))]
         if title == GROUPS["consistency"][0]:
             parts.append(_photo_note(base))
-    for title, head, lines, _ in _speed_grids(speed):
-        parts += [f"### {title}", _table(head, lines)]
     if study is not None:
         parts += ["### User study", _study(study)]
-    notes = _notes(facts, cells, failures, missing)
-    if notes:
-        parts += ["### Not measured, and with which networks",
-                  "\n".join(f"- {note}" for note in notes)]
+    parts += ["### Not measured, and with which networks",
+              "\n".join(f"- {note}" for note in notes)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -337,9 +321,8 @@ def _photo_note(base: Rows) -> str:
 
 def _study(study: dict[str, Any]) -> str:
     """Who was preferred to whom."""
-    return _table(("question", "preferred", "to", "share", "95 % interval", "answers"), [
-        (row["question"], row["first"], row["second"], f"{100 * row['share']:.1f} %",
-         "-" if row["low"] is None else f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %",
+    return table(("question", "preferred", "to", "share", "95 % interval", "answers"), [
+        (row["question"], row["first"], row["second"], percent(row["share"]), interval(row),
          str(row["total"])) for row in study["preferences"]])
 
 
@@ -359,12 +342,7 @@ def _csv(cells: Sequence[Cell], floors: dict[str, dict[str, Any]]) -> str:
 
 
 def place_in(path: Path) -> tuple[str, str]:
-    """The text before and after the tables in a Markdown file.
-
-    Raises
-    ------
-    UserError : If the file can't be read, or has no lines `BEGIN` and `END`.
-    """
+    """The text before and after the tables in a Markdown file."""
     try:
         text = path.read_text("utf-8")
     except OSError as error:
@@ -381,8 +359,6 @@ def fill_document(path: Path, tables: str) -> None:
     with atomic_write(path) as stream:
         stream.write(f"{before}{BEGIN}\n\n{tables.strip()}\n\n{behind}".encode())
 
-
-Grid = tuple[str, list[str], list[list[str]], list[Any]]
 
 _PLOTS = ("short_normalised", "long_normalised", "patches", "sharpness", "identity_error",
           "contours", "content", "seconds_once")
@@ -409,29 +385,22 @@ def _chart(name: str, rows: Rows, base: Rows) -> str | None:
 
 
 def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], rows: Rows,
-                      base: Rows, tables: Sequence[Grid], notes: Sequence[str],
+                      base: Rows, grids: Sequence[Grid], notes: Sequence[str],
                       paintings: dict[str, UInt8]) -> None:
-    """Write ``index.html``.
+    """Write ``index.html`` of what was measured into the run's folder, which has its pictures.
 
-    Parameters
-    ----------
-    out : Folder of the run, with its pictures.
-    facts, cells, rows, base, tables, notes : What was measured.
-    paintings : The styles' pictures by name.
+    ``paintings`` are the styles' pictures by name.
     """
     sections = [Section("What is compared", "\n\n".join(
         f"{name}: {what}" for name, what in facts["methods"].items()))]
-    sections += [Section(title, tables=[Table([[
-        f"{cell} (best)" if 0 < column <= len(winners) and winners[column - 1] == line[0]
-        else cell for column, cell in enumerate(line)] for line in lines], head)])
-        for title, head, lines, winners in tables]
+    sections += [Section(title, tables=[Table(_marked(lines, winners, "{} (best)"), head)])
+                 for title, head, lines, winners in grids]
     drawings = [chart for name in _PLOTS if (chart := _chart(name, rows, base)) is not None]
     sections.append(Section(
         "Plots", "Mean and standard deviation over sitters and styles. The dashed line is the "
         "field before style where it has the figure, 1 where 1 is best, else the first method.",
         drawings=drawings))
-    if notes:
-        sections.append(Section("Not measured, and with which networks", "\n\n".join(notes)))
+    sections.append(Section("Not measured, and with which networks", "\n\n".join(notes)))
     for sitter in facts["sitters"]:
         for style in facts["styles"]:
             mine = [cell for cell in cells if (cell.sitter, cell.style) == (sitter, style)]
@@ -458,10 +427,10 @@ def _pictures(out: Path, sitter: str, style: str, cells: Sequence[Cell],
                    "At -45, 0 and 45 degrees.", pictures, layout="grid")
 
 
-def _on_strip(painting: UInt8, height: int = 256) -> UInt8:
+def _on_strip(painting: UInt8) -> UInt8:
     """A painting in the middle of a white strip, three times as wide as high like all others."""
     picture = Image.fromarray(painting)
-    picture.thumbnail((3 * height, height), Image.Resampling.LANCZOS)
-    strip = Image.new("RGB", (3 * height, height), "white")
+    picture.thumbnail((768, 256), Image.Resampling.LANCZOS)
+    strip = Image.new("RGB", (768, 256), "white")
     strip.paste(picture, ((strip.width - picture.width) // 2, 0))
     return np.asarray(strip)

@@ -17,6 +17,7 @@ from scipy import ndimage
 from lfportrait import models
 from lfportrait.arrays import Bool, Float32, Float64, UInt8
 from lfportrait.capture import Camera, Capture
+from lfportrait.color import to_uint8
 from lfportrait.example import Exemplar
 from lfportrait.face import detect_landmarks
 from lfportrait.field import Rendering, VoxelField
@@ -24,7 +25,9 @@ from lfportrait.metrics import psnr, ssim
 from lfportrait.stylize import row_labels
 
 from ..metrics.features import (
+    CROP,
     LPIPS_NETWORKS,
+    exemplar_crops,
     feature_distance,
     frechet_distance,
     inception_features,
@@ -48,6 +51,7 @@ from ..metrics.views import (
     contour_correlation,
     face_region,
     identity,
+    known_means,
     pair_error,
     warp,
 )
@@ -57,8 +61,6 @@ Figures = dict[str, float | None]
 
 REGIONS = ("hair", "body")
 """Whose paint may repeat itself."""
-CROP = 0.6
-"""Side of a crop over the width of the face."""
 
 
 def missing_networks() -> dict[str, list[str]]:
@@ -77,19 +79,12 @@ def distances(device: str = "auto") -> dict[str, Comparison]:
 
 
 class Target:
-    """What a sitter's views in one style are measured against; computed once for all methods.
-
-    Parameters
-    ----------
-    sitter, exemplar : Who, and in whose manner.
-    crops, seed : Number of crops, and of all samples.
-    """
+    """What a sitter's views in one style are measured against; computed once for all methods."""
 
     def __init__(self, sitter: Sitter, exemplar: Exemplar, crops: int, seed: int) -> None:
         self.sitter, self.exemplar, self.crops, self.seed = sitter, exemplar, crops, seed
         self.middle = len(sitter.close) // 2
-        self.picture, masks = exemplar_regions(exemplar, sitter.unit, REGIONS,
-                                               MARGIN * sitter.unit)
+        self.picture, masks = exemplar_regions(exemplar, sitter.unit, REGIONS, MARGIN * sitter.unit)
         scale = sitter.unit / exemplar.size
         self.face = face_region(self.picture.shape, exemplar.landmarks * scale)
         self.energy = gradient_energy(self.picture, self.face)
@@ -100,17 +95,9 @@ class Target:
     @functools.cached_property
     def features(self) -> dict[str, Float64]:
         """Inception features of the exemplar's crops."""
-        exemplar = self.exemplar
-        width = float(np.ptp(exemplar.landmarks[:, 0]))
-        if exemplar.mask is None:
-            mask = np.zeros(exemplar.image.shape[:2], bool)
-            low, high = exemplar.landmarks.min(axis=0), exemplar.landmarks.max(axis=0)
-            mask[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
-        else:
-            mask = exemplar.mask > 0.5
-        return inception_features(spread_crops(
-            [exemplar.image], [mask], max(int(CROP * width), 16), self.crops, self.seed + 1),
-            full=models.available("inception-2048"), device=self.sitter.device)
+        return inception_features(exemplar_crops(self.exemplar, self.crops, self.seed + 1),
+                                  full=models.available("inception-2048"),
+                                  device=self.sitter.device)
 
     @functools.cached_property
     def regions(self) -> list[dict[str, Bool]]:
@@ -122,18 +109,10 @@ class Target:
 
 def measure(views: Views, target: Target, example: Views | None = None,
             say: Callable[[str], None] = lambda text: None) -> Figures:
-    """All figures of a method's views.
+    """All figures of a method's views by name, see `documents.COLUMNS`; None where unknown.
 
-    Parameters
-    ----------
-    views : Of the method; those of the real field give its floor.
-    target : Sitter and style.
-    example : The same views painted by transfer, each by itself: the other reference of Table 2.
-    say : Called with what is being measured.
-
-    Returns
-    -------
-    figures : By name, see `summary.COLUMNS`; None where something can't be measured.
+    Those of the real field give its floor. ``example``: the same views painted by transfer, each by
+    itself: the other reference of Table 2.
     """
     say("consistency")
     figures = agreement(views, target.sitter)
@@ -156,15 +135,8 @@ def _floats(pictures: list[UInt8]) -> list[Float32]:
 def agreement(views: Views, sitter: Sitter) -> Figures:
     """Consistency of neighbours, of views 7 apart and of the arc's ends; contrast.
 
-    Parameters
-    ----------
-    views : Of a method, or of the real field.
-    sitter : Whose field's depths say what is the same point.
-
-    Returns
-    -------
-    figures : ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``;
-        ``contrast``: gradient energy over the real field's.
+    ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``; ``contrast``:
+    gradient energy over the real field's. The sitter's field's depths say what is the same point.
     """
     arc, painted = sitter.arc, _floats(views.arc)
     rows = consistency(painted, arc.real, arc.cameras, gaps=(1, 7),
@@ -248,8 +220,7 @@ def _pairs(views: Views, sitter: Sitter, example: Views | None) -> Figures:
 def _style(views: Views, target: Target) -> Figures:
     """Distances of Inception features of crops to the exemplar's."""
     sitter = target.sitter
-    width = float(np.ptp(landmarks_in(sitter.close_cameras, target.middle,
-                                      sitter.landmarks)[:, 0]))
+    width = float(np.ptp(landmarks_in(sitter.close_cameras, target.middle, sitter.landmarks)[:, 0]))
     ours = inception_features(spread_crops(
         views.close, [shot.alpha > 0.5 for shot in sitter.close], max(int(CROP * width), 16),
         target.crops, target.seed), full=models.available("inception-2048"),
@@ -266,14 +237,10 @@ NEAR = (0.5, 1.6)
 """How wide a pair may be over the gap that is wanted."""
 
 
-def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tuple[int, int]]:
+def photo_pairs(cameras: Camera, degrees: float) -> list[tuple[int, int]]:
     """Pairs of views whose directions to the head differ by about ``degrees``, nearest first.
 
-    Parameters
-    ----------
-    cameras : V cameras about the origin.
-    degrees : Wanted angle between the two.
-    count : At most so many; no camera is in two pairs, where there are enough.
+    The cameras lie about the origin. At most `PAIRS`; no camera is in two, where there are enough.
     """
     direction = cameras.position / np.linalg.norm(cameras.position, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.clip(direction @ direction.T, -1, 1)))
@@ -283,7 +250,7 @@ def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tup
     chosen: list[tuple[int, int]] = []
     for pair in good[np.argsort(np.abs(apart[good] - degrees), kind="stable")]:
         one, other = int(first[pair]), int(second[pair])
-        if len(chosen) < count and not any({one, other} & set(taken) for taken in chosen):
+        if len(chosen) < PAIRS and not any({one, other} & set(taken) for taken in chosen):
             chosen.append((one, other))
     return chosen
 
@@ -299,12 +266,11 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
     ----------
     gaps : Angle in degrees by name (``short``, ``long``).
     size : Width in pixels that the photos are reduced to.
-    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
-    figures : By gap ``rmse``, ``normalised``, ``lpips_...`` and ``degrees``, the mean angle of
-        its pairs; None where no two photos are as near.
+    figures : By gap ``rmse``, ``normalised``, ``lpips_...`` and ``degrees``, the mean angle of its
+        pairs; None where no two photos are as near.
     """
     cameras = capture.cameras.scaled(min(size / float(capture.cameras.width.max()), 1.0))
     shots: dict[int, Rendering] = {}
@@ -319,18 +285,12 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
             rows.append(_pair(cameras, shots, first, second, _photo(capture, cameras, first),
                               _photo(capture, cameras, second), device))
         names = ["rmse", "normalised", *distances(device)]
-        means = np.full(len(names), np.nan) if not rows else _known_means(np.array(rows))
+        means = np.full(len(names), np.nan) if not rows else known_means(np.array(rows))
         figures |= {f"{name}_{key}": float(value) if np.isfinite(value) else None
                     for key, value in zip(names, means)}
         figures[f"{name}_degrees"] = float(np.mean([_angle(cameras, *pair) for pair in pairs])
                                            ) if pairs else None
     return figures
-
-
-def _known_means(rows: Float64) -> Float64:
-    known = np.isfinite(rows)
-    return np.where(known.any(axis=0), np.where(known, rows, 0).sum(axis=0)
-                    / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 def _angle(cameras: Camera, first: int, second: int) -> float:
@@ -341,7 +301,7 @@ def _angle(cameras: Camera, first: int, second: int) -> float:
 
 def _photo(capture: Capture, cameras: Camera, view: int) -> Float32:
     """A photo on white at the cameras' size."""
-    picture = (capture.image_float(view) * 255 + 0.5).astype(np.uint8)
+    picture = to_uint8(capture.image_float(view))
     size = int(cameras.width[view]), int(cameras.height[view])
     small = Image.fromarray(picture).resize(size, Image.Resampling.BOX)
     return np.asarray(small, np.float32) / np.float32(255)

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from lfportrait.arrays import Float64, UInt8
 from lfportrait.capture import Camera, Capture
+from lfportrait.color import to_uint8
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example import (
@@ -81,8 +82,7 @@ def _field_methods() -> dict[str, MethodEntry]:
     """What `stylize` can do, methods of any package, and the paper's way with other guides."""
     names = (*_FIELDS, *(name for name in offered("lfportrait.field_methods")
                          if name not in _FIELDS))
-    return {name: MethodEntry("field", _FIELDS.get(name, "see docs/methods.md"))
-            for name in names}
+    return {name: MethodEntry("field", _FIELDS.get(name, "see docs/methods.md")) for name in names}
 
 
 METHODS: dict[str, MethodEntry] = {
@@ -176,12 +176,7 @@ class TablesConfig:
     are set by the options above."""
 
     def all_sizes(self) -> Sizes:
-        """The sizes of this run: those that are given, else those of ``size``.
-
-        Raises
-        ------
-        UserError : If there is no such size or it is no number.
-        """
+        """The sizes of this run: those that are given, else those of ``size``."""
         kinds = {"float": float, "int": int}
         known = {one.name: kinds[str(one.type)] for one in fields(Sizes)}
         given: dict[str, Any] = {}
@@ -233,13 +228,6 @@ Opener = Callable[[Path], Capture]
 """Makes a capture of what a user named."""
 
 
-def bytes_of(image: NDArray[Any]) -> UInt8:
-    """A picture in [0, 1] as uint8; uint8 as it is."""
-    if image.dtype == np.uint8:
-        return np.asarray(image, np.uint8)
-    return np.asarray(np.clip(image, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
-
-
 def landmarks_in(cameras: Camera, view: int, landmarks: NDArray[np.floating],
                  ) -> Float64:
     """Landmarks [68, 3] in space as pixels [68, 2] of a view."""
@@ -263,16 +251,9 @@ class Source:
 
 
 def sources_of(captures: tuple[str, ...], fields: tuple[str, ...] = ()) -> list[Source]:
-    """Sitters from words of the command line.
+    """Sitters from words of the command line: ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
 
-    Parameters
-    ----------
-    captures : ``CAP``, ``NAME=CAP`` or ``NAME=CAP:FIELD`` each.
-    fields : Field files in the order of the captures, where they are not named there.
-
-    Raises
-    ------
-    UserError : If there is none, a file is missing or a name is used twice.
+    ``fields`` are field files in the order of the captures, where they are not named there.
     """
     if not captures:
         raise UserError("name the sitters: --capture NAME=CAPTURE[:FIELD] ...")
@@ -305,13 +286,11 @@ class Sitter:
 
     Parameters
     ----------
-    name : Of the sitter.
     field, capture : The real field, and its capture with landmarks.
     file : The field's file, for the skin that is kept beside it.
     pixels : Of the skin per world unit.
-    arc : Its width in degrees, its views, and their pixels a side.
-    close_size : Pixels a side of the close views.
-    device : Where networks compute, a choice of ``--device``.
+    arc, close_size : Its width in degrees, its views, and their pixels a side; those of the close
+        views.
     """
 
     def __init__(self, name: str, field: VoxelField, capture: Capture, file: Path, *,
@@ -394,27 +373,18 @@ class Views:
 
 def real_views(sitter: Sitter) -> Views:
     """The real field in the same views."""
-    return Views([bytes_of(shot.color) for shot in sitter.arc.real],
-                 [bytes_of(shot.color) for shot in sitter.close])
+    return Views([to_uint8(shot.color) for shot in sitter.arc.real],
+                 [to_uint8(shot.color) for shot in sitter.close])
 
 
 def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
                 stylize: StylizeConfig, seed: int, progress: Progress | None,
                 ) -> tuple[Views, dict[str, Any]]:
-    """Paint a sitter by a method.
+    """Paint a sitter by a method of `METHODS`: its views, and figures.
 
-    Parameters
-    ----------
-    method : Of `METHODS`.
-    sitter, exemplar : Who, and in whose manner.
-    sizes, stylize, seed : Parameters.
-    progress : Updated with what is being done.
-
-    Returns
-    -------
-    views, figures : ``device`` of the networks; ``seconds``: ``once`` (what is done for all
-        views), ``view`` (what each view takes on top of it); ``cpu_seconds`` and
-        ``peak_memory_bytes`` of all of it; ``networks``, where there are some.
+    ``device`` of the networks; ``seconds``: ``once`` (what is done for all views), ``view`` (what
+    each view takes on top of it); ``cpu_seconds`` and ``peak_memory_bytes`` of all of it;
+    ``networks``, where there are some.
     """
     if METHODS[method].kind == "field":
         return _by_field(method, sitter, exemplar, sizes, stylize, seed, progress)
@@ -440,7 +410,7 @@ def _by_field(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
 
 
 def _seen(styled: VoxelField, cameras: Camera) -> Pictures:
-    return [bytes_of(styled.render(cameras, view).color) for view in range(len(cameras))]
+    return [to_uint8(styled.render(cameras, view).color) for view in range(len(cameras))]
 
 
 def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, seed: int,
@@ -451,7 +421,7 @@ def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, see
         config = replace(config, device=sitter.device)
         device = device_name(torch_device(sitter.device))
     middle = len(sitter.close) // 2
-    front = (bytes_of(sitter.close[middle].color),
+    front = (to_uint8(sitter.close[middle].color),
              landmarks_in(sitter.close_cameras, middle, sitter.landmarks))
     once, prepared = cost_of(lambda: prepare(exemplar, config, [front]))
 
@@ -473,10 +443,10 @@ def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, see
 
 def _single(prepared: Any, shot: Rendering, landmarks: Float64) -> UInt8:
     """One view painted by itself and cut out by the field's opacity, on white."""
-    photo = bytes_of(shot.color)
+    photo = to_uint8(shot.color)
     if isinstance(prepared, Transfer):
         image = prepared.apply(photo, landmarks, mask=shot.alpha).image
     else:
         image = prepared.apply(photo, landmarks).image
     alpha = shot.alpha[..., None]
-    return bytes_of(image * alpha + (1.0 - alpha))
+    return to_uint8(image * alpha + (1.0 - alpha))

@@ -45,6 +45,7 @@ from lfportrait.version import __version__
 from ..baselines.config import NetworkConfig
 from ..bench import METHODS as TRANSFERS
 from ..bench import bench_masks, bench_transfer
+from ..metrics.job import without_nan
 from .documents import Cell, write_documents
 from .figures import Target, agreement, measure, photo_agreement
 from .methods import (
@@ -70,13 +71,7 @@ CellName = tuple[str, str, str]
 
 
 class Teller:
-    """The progress of a run.
-
-    Parameters
-    ----------
-    progress : The line that is drawn; None for silence.
-    waiting : Cells that are to be done.
-    """
+    """The progress of a run whose cells ``waiting`` are to be done; it may be silent."""
 
     def __init__(self, progress: Progress | None, waiting: Sequence[CellName]) -> None:
         self._progress, self._waiting = progress, list(waiting)
@@ -134,21 +129,14 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
                  progress: Progress | None) -> dict[str, Any]:
     """Measure the coding with and without the mask guide, and all methods of transfer.
 
-    Parameters
-    ----------
-    sitter : Whose field is coded.
-    exemplar : The style of the transfers; their photo is the embedded head, 768 x 1024, as the
-        paper's pictures.
-    sizes, size : Of this run; the shortest of some runs counts: ``quick`` codes twice and
-        transfers once.
-    progress : Updated with what is being measured.
+    The photo is the embedded head, 768 x 1024, as the paper's pictures. The shortest of some runs
+    counts: ``quick`` codes twice and transfers once.
 
     Returns
     -------
     figures : ``table_1``: a row by resolution. ``fig_6``: by method of transfer
-        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one
-        picture), and ``whole_seconds``, both for all views that a field is fitted to;
-        ``views``, how many.
+        ``precalculation_seconds`` and ``synthesis_seconds`` (guides and synthesis of one picture),
+        and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
     """
     repeats = 1 if size == "quick" else 3
     # Coding is fast; a single run would measure the machine's noise rather than the mask.
@@ -174,27 +162,18 @@ def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: 
                  config: TablesConfig | None = None, *, open_capture: Opener = Capture.load,
                  seed: int = 0, progress: Progress | None = None,
                  device: str = "auto") -> dict[str, Any]:
-    """Compare methods as in the paper, and write the tables.
+    """Compare methods on sitters (`sources_of`) and styles as in the paper, and write the tables.
 
     Parameters
     ----------
-    sources : The sitters (`sources_of`).
-    exemplars : The styles.
-    out : Folder for ``tables.md``, ``tables.csv``, ``tables.json``, ``index.html``; what was
-        done is kept there, too.
-    config : Methods and sizes.
+    out : Folder for ``tables.md``, ``tables.csv``, ``tables.json``, ``index.html``; what was done
+        is kept there, too.
     open_capture : Makes a capture of what a sitter's source names.
-    seed : Of all random choices.
-    device : Where networks compute, a choice of ``--device``.
 
     Returns
     -------
     figures : Those of ``tables.json``: ``cells``, ``floors``, ``summary`` (mean, deviation and
         number by method and figure), ``not_measured`` with reasons, ``table_1``, ``fig_6``.
-
-    Raises
-    ------
-    UserError : If parameters make no sense, or a sitter has no landmarks.
     """
     config = config or TablesConfig()
     config.check()
@@ -390,7 +369,7 @@ class _Run:
         real = real_views(one)
         write_image(self.out / step.outputs[0], _strip(real))
         degrees = self.config.cone / (self.config.views - 1)
-        return {"field": _plain(agreement(real, one)),
+        return {"field": without_nan(agreement(real, one)),
                 "photos": photo_agreement(one.field, one.capture, {
                     "short": degrees, "long": 7 * degrees}, self.sizes.render_size, self.device),
                 "content_network": "vgg16" if models.available("vgg16") else "embedded",
@@ -445,11 +424,6 @@ class _Run:
             self.out, facts, self._cells(), floors, self.figures.get("speed", {}), study,
             self.failures, {name: one.image for name, one in self.exemplars.items()}
             if pictures else None)
-
-
-def _plain(figures: dict[str, float | None]) -> dict[str, float | None]:
-    return {name: None if value is None or not np.isfinite(value) else float(value)
-            for name, value in figures.items()}
 
 
 def _strip(views: Views) -> Any:

@@ -138,10 +138,10 @@ def test_the_machine_is_measured():
 
 def test_a_plot_shows_its_curves_inside_its_axes():
     picture = line_plot({"a": ([0, 1, 2], [10, 20, 30]), "b": ([2, 0], [12, 12])}, across="x",
-                        up="y", size=(400, 300))
-    assert picture.shape == (300, 400, 3)
+                        up="y")
+    assert picture.shape == (600, 960, 3)
     blue = (picture == (31, 98, 180)).all(-1)
-    plot = blue[60:200, 80:370]
+    plot = blue[60:480, 80:930]
     rows, columns = np.nonzero(plot)
     # The first curve rises from the left to the right.
     assert np.corrcoef(columns, rows)[0, 1] < -0.9

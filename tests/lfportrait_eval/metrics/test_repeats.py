@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lfportrait_eval.metrics import repeats, strongest_repeat
+from lfportrait_eval.metrics import strongest_repeat
 from lfportrait_eval.metrics.repeats import LEAST_PEAK, luma, masked_autocorrelation, over_exemplar
 
 UNIT = 80.0
@@ -17,6 +17,11 @@ def strokes(seed=0, shape=WHOLE.shape, breadth=3.0, contrast=0.1) -> np.ndarray:
     """Independent strokes of one breadth, float32 [H, W]."""
     noise = ndimage.gaussian_filter(np.random.default_rng(seed).standard_normal(shape), breadth)
     return np.float32(0.5 + contrast * noise / noise.std())
+
+
+def repeats(picture: np.ndarray, mask: np.ndarray, unit: float) -> float:
+    """How much a region repeats itself: the highest peak."""
+    return strongest_repeat(picture, mask, unit).peak
 
 
 def grey(plane: np.ndarray) -> np.ndarray:
@@ -114,7 +119,7 @@ def test_nothing_and_nonsense():
     dot = np.zeros_like(WHOLE)
     dot[7, 9] = True
     assert repeats(picture, dot, UNIT) == 0
-    for wrong in ({"unit": 0.0}, {"unit": UNIT, "overlap": 0.0}):
+    for wrong in ({"unit": 0.0}, {"unit": -1.0}):
         with pytest.raises(ValueError, match="must be"):
             strongest_repeat(picture, WHOLE, **wrong)
     with pytest.raises(ValueError, match="mask of its size"):

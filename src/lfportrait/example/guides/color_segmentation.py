@@ -13,6 +13,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, zoom
 
 from ...arrays import Bool, Float32, Int64
+from ...color import LUMA
 
 BINS = 14
 
@@ -97,42 +98,43 @@ def _minimum_cut(image: Float32, unary: Float32, smoothness: float) -> Bool:
     return inside[:source].reshape(height, width)
 
 
-def separate(image: Float32, prior: Float32, *, sure: float = 0.02, smoothness: float = 3.0,
-             rounds: int = 3, size: int = 128, blur: float = 0.0, reach: float = 2.5) -> Float32:
-    """Soft mask of the class that ``prior`` hints at.
+SIZE = 128
+"""Longer side of the picture that is cut."""
+SURE = 0.02
+"""Probabilities below this and above 1 - this are final."""
+ROUNDS = 3
+"""Times that colors and labels are estimated in turn."""
+REACH = 2.5
+"""Largest log likelihood ratio that a color may have."""
+
+
+def separate(image: Float32, prior: Float32, *, smoothness: float = 3.0,
+             blur: float = 0.0) -> Float32:
+    """Soft mask of the class that ``prior`` hints at, float32 [H, W] in [0, 1].
 
     Parameters
     ----------
-    image : float32 [H, W, 3] in [0, 1].
-    prior : float32 [H, W], probability of the class; below ``sure`` and above 1 - ``sure`` it is
-        final.
+    image, prior : float32 [H, W, 3] in [0, 1], and [H, W], probability of the class.
     smoothness : Strength of the term that keeps neighbours together.
-    rounds : Times that colors and labels are estimated in turn.
-    size : Longer side of the picture that is cut.
-    blur : Sigma in pixels of that picture of the blur before colors are compared: drawings show
-        hair as a density of strokes.
-    reach : Largest log likelihood ratio that a color may have.
-
-    Returns
-    -------
-    float32 [H, W] in [0, 1].
+    blur : Sigma in pixels of the picture that is cut of the blur before colors are compared:
+        drawings show hair as a density of strokes.
     """
-    shrink = size / max(image.shape[:2])
+    shrink = SIZE / max(image.shape[:2])
     shape = (max(8, round(image.shape[0] * shrink)), max(8, round(image.shape[1] * shrink)))
     small = np.stack([resize(image[..., c], shape) for c in range(3)], axis=-1)
     belief = resize(prior, shape)
     if blur > 0:
         small = np.stack([gaussian_filter(small[..., c], blur) for c in range(3)], axis=-1)
     cells = _cells(small)
-    fixed_in, fixed_out = belief > 1 - sure, belief < sure
+    fixed_in, fixed_out = belief > 1 - SURE, belief < SURE
     odds = np.log(np.clip(belief, 0.01, 0.99) / np.clip(1 - belief, 0.01, 0.99))
     soft = np.asarray(belief ** 4 / (belief ** 4 + (1 - belief) ** 4), np.float32)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         inside, outside = _histogram(cells, soft), _histogram(cells, 1 - soft)
-        unary = np.clip(np.log(inside / outside)[cells], -reach, reach) + odds
+        unary = np.clip(np.log(inside / outside)[cells], -REACH, REACH) + odds
         unary = np.where(fixed_in, 50, np.where(fixed_out, -50, unary)).astype(np.float32)
         soft = _minimum_cut(small, unary, smoothness).astype(np.float32)
     rough = np.clip(zoom(soft, np.array(image.shape[:2]) / shape, order=1), 0, 1)
     rough = resize(gaussian_filter(rough, 1.0 / shrink * 0.5).astype(np.float32), image.shape[:2])
-    luma = np.asarray(image @ np.array([0.299, 0.587, 0.114], np.float32))
+    luma = np.asarray(image @ LUMA)
     return guided_filter(luma, rough, max(2, round(1.0 / shrink)), 1e-3)

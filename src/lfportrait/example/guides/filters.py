@@ -54,6 +54,12 @@ def shrunk(image: Float32, factor: int) -> Float32:
     return out
 
 
+def smaller(picture: NDArray[np.generic], size: tuple[int, ...]) -> Float32:
+    """A picture [H, W(, C)] at a smaller size (width, height), float32: means of areas."""
+    return np.asarray(cv2.resize(np.asarray(picture, np.float32), size,
+                                 interpolation=cv2.INTER_AREA), np.float32)
+
+
 def enlarged(image: Float32, factor: int, shape: tuple[int, ...]) -> Float32:
     """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
     image = np.ascontiguousarray(image, np.float32)
@@ -88,11 +94,8 @@ def grey(image: NDArray[np.generic]) -> Float32:
 def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.0) -> Float32:
     """Grey minus its Gaussian blur (Fig. 4), float32 [H, W] in [-1, 1].
 
-    Parameters
-    ----------
-    image : uint8 or float in [0, 1], [H, W, 3].
-    sigma : Of the blur, in pixels: slower changes of light are taken out.
-    grain : Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
+    Slower changes of light than ``sigma`` pixels are taken out; the guide itself is blurred by
+    ``grain`` pixels. The picture is uint8 or float in [0, 1].
     """
     luma = grey(image)
     out = np.empty_like(luma)
@@ -130,13 +133,10 @@ class Distribution:
 
 def match_histogram(values: Float32, reference: Float32 | Distribution,
                     inside: NDArray[np.generic]) -> Float32:
-    """Map ``values`` so that those ``inside`` are distributed as ``reference`` (Fig. 4 g).
+    """Map values [H, W] in [-1, 1] so that those inside are distributed as a reference (Fig. 4 g).
 
-    Parameters
-    ----------
-    values : float32 [H, W] in [-1, 1].
-    reference : The wanted distribution, or values in [-1, 1] that have it.
-    inside : [H, W]: values where it exceeds one half count; all values are mapped.
+    Values where ``inside`` exceeds one half count; all are mapped. ``reference`` is the wanted
+    distribution, or values that have it.
     """
     if not isinstance(reference, Distribution):
         reference = Distribution.of(reference)
@@ -150,15 +150,11 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
     return out
 
 
-def skin_distance(colors: NDArray[np.floating], face: Bool,
-                  light: float = 0.4) -> Float32:
+def skin_distance(colors: NDArray[np.floating], face: Bool, light: float = 0.4) -> Float32:
     """How far colors are from those of the face, in standard deviations, float32 [...].
 
-    Parameters
-    ----------
-    colors : float [..., 3], sRGB in [0, 1].
-    face : bool [...], skin of the face.
-    light : How much light and shade count against hue and chroma.
+    Colors [..., 3] are sRGB in [0, 1], ``face`` bool [...] is its skin; ``light`` is how much light
+    and shade count against hue and chroma.
     """
     from skimage.color import rgb2lab
 

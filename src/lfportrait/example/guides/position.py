@@ -23,19 +23,16 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],
                    weights: NDArray[np.floating] | None = None,
                    softness: NDArray[np.floating] | None = None) -> Float64:
-    """Moving least squares with similarities (Schaefer et al. 2006, alpha = 1).
+    """Points [N, 2] mapped by moving least squares with similarities, float64 [N, 2].
+
+    Schaefer et al. 2006, alpha = 1.
 
     Parameters
     ----------
-    points : [N, 2] points to map.
     sources, targets : [M, 2] control points and their images.
     weights : [M] importance of each control point away from it, default 1.
     softness : [M] distance within which a control point attracts instead of pinning, default 0:
         then ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
-
-    Returns
-    -------
-    float64 [N, 2], the mapped points.
     """
     sources, targets = (np.ascontiguousarray(a, np.float64) for a in (sources, targets))
     points = np.ascontiguousarray(points, np.float64)
@@ -48,19 +45,15 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
 
 def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating],
                    exemplar_landmarks: NDArray[np.floating], *, grid: int = 4) -> Float32:
-    """The exemplar's coordinate of every pixel of a target picture.
+    """The exemplar's coordinate (x, y) of every pixel of a target picture, float32 [H, W, 2].
+
+    It may lie outside the exemplar.
 
     Parameters
     ----------
-    shape : (H, W, ...) of the target.
-    target_landmarks, exemplar_landmarks : [M, 2] matching control points in pixels; rows with
-        NaN on either side are left out.
-    grid : The map is evaluated every ``grid`` pixels and bilinear between; 1 evaluates every
-        pixel.
-
-    Returns
-    -------
-    float32 [H, W, 2], (x, y) in exemplar pixels; may lie outside the exemplar.
+    target_landmarks, exemplar_landmarks : [M, 2] matching control points in pixels; rows with NaN
+        on either side are left out.
+    grid : The map is evaluated every ``grid`` pixels and bilinear between.
     """
     known = np.isfinite(target_landmarks).all(axis=1) & np.isfinite(exemplar_landmarks).all(axis=1)
     count = int(known.sum())
@@ -121,10 +114,9 @@ def fold_inside(position: Float32, shape: tuple[int, ...],
 
     Parameters
     ----------
-    position : float32 [..., 2], exemplar coordinates.
-    shape : (H, W, ...) of the exemplar.
+    position, shape : float32 [..., 2], exemplar coordinates, and its (H, W, ...).
     inner : (left, top, right, bottom): the head's box in the exemplar.
-    out : What to change; None makes a copy. ``position`` itself will do.
+    out : What to change, perhaps ``position`` itself; None makes a copy.
     """
     if out is None:
         out = np.empty(position.shape, np.float32)
@@ -177,9 +169,8 @@ def anchor_scale(anchor: Float32) -> float:
     return float(np.median(smaller)) if smaller.size else 1.0
 
 
-def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1,
-                     cell: int = 1) -> Float32:
-    """How much slower the position changes than the anchor, float32 [H, W] in [least, 1].
+def relative_stretch(position: Float32, anchor: Float32, cell: int = 1) -> Float32:
+    """How much slower the position changes than the anchor, float32 [H, W] in [0.1, 1].
 
     Where many surface points share a place in the exemplar (the back of a head), the position can't
     ask for more than that: its weight falls in proportion. Only one pixel of each ``cell`` x
@@ -187,5 +178,5 @@ def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1,
     """
     height, width = position.shape[:2]
     ratio = np.empty((-(-height // cell), -(-width // cell)), np.float32)
-    stretch(position, anchor, np.float32(least), cell, ratio)
+    stretch(position, anchor, np.float32(0.1), cell, ratio)
     return enlarged(gaussian_blur(ratio, 2.0 / cell), cell, (height, width))

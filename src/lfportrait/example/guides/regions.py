@@ -24,10 +24,11 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from ...arrays import Float32, Float64, UInt8
+from ...color import to_uint8
 from ...labels import PICTURE_LABELS
 from ..kernels.labels import soft_labels
 from .color_segmentation import overlap, separate
-from .filters import broad_blur, disk, gaussian_blur, grey, shrunk
+from .filters import broad_blur, disk, gaussian_blur, grey, shrunk, smaller
 
 
 @dataclass(frozen=True)
@@ -85,18 +86,11 @@ OUTLINE_BLUR = 0.02
 
 def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, frame: FaceFrame,
                   like: frozenset[str] = frozenset()) -> UInt8:
-    """Soft labels of a picture.
+    """Soft labels, uint8 [H, W, len(PICTURE_LABELS)], 255 = wholly inside; about 255 in sum.
 
-    Parameters
-    ----------
-    person, hair : float32 [H, W]; no hair if None.
-    landmarks, frame : [68, 2] and the face's frame.
-    like : Labels (``hair``, ``body``) to give to those that stand in for them, where the
-        exemplar has none (`missing_labels`): hair to the skin, the body to the background.
-
-    Returns
-    -------
-    uint8 [H, W, len(PICTURE_LABELS)], 255 = wholly inside; about 255 in sum.
+    ``person`` and ``hair`` are float32 [H, W]. ``like`` are labels (``hair``, ``body``) to give to
+    those that stand in for them, where the exemplar has none (`missing_labels`): hair to the skin,
+    the body to the background.
     """
     blur = 0.03 * frame.height
     factor = 2 * min(4, max(1, int(blur / 4))) if blur >= 2 else 1
@@ -235,14 +229,11 @@ class Regions:
         return left, right
 
     def spans(self, depths: Float64) -> Float64:
-        """Left and right edge of neck or body at some ``depths`` below the brows.
+        """Left and right edge of neck or body at ``depths`` [D] below the brows, float64 [D, 2].
 
-        That is the longest piece of the line across: the neck of a turned head lies beside the
-        face. Where the person's mask shows none they are two thirds as far apart as the ears.
-
-        Returns
-        -------
-        float64 [D, 2], to the right of the brows' middle, in units of the frame's height.
+        They count from the brows' middle to the right, in units of the frame's height. It is the
+        longest piece of the line across: the neck of a turned head lies beside the face. Where the
+        person's mask shows none they are two thirds as far apart as the ears.
         """
         frame = self.frame
         across = np.linspace(-2.0, 2.0, 321)
@@ -393,45 +384,38 @@ def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
 
 def _networks(image: UInt8, size: int) -> tuple[Float32 | None, Float32 | None]:
     """Person and hair from the segmentation networks, None where their weights are missing."""
-    try:
-        from ... import face, models
+    from ... import face, models
 
-        known = [not models.missing([f"{part}-segmentation"]) for part in ("person", "hair")]
-        if all(known):
-            return face.mattes(image, size=size)
-        return (face.person_matte(image) if known[0] else None,
-                face.hair_mask(image, size=size) if known[1] else None)
-    except ImportError:
-        return None, None
+    known = [not models.missing([f"{part}-segmentation"]) for part in ("person", "hair")]
+    if all(known):
+        return face.mattes(image, size=size)
+    return (face.person_matte(image) if known[0] else None,
+            face.hair_mask(image, size=size) if known[1] else None)
 
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
                  mask: Float32 | None = None, networks: bool = True,
                  size: int = 512, by_color: bool = True, denied: float = 0.0) -> Regions:
-    """Segment a portrait.
+    """Segment a portrait, uint8 or float in [0, 1], [H, W, 3], with landmarks [68, 2].
 
     Parameters
     ----------
-    image : uint8 or float in [0, 1], [H, W, 3].
-    landmarks : [68, 2].
     mask : float32 [H, W], the person where it is known.
     networks : Use the segmentation networks where their weights are at hand and the result is
         plausible.
-    size : Side of the picture that the network of the hair sees, a multiple of 32: paintings
-        want 512, for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair)
-        and takes two thirds of the time, in videos 256 will do.
+    size : Side of the picture that the network of the hair sees, a multiple of 32: paintings want
+        512, for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and
+        takes two thirds of the time, in videos 256 will do.
     by_color : Segment hair by color where the network's result is not plausible; slow.
-    denied : What only colors take for hair is none if the network finds less than this there:
-        the shaded half of a shaven head. 0 for paintings, of which the network knows little.
+    denied : What only colors take for hair is none if the network finds less than this there: the
+        shaded half of a shaven head. 0 for paintings, of which the network knows little.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)
     picture = np.asarray(image[..., :3])
     person_net = hair_net = None
     if networks:
-        eight = picture if picture.dtype == np.uint8 else np.asarray(
-            np.clip(picture, 0, 1) * 255 + 0.5, np.uint8)
-        person_net, hair_net = _networks(eight, size)
+        person_net, hair_net = _networks(to_uint8(picture), size)
     check = _Plausibility(points, picture.shape)
     if mask is not None:
         person = np.asarray(mask, np.float32)
@@ -536,12 +520,6 @@ def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],
     """Segment a photo: `find_regions`, without hair where that is a bare scalp.
 
     What the person's network finds beside the person is left out, too.
-
-    Parameters
-    ----------
-    photo : uint8 or float in [0, 1], [H, W, 3].
-    landmarks : [68, 2].
-    mask : float32 [H, W], the person where it is known.
     """
     height = FaceFrame.of(np.asarray(landmarks, np.float64)).height
     size = SIZE if height * SIZE >= SMALL * max(photo.shape[:2]) else LARGE
@@ -583,10 +561,8 @@ def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
     assert regions.hair is not None
     ratio = min(1.0, FACE / max(regions.frame.height, 1.0))
     size = tuple(max(round(n * ratio), 1) for n in photo.shape[1::-1])
-    colors, person, hair = (
-        np.asarray(cv2.resize(np.asarray(plane, np.float32), size,
-                              interpolation=cv2.INTER_AREA), np.float32)
-        for plane in (photo, regions.person, regions.hair))
+    colors, person, hair = (smaller(plane, size)
+                            for plane in (photo, regions.person, regions.hair))
     colors *= np.float32(1 / 255 if photo.dtype == np.uint8 else 1)
     hair *= person
     sure = (hair > 0.7).sum() > SURE * (hair > 0.2).sum()

@@ -166,10 +166,9 @@ def find_owners(since, until, points, grid, low, cell, own, cameras, bias, boxes
     points : float32 [H, W, 3] of the atlas.
     grid, low, cell : Normals of the large shape, see `_between`.
     own : int8 [H, W], the chart that a pixel lies in.
-    cameras, bias, boxes, depths : Of the charts, see `_find`; ``bias`` is added to the cosine of
-        a chart.
+    cameras, bias, boxes, depths : Of the charts, see `_find`; ``bias`` is added to the cosine of a
+        chart.
     tolerance : Depths that differ by less are the same surface.
-    owner : Filled with flat indices.
     """
     width = own.shape[1]
     for row in range(since, until):

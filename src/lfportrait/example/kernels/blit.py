@@ -389,14 +389,12 @@ def _blit_bands(first_band, last_band, position, appearance, anchor, weights, wo
                         kx, ky = _load(buffer, 0), _load(buffer_y, 0)
                     sx, sy = ax + kx, ay + ky
                     good = (ready & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
-                    other = _where(good, _ints(sy) * np.int32(style_width) + _ints(sx),
-                                   np.int32(0))
+                    other = _where(good, _ints(sy) * np.int32(style_width) + _ints(sx), np.int32(0))
                     e = (place * (_absolute(gx - sx) + _absolute(gy - sy))
                          + look * _absolute(a - gather_signed(style_looks, other)))
                     good = good & (e < limit)
                     if _bits(good) != 0:
-                        e = e + weight_label * label_difference(low, high_word, style_flat,
-                                                                 other)
+                        e = e + weight_label * label_difference(low, high_word, style_flat, other)
                         good = good & (e < limit)
                         dx, dy = _where(good, kx, dx), _where(good, ky, dy)
                         chosen = _where(good, np.int32(level), chosen)

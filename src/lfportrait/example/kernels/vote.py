@@ -152,8 +152,7 @@ def _elect_of_many(since, until, anchor, reach, shift, radius, width, out):
                 votes = _floats(zero)
                 for b in range(side * side):
                     m = corner + (b // side) * stride + b % side
-                    alike = ((_load(values, m) == other_x)
-                             & (_load(values, plane + m) == other_z))
+                    alike = ((_load(values, m) == other_x) & (_load(values, plane + m) == other_z))
                     votes += _where(alike, _floats(one), zero)
                 near = _beside(anchors, here + (a // side - radius) * width
                                + a % side - radius, ax, ay, reach)

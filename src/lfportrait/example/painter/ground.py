@@ -1,12 +1,11 @@
 """The ground behind a portrait, painted on from the exemplar's own background.
 
 A panel shows much more of what is behind a head than a painting does. So the background is gone on
-with by patches of its own (`lfportrait.example.patches`): what lies at a height comes from that
-height, where the painting has background there, so that a sky stays above its hills; how light and
-dark lie in it is kept by its blurred colors. Patches hold nothing but background: no hat, no hair,
-no clothes. Where a painting has too little of it for patches, its mean color is laid in its grain.
-
-Where the search for a ground's patches begins: pieces of the exemplar's background.
+with by patches of its own (`lfportrait.example.patches`), whose search begins with whole pieces of
+it: what lies at a height comes from that height, where the painting has background there, so that a
+sky stays above its hills; how light and dark lie in it is kept by its blurred colors. Patches hold
+nothing but background: no hat, no hair, no clothes. Where a painting has too little of it for
+patches, its mean color is laid in its grain.
 """
 
 from __future__ import annotations
@@ -42,19 +41,13 @@ def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, i
 
     Where the exemplar has background it stays where it is. Beyond, whole pieces of it lie side by
     side, each from about its own height; what is not background in them comes from smaller pieces.
+    Returns float32 [H, W, 2], (x, y), and int64 [H], the row of the exemplar that is as high.
 
     Parameters
     ----------
-    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a
-        whole.
+    there, inside : bool [h, w], where the exemplar is background, and where a patch is as a whole.
     middle : Place (x, y) between its eyes, which the ground's middle lies behind.
     shape, side : Of the ground, and of a piece.
-    rng : Chooses pieces.
-
-    Returns
-    -------
-    start : float32 [H, W, 2], (x, y).
-    level : int64 [H], row of the exemplar that is as high.
     """
     rows, columns = np.nonzero(inside if inside.any() else there)
     left, top = (round(float(v)) for v in middle - np.array(shape[::-1]) / 2)
@@ -165,17 +158,9 @@ class GroundSize:
 
 def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
                    ) -> tuple[UInt8, float]:
-    """Paint the ground behind a head.
+    """The ground behind a head, uint8 [h, w, 3], and its pixels per world unit.
 
-    Parameters
-    ----------
-    size : How large.
-    seed : Of all random choices.
-
-    Returns
-    -------
-    picture, pixels : uint8 [h, w, 3], its middle level with the eyes, and its pixels per world
-        unit.
+    Its middle is level with the eyes.
     """
     size = size or GroundSize()
     regions = exemplar.regions()
@@ -199,12 +184,7 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
 
 def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
                  ) -> tuple[UInt8, float, Float64]:
-    """`painted_ground` and `lit_side`, from the user's cache where they have been found before.
-
-    Returns
-    -------
-    picture, pixels, light : As there.
-    """
+    """`painted_ground` and `lit_side`, from the user's cache where they have been found before."""
     size = size or GroundSize()
 
     def find() -> dict[str, NDArray[Any]]:

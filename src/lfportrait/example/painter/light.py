@@ -95,12 +95,9 @@ class Cells:
         return np.asarray(means[tuple(nearest)], np.float64)
 
     def extrapolated(self, values: Float32, inside: Bool, blur: float, reach: float) -> Float32:
-        """Values [N] of the places inside, extrapolated and fading outside, float32 [N].
+        """Values [N] of the places inside (bool [N]), extrapolated and fading outside, float32 [N].
 
-        Parameters
-        ----------
-        values, inside : float32 [N], used where ``inside``, bool [N].
-        blur, reach : Sigma of their blur, and how far they reach; in cells.
+        ``blur`` and ``reach``: sigma of their blur, and how far they reach; in cells.
         """
         known, means = self._means(values, inside)
         if not known.any():
@@ -115,12 +112,8 @@ class Cells:
              ) -> Float32:
         """How much higher values [N] are inside than beside, along the border; float32 [N].
 
-        It fades away from there. 0 where the two do not meet.
-
-        Parameters
-        ----------
-        values, inside, beside : float32 [N], and bool [N] the places of either side.
-        blur, reach : Sigma of their blur, and how far it reaches; in cells.
+        It fades away from there; 0 where the two do not meet. ``blur`` and ``reach`` as in
+        `extrapolated`.
         """
         sums, near = [], np.ones(self.shape, bool)
         for part in (inside, beside):
@@ -165,12 +158,11 @@ def light_beside(flat: Float32, height: float, painted: Bool, more: Float32, kno
 
     Parameters
     ----------
-    flat : float32 [N, 2], places of a photo, or of the unwrapped head
-    height : of the face, in their unit
-    painted : bool [N], places of the face
-    more : float32 [N], luma of the paint there, less the tones that were asked for
-    known : bool [N], places of the face that say so
-    most : nothing becomes lighter or darker by more: beyond it is a cast shadow, not light
+    flat, height : float32 [N, 2], places of a photo, or of the unwrapped head; the face's in their
+        unit.
+    painted, known : bool [N], places of the face, and those of them that say so.
+    more : float32 [N], luma of the paint there, less the tones that were asked for.
+    most : Nothing becomes lighter or darker by more: beyond it is a cast shadow, not light.
     """
     light = Cells.over(flat, CELL * height).extrapolated(more, known, BLUR, REACH)
     return np.where(painted, np.float32(0), np.clip(light, -most, most))
@@ -180,17 +172,16 @@ def evened_beside(flat: Float32, height: float, painted: Bool, beside: Float32, 
                   ) -> Float32:
     """Colors of patches that begin as a painted face ends, float32 [N, 3].
 
-    Patches have the tones that were asked for as far as the painter has such paint; of other
-    hues, or in a few broad tones, they meet the face in a hard edge. Their broad colors become
-    the face's along the border; their strokes stay.
+    Patches have the tones that were asked for as far as the painter has such paint; of other hues,
+    or in a few broad tones, they meet the face in a hard edge. Their broad colors become the face's
+    along the border; their strokes stay.
 
     Parameters
     ----------
-    flat : float32 [N, 2], places of the unwrapped head
-    height : of the face, in their unit
-    painted : bool [N], places of the face
-    beside : float32 [N] in [0, 1], how far others are to go on as it ends
-    color : float32 [N, 3] in [0, 1], the paint of all
+    flat, height : float32 [N, 2], places of the unwrapped head; the face's height in their unit.
+    painted : bool [N], places of the face.
+    beside : float32 [N] in [0, 1], how far others are to go on as it ends.
+    color : float32 [N, 3] in [0, 1], the paint of all.
     """
     cells = Cells.over(flat, CELL * height)
     out, outside = color.copy(), (beside > 0.5) & ~painted

@@ -1,6 +1,4 @@
-"""Initialise the patch search: rigid pieces of the exemplar of the same material and tone.
-
-Split a photo's luma for the patches: tone, detail, and edge strength.
+"""What of an exemplar is laid where, by material and tone, and where the patch search begins.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
 to be painted says what each of its places is made of (`photo_materials`, `skin.painting`); tones
@@ -36,10 +34,8 @@ CONTOUR = 0.016
 def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
     """Luma without grain, and edge strength (edges and patterns), float32 [H, W] each.
 
-    Parameters
-    ----------
-    values, inside : float32 [H, W], luma times the weight of a pixel, and that weight.
-    size : Of the face in pixels.
+    ``values`` are luma times the weight of a pixel, ``inside`` that weight; ``size`` is the face's
+    in pixels.
     """
     sigma = BLUR * size
     soft = gaussian_blur(values, 0.2 * sigma)
@@ -153,13 +149,9 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
 
     The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
     own neck is not, as it lies in the chin's shadow or is drawn in a few dark strokes, the paint of
-    its face is nearer.
-
-    Parameters
-    ----------
-    shares : float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
-    tone : float32 [N] in [0, 1], the sitter's.
-    shown : bool [N], places that photos show; others don't show how light a neck is. None: all.
+    its face is nearer: in ``shares`` float32 [N, 7] skin grows at the neck's cost. ``tone`` float32
+    [N] in [0, 1] is the sitter's; ``shown`` bool [N] are places that photos show (None: all),
+    others don't show how light a neck is.
     """
     neck, face = (mostly(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
     their_neck, their_face = (theirs.shares[..., part].sum(axis=-1) > 0.5
@@ -232,12 +224,9 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
 
 def material_guides(shares: Float32, tone: Float32, detail: Float32,
                     weights: tuple[float, float, float]) -> Float32:
-    """Guides of patches, float32 [..., 4]: detail, tone, materials (2).
+    """Guides of patches, float32 [..., 4]: detail, tone, materials (2), of ``shares`` [..., 7].
 
-    Parameters
-    ----------
-    shares, tone, detail : float32 [..., 7] by `MATERIALS`, and [...].
-    weights : Of tone, detail and materials.
+    The weights are those of tone, detail and materials.
     """
     roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2])
     planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
@@ -310,13 +299,8 @@ def guide_agreement(guided: Float32, wanted: Float32, unit: float) -> Float32:
     """How far the exemplar has the material where the guide leads, [N] in [0, 1].
 
     A place under a hat that is to be a forehead has been moved to the rim of the hat's shade: that
-    is not where a forehead should come from.
-
-    Parameters
-    ----------
-    guided, wanted : float32 [N, 2], the guide's places, and those of like material next to them
-        (`nearest_of_material`).
-    unit : A 50th of the face, in their pixels.
+    is not where a forehead should come from. The guide's places and those of like material next to
+    them (`nearest_of_material`) are float32 [N, 2]; ``unit`` is a 50th of the face.
     """
     away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
     near, far = AGREES
@@ -374,8 +358,7 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
     guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
                        for axis in range(2)], axis=-1)
     asked = np.bincount(number, tone, len(middles)) / count
-    votes = np.bincount(number * len(MATERIALS) + material,
-                        minlength=len(middles) * len(MATERIALS))
+    votes = np.bincount(number * len(MATERIALS) + material, minlength=len(middles) * len(MATERIALS))
     kinds = votes.reshape(len(middles), -1).argmax(axis=1)
     best, chosen = np.full(len(middles), np.inf), np.zeros((len(middles), 2))
     for turn in range(PLACES):

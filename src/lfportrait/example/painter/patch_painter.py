@@ -108,11 +108,8 @@ class PatchRequest:
 class PatchPainter:
     """One exemplar prepared for painting with patches.
 
-    Parameters
-    ----------
-    exemplar, shares : The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
-    search, seed : How patches are searched.
-    sharp : Whether tones are compared with their detail, as on photos, or blurred, as on heads.
+    ``shares`` float32 [h, w, 7] is what it is made of (`known_shares`); ``sharp``: whether tones
+    are compared with their detail, as on photos, or blurred, as on heads.
     """
 
     def __init__(self, exemplar: Exemplar, shares: Float32, search: PatchSearch, seed: int,

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...arrays import Bool, Float32, Float64, UInt8
+from ...color import LUMA, to_uint8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, enlarged, gaussian_blur, grey
@@ -72,18 +73,10 @@ FEW = 100
 
 
 def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Float32:
-    """A painted picture whose clothes have at least the photo's light and shade.
+    """A painted picture whose clothes have at least the photo's light and shade, [H, W, 3].
 
-    Parameters
-    ----------
-    color : float32 [H, W, 3] in [0, 1], the painted picture.
-    luma : float32 [H, W] in [0, 1], of the photo.
-    worn : float32 [H, W] in [0, 1], how far it shows clothes.
-    size : Of the face in pixels.
-
-    Returns
-    -------
-    float32 [H, W, 3] in [0, 1]; the same array where nothing is worn.
+    The same array where nothing is worn. ``luma`` is the photo's, ``worn`` how far it shows
+    clothes, float32 [H, W] in [0, 1]; ``size`` is the face's in pixels.
     """
     rows, columns = (np.flatnonzero((worn > 0.02).any(axis=axis)) for axis in (1, 0))
     if (worn > 0.5).sum() < FEW:
@@ -93,7 +86,7 @@ def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Flo
     paint = color[box]
     inside = worn > 0.5
     asked = _odds(gaussian_blur(np.ascontiguousarray(luma[box]), max(0.5, FINE * size)))
-    there = paint @ np.array([0.299, 0.587, 0.114], np.float32)
+    there = paint @ LUMA
     there = _odds(broad_blur(there * worn, BROAD * size)
                   / np.maximum(broad_blur(worn, BROAD * size), np.float32(1e-3)))
     asked = np.float32(CONTRAST) * (asked - np.median(asked[inside]))
@@ -146,17 +139,9 @@ CHUNK = 1.0
 
 
 class PhotoPatches:
-    """One exemplar prepared for refining photos.
+    """One exemplar with its regions and labels, prepared for refining photos."""
 
-    Parameters
-    ----------
-    exemplar, regions, labels : The painting, its regions, and its labels uint8 [h, w,
-        len(PICTURE_LABELS)].
-    seed : Of the search.
-    """
-
-    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8,
-                 seed: int = 0) -> None:
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: UInt8, seed: int = 0) -> None:
         self.exemplar = exemplar
         shares = known_shares(exemplar, regions, labels, strict=False)
         self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
@@ -184,7 +169,9 @@ class PhotoPatches:
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
                result: TransferResult, scale: float, turned: bool = False) -> Float32:
-        """Lay patches around the face of a photo that StyleBlit has painted.
+        """Lay patches around the face of a photo that StyleBlit has painted, float32 [H, W, 3].
+
+        The colors of ``result.synthesis`` stay in the face, and where the guide is NaN.
 
         Parameters
         ----------
@@ -194,21 +181,14 @@ class PhotoPatches:
         scale : Exemplar pixels per pixel of the photo (`Transfer.scale`).
         turned : Whether the face is turned far: its side, which the exemplar shows as a narrow
             strip, is patches, too.
-
-        Returns
-        -------
-        float32 [H, W, 3] in [0, 1]; the colors of ``result.synthesis`` in the face, and where
-            the guide is NaN.
         """
         painted = result.synthesis.image
         height, width = photo.shape[:2]
         size = _laid_size(photo.shape, scale)
-        eight = np.asarray(photo if photo.dtype == np.uint8 else
-                           np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
-        work = _Work(eight, landmarks, regions, guides.position, place, painted,
-                     scale, turned)
+        work = _Work(to_uint8(photo), landmarks, regions, guides.position, place, painted, scale,
+                     turned)
         if size != (width, height):
             work = work.shrunk(*size)
         color, core = self._lay(work)
@@ -263,8 +243,7 @@ class PhotoPatches:
         color = painter.paint(PhotoAtlas((soft.shape[0], soft.shape[1])), size, PatchRequest(
             shares, tone.reshape(-1), detail.reshape(-1), wanted, begin, weight.astype(np.float32),
             np.stack([trusted, trusted], axis=1), state, work.painted, often))
-        color = with_folds(color, grey(work.photo), planes[..., CLOTHES],
-                           face_size(work.landmarks))
+        color = with_folds(color, grey(work.photo), planes[..., CLOTHES], face_size(work.landmarks))
         return color, core.astype(np.float32)
 
     def _bare(self, work: _Work) -> tuple[Bool, Bool]:

@@ -2,8 +2,7 @@
 
 The photo says itself what is hair, neck, clothes and background; what the exemplar does not show
 is painted with what comes nearest.
-
-A sitter's beard in a photo: hair below the cheeks, which the networks take for skin.
+A sitter's beard is hair below the cheeks, which the networks take for skin.
 """
 
 from __future__ import annotations
@@ -17,7 +16,17 @@ from ..exemplar import Exemplar, face_size
 from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
 from ..guides.regions import Regions
 from .materials import BLUR, ExemplarMaterials, contours, matched_looks, stand_in
-from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
+from .picture_materials import (
+    CLOTHES,
+    FEATURES,
+    GROUND,
+    HAIR,
+    NECK,
+    PLAIN,
+    SKIN,
+    give,
+    picture_shares,
+)
 
 FACE = 60.0
 """Pixels from the brows to the chin in the picture that is looked at."""
@@ -33,15 +42,10 @@ FEW = 30
 """Fewer pixels than this have no color."""
 
 
-def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
-               shares: Float32) -> None:
-    """Let a beard be hair, in place: what hangs together with a chin that is as the hair is.
+def grow_beard(photo: UInt8, regions: Regions, labels: UInt8, shares: Float32) -> None:
+    """Let a beard be hair, in place in shares [H, W, 7].
 
-    Parameters
-    ----------
-    photo, regions, labels : uint8 [H, W, 3], and its regions and labels (uint8 [H, W,
-        len(PICTURE_LABELS)]).
-    shares : float32 [H, W, 7] by `MATERIALS`.
+    It is what hangs together with a chin that is as the hair is.
     """
     step = max(1, int(regions.frame.height / FACE))
     part = shares[::step, ::step]
@@ -71,9 +75,7 @@ def grow_beard(photo: UInt8, regions: Regions, labels: UInt8,
     whole = cv2.resize(gaussian_blur(beard, 0.7), shares.shape[1::-1],
                        interpolation=cv2.INTER_LINEAR)
     for material in (SKIN, NECK, CLOTHES):
-        moved = shares[..., material] * whole
-        shares[..., material] -= moved
-        shares[..., HAIR] += moved
+        give(shares, shares[..., material] * whole, material, HAIR)
 
 
 ODD = 3.5
@@ -102,7 +104,7 @@ HAIR_TRUST = 0.4
 def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
                  position: Float32, painted_hair: Float32,
                  present: Bool) -> Float32:
-    """Shares of `MATERIALS` of a photo, of those that the exemplar has.
+    """Shares of `MATERIALS` of a photo, of those that the exemplar has, float32 [H, W, 7].
 
     Parameters
     ----------
@@ -111,10 +113,6 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
     position : float32 [H, W, 2], exemplar pixels; no NaN.
     painted_hair : float32 [h, w] in [0, 1], the exemplar's hair, or what it wears instead.
     present : bool [7], what the exemplar shows enough of; others stand in for the rest.
-
-    Returns
-    -------
-    float32 [H, W, 7].
     """
     shares = picture_shares(Exemplar(photo, regions.landmarks), regions, labels, strict=False)
     _settle_body(shares, regions)
@@ -124,10 +122,8 @@ def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,
         height, width = painted_hair.shape
         x = np.clip(position[..., 0], 0, width - 1).astype(np.int64)
         y = np.clip(position[..., 1], 0, height - 1).astype(np.int64)
-        hair = painted_hair[y, x] * shares[..., SKIN] * (
-            1 - _bare(regions, photo.shape[:2]))
-        shares[..., HAIR] += hair
-        shares[..., SKIN] -= hair
+        hair = painted_hair[y, x] * shares[..., SKIN] * (1 - _bare(regions, photo.shape[:2]))
+        give(shares, hair, SKIN, HAIR)
     else:
         _, down = regions.frame.local(photo.shape[:2])
         _set_apart(photo, shares, np.asarray(down, np.float32))
@@ -170,9 +166,7 @@ def _settle_body(shares: Float32, regions: Regions) -> None:
         # A little around, for what is soft at its edge.
         kept = cv2.dilate(np.isin(parts, np.setdiff1d(parts[sure], 0)).astype(np.float32), around)
         kept = cv2.resize(kept, shares.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        moved = shares[..., own] * (1 - kept)
-        shares[..., own] -= moved
-        shares[..., other] += moved
+        give(shares, shares[..., own] * (1 - kept), own, other)
 
 
 def _set_apart(photo: UInt8, shares: Float32, down: Float32) -> None:
@@ -203,16 +197,10 @@ def has_plain_ground(theirs: ExemplarMaterials) -> bool:
 
 def photo_looks(photo: UInt8, landmarks: Float64, shares: Float32,
                 theirs: ExemplarMaterials) -> tuple[Float32, Float32, Float32]:
-    """Tones of a photo in the exemplar's paint, and their confidence.
+    """Tone, detail and their trust of a photo in the exemplar's paint, float32 [H, W] each.
 
-    Parameters
-    ----------
-    photo, landmarks, shares : uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 7].
-
-    Returns
-    -------
-    tone, detail, trust : float32 [H, W]; the background of the photo says nothing, a plain one
-        is to stay plain.
+    ``shares`` are its `photo_shares`. The background of the photo says nothing, a plain one is to
+    stay plain.
     """
     shape, face = photo.shape[:2], face_size(landmarks)
     luma = grey(photo)

@@ -1,12 +1,10 @@
-"""Cache of the materials of paintings.
-
-A picture made small, whose colors are compared; and the numbers of the materials.
-
-A sitter without one has hair and a background there. They must not be painted with a ribbon, or
-with a brim that hovers behind the head.
+"""What a picture is made of: shares of `MATERIALS` in each pixel, of a photo or a painting.
 
 Most of it follows from the picture's regions. What lies below the jaw is classified by its color
-and place, and so is a beard; ears by their place alone.
+and place, in a picture made small (`SmallPicture`), and so is a beard; ears by their place alone.
+
+A sitter without a hat has hair and a background there. They must not be painted with a ribbon, or
+with a brim that hovers behind the head. What is found in a painting is kept (`known_shares`).
 """
 
 from __future__ import annotations
@@ -150,6 +148,12 @@ class SmallPicture:
         return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
 
 
+def give(shares: Float32, amount: Float32, source: int, target: int) -> None:
+    """Let an amount [...] of one material in shares [..., 7] be another, in place."""
+    shares[..., target] += amount
+    shares[..., source] -= amount
+
+
 def near_to(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
     """1 for small distances, 0 for large ones, one half at the limit."""
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
@@ -174,20 +178,6 @@ TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
 """A hat covers so much of the line where head and background meet, above the chin. Of the picture's
 border, which is so broad over its size, it covers little: over that share, no more than this times
 the difference of the colors."""
-
-
-def part_headwear(small: SmallPicture, shares: Float32) -> None:
-    """Let a cap's second color be no hair, and a hat beyond the head no background, in place.
-
-    Both are painted nowhere (`FEATURES`).
-
-    Parameters
-    ----------
-    small : The painting, made small.
-    shares : float32 [h, w, 7] by `MATERIALS`, of the whole painting.
-    """
-    _part_cap(small, shares)
-    _part_hat(small, shares)
 
 
 def has_two_hues(small: SmallPicture, hair: Bool) -> bool:
@@ -284,9 +274,7 @@ def _grown(part: Bool, radius: float) -> Bool:
 def _nowhere(small: SmallPicture, shares: Float32, material: int, part: Bool) -> None:
     """Take a part of a material out of use, in place."""
     soft = np.clip(2 * small.whole(gaussian_blur(part.astype(np.float32), 1.0)), 0, 1)
-    taken = shares[..., material] * soft
-    shares[..., FEATURES] += taken
-    shares[..., material] -= taken
+    give(shares, shares[..., material] * soft, material, FEATURES)
 
 
 BARE = 1.12
@@ -336,13 +324,10 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: UInt8,
     Below the jaw, what is of the face's color, or right below it, is neck, the rest clothes; and
     where the background is plain, what looks like it there is background.
 
-    Parameters
-    ----------
-    picture, regions, labels : Painting or photo, and what is known of it.
-    strict : For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the
-        more so the further away, or lie in the chin's shadow; what hangs there may be hair; and
-        paper in the color of skin is skin. Else all right below the jaw is neck: for photos,
-        whose bodies are painted of it.
+    ``strict`` is for heads, whose necks are seen from all sides: a neck must be alike the cheeks,
+    the more so the further away, or lie in the chin's shadow; what hangs there may be hair; and
+    paper in the color of skin is skin. Else all right below the jaw is neck: for photos, whose
+    bodies are painted of it.
     """
     return _shares(SmallPicture(picture, regions, labels), regions, strict)
 
@@ -483,16 +468,14 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
         shares[..., NECK] -= collar
         shares[..., CLOTHES] += coat
         shares[..., FEATURES] += collar - coat
-    covered = _overlooked(small, shares[..., SKIN])
-    shares[..., HAIR] += covered
-    shares[..., SKIN] -= covered
+    give(shares, _overlooked(small, shares[..., SKIN]), SKIN, HAIR)
     if strict:
-        beard = _beard(small, shares[..., SKIN])
-        shares[..., FEATURES] += beard
-        shares[..., SKIN] -= beard
+        give(shares, _beard(small, shares[..., SKIN]), SKIN, FEATURES)
         shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
-    part_headwear(small, shares)
+    # A cap's second color is no hair, and a hat beyond the head no background: painted nowhere.
+    _part_cap(small, shares)
+    _part_hat(small, shares)
     _hide_ground(small, shares)
     _bare_shoulders(small, shares)
     _part_clothes(small, shares)
@@ -510,8 +493,7 @@ def _hide_ground(small: SmallPicture, shares: Float32) -> None:
     alike[chosen] = skin_distance(small.image[chosen], there[chosen]) < LIKE_GROUND
     alike = small.whole(gaussian_blur(alike, 0.008 * max(there.shape)))
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
-    shares[..., GROUND] += ground
-    shares[..., CLOTHES] -= ground
+    give(shares, ground, CLOTHES, GROUND)
 
 
 def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
@@ -541,9 +523,7 @@ def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
     to_bare, to_cloth = (np.linalg.norm(rgb2lab(image[worn][None])[0] - middle, axis=1)
                          for middle in middles)
     like[worn] = to_bare < to_cloth
-    taken = shares[..., CLOTHES] * small.whole(like)
-    shares[..., FEATURES] += taken
-    shares[..., CLOTHES] -= taken
+    give(shares, shares[..., CLOTHES] * small.whole(like), CLOTHES, FEATURES)
 
 
 def _part_clothes(small: SmallPicture, shares: Float32) -> None:
@@ -561,9 +541,7 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     like[worn] = near_to(skin_distance(colors, most), CLOTH[1])
     if most.sum() < FEW or like[worn].mean() < LEAST_CLOTH:
         return
-    stains = shares[..., CLOTHES] * (1 - small.whole(like))
-    shares[..., FEATURES] += stains
-    shares[..., CLOTHES] -= stains
+    give(shares, shares[..., CLOTHES] * (1 - small.whole(like)), CLOTHES, FEATURES)
 
 
 MOST_KEPT = 30
@@ -578,14 +556,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
                  strict: bool = True) -> Float32:
     """`painted_shares`, from the user's cache where they have been found before.
 
-    Parameters
-    ----------
-    exemplar, regions, labels, strict : As there; ``labels`` are the regions' own, uint8 [h, w,
-        K].
-
-    Returns
-    -------
-    shares : float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
+    In steps of 1/255; ``labels`` are the regions' own.
     """
     if exemplar.covered is not None and exemplar.bared is not None:
         return _bared_shares(exemplar, regions, exemplar.covered, exemplar.bared, strict)
@@ -594,8 +565,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
         shares = painted_shares(exemplar, regions, labels, strict)
         return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
 
-    key = key_of(__name__, exemplar.image, exemplar.landmarks,
-                 regions.person, regions.hair, strict)
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, strict)
     # A file keeps rounded numbers: the first run continues with the numbers that the next one
     # reads.
     kept = kept_arrays("materials", key, find, most=MOST_KEPT)["shares"]
@@ -605,8 +575,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
     return shares
 
 
-def _paint_over(shares: Float32, by_hand: UInt8,
-                labels: UInt8) -> None:
+def _paint_over(shares: Float32, by_hand: UInt8, labels: UInt8) -> None:
     """Let regions that were painted over by hand be what was painted, in place.
 
     What is skin by hand leaves the face its brows, eyes, nose and lips, and its ears; a hat is
@@ -627,8 +596,7 @@ def _paint_over(shares: Float32, by_hand: UInt8,
             shares[here] = np.eye(len(MATERIALS), dtype=np.float32)[material]
 
 
-def _one_cloth(image: UInt8, shares: Float32, own: Bool,
-               above: Bool) -> None:
+def _one_cloth(image: UInt8, shares: Float32, own: Bool, above: Bool) -> None:
     """Let the smaller of two parts of the hair be painted nowhere if their colors differ; in place.
 
     ``own`` [h, w] was taken for hair, ``above`` is the hat or linen over the forehead: hair of both

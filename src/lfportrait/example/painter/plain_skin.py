@@ -25,9 +25,9 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
-from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance
+from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distance, smaller
 from ..guides.regions import FaceFrame, Regions, soft_face
-from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN
+from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN, give
 
 LINES_FACE = 110.0
 """Size of the face in the picture that is looked at."""
@@ -53,13 +53,7 @@ MOST_LINES = 0.06
 
 
 def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
-    """Where strands hang over an exemplar's face, float32 [h, w] in [0, 1].
-
-    Parameters
-    ----------
-    hair : float32 [h, w], its hair in [0, 1].
-    labels : uint8 [h, w, len(PICTURE_LABELS)].
-    """
+    """Where strands of ``hair`` [h, w] hang over an exemplar's face, float32 [h, w] in [0, 1]."""
     shape = exemplar.image.shape[:2]
     ratio = min(1.0, LINES_FACE / exemplar.size)
     size = max(round(shape[1] * ratio), 16), max(round(shape[0] * ratio), 16)
@@ -110,11 +104,8 @@ def take_out_strands(shares: Float32, exemplar: Exemplar, regions: Regions, labe
                      ) -> tuple[Float32, Float32]:
     """Let skin under loose strands be painted nowhere, in place in shares [h, w, 7].
 
-    Returns
-    -------
-    hair : float32 [h, w] in [0, 1], with a cap's ribbon, which is hair in its place but no paint
-        for it
-    strand : float32 [h, w] in [0, 1], where strands hang over the face
+    Returns, float32 [h, w] in [0, 1], its hair with a cap's ribbon, which is hair in its place but
+    no paint for it, and where strands hang over the face.
     """
     hair = shares[..., HAIR]
     if regions.hair is not None:
@@ -191,15 +182,8 @@ STRANGE = 0.5
 def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float32, Float32]:
     """Shares with features that reach as far as they are seen, and without dark folds.
 
-    Parameters
-    ----------
-    shares : float32 [h, w, 7] by `MATERIALS`, of an exemplar.
-    landmarks, image : [68, 2] and uint8 [h, w, 3], its own.
-
-    Returns
-    -------
-    shares : float32 [h, w, 7], another array.
-    beard : float32 [h, w] in [0, 1], what of the lower face is none of it, but a beard.
+    Another array [h, w, 7], and what of the lower face is none of it, but a beard, float32 [h, w]
+    in [0, 1]. ``landmarks`` and ``image`` are the exemplar's.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
@@ -217,8 +201,7 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
         share = shares[..., material]
         left = 1 - float((share * spared).sum()) / max(float(share.sum()), 1.0)
         taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
-        out[..., material] -= taken
-        out[..., FEATURES] += taken
+        give(out, taken, material, FEATURES)
     neck = out[..., NECK]
     low = np.asarray(soft_face(image.shape[:2], points) * np.float32(1 / 255), np.float32)
     below = np.asarray(FaceFrame.of(points).local(image.shape)[1] > UPPER, np.float32)
@@ -242,39 +225,27 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
 
 def _nowhere(shares: Float32, material: int, part: Float32) -> None:
     """Take a part [h, w] of a material out of use, in place in shares [h, w, 7]."""
-    taken = shares[..., material] * part
-    shares[..., material] -= taken
-    shares[..., FEATURES] += taken
+    give(shares, shares[..., material] * part, material, FEATURES)
 
 
 def unlike_face(image: UInt8, shares: Float32, landmarks: Points, beard: Float32,
                 ) -> tuple[Float32, Float32]:
-    """Where flesh is more like other materials than like the upper face.
+    """Where flesh is more like other materials than like the upper face, [h, w] in [0, 1] each.
 
-    Parameters
-    ----------
-    image, shares, landmarks : As for `plain_skin`.
-    beard : float32 [h, w] in [0, 1], what of the lower face is known to be one.
-
-    Returns
-    -------
-    neck : float32 [h, w] in [0, 1], of a neck, place by place; what is far from all is none.
-    strange : float32 [h, w] in [0, 1], of all flesh, what mostly is in its surroundings, too:
-        locks over a cheek, a beard's edge; shade, however deep, that is like nothing else is
-        flesh. Both 0 where too little is known.
+    Of a neck, place by place; what is far from all is none. And of all flesh, what mostly is in its
+    surroundings, too: locks over a cheek, a beard's edge; shade, however deep, that is like nothing
+    else is flesh. Both 0 where too little is known. ``beard`` is what of the lower face is known to
+    be one.
     """
     points = np.asarray(landmarks, np.float64)
     size = face_size(points)
     ratio = min(1.0, SMALL / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
-    down: Float32 = np.asarray(cv2.resize(FaceFrame.of(points).local(image.shape)[1], shape,
-                                          interpolation=cv2.INTER_AREA), np.float32)
+    down = smaller(FaceFrame.of(points).local(image.shape)[1], shape)
     planes = {material: shares[..., material] for material in (
         SKIN, EARS, NECK, HAIR, CLOTHES, GROUND)}
     planes[FEATURES] = beard
-    small = {material: np.asarray(cv2.resize(np.asarray(plane, np.float32), shape,
-                                             interpolation=cv2.INTER_AREA), np.float32)
-             for material, plane in planes.items()}
+    small = {material: smaller(plane, shape) for material, plane in planes.items()}
     colors = np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.float32)
     lab = np.asarray(cv2.cvtColor(colors / np.float32(255), cv2.COLOR_RGB2LAB), np.float32)
     sigma = max(STROKE * size * ratio, 0.5)
@@ -341,18 +312,12 @@ def _distance(colors: Float32, material: Float32) -> Float32:
 def dark_folds(image: UInt8, shares: Float32, size: float) -> Float32:
     """Dark strokes between lighter skin: folds, the edge of a jaw; float32 [h, w] in [0, 1].
 
-    Where a face is drawn in lines altogether they are its skin: none.
-
-    Parameters
-    ----------
-    image, shares : uint8 [h, w, 3] of an exemplar, and float32 [h, w, 7] by `MATERIALS`.
-    size : Of its face.
+    Where a face is drawn in lines altogether they are its skin: none. ``size`` is the face's.
     """
     ratio = min(1.0, FACE / size)
     shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
     light = grey(np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.uint8))
-    bare = np.asarray(cv2.resize(shares[..., SKIN] + shares[..., NECK], shape,
-                                 interpolation=cv2.INTER_AREA), np.float32)
+    bare = smaller(shares[..., SKIN] + shares[..., NECK], shape)
     light = gaussian_blur(light, max(FINE * size * ratio, 0.5))
     dark = cv2.morphologyEx(light, cv2.MORPH_BLACKHAT, disk(FOLD * size * ratio))
     folds = np.clip((dark - DARK[0]) / (DARK[1] - DARK[0]), 0, 1)

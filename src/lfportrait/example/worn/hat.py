@@ -1,8 +1,4 @@
-"""A painted hat, put on the sitter of a photo.
-
-It lies over the picture as a thing with its own edge, warped by the two faces' frames: as wide as
-the sitter's face is against the painter's, and high enough for the sitter's head. Hair that would
-stick out above its edge is pressed down under it: there is background.
+"""A painted hat: found in the painting, and put on the sitter of a photo.
 
 A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
 hangs down from above and is more than a wrinkle is a cover; what of it is hair is told apart.
@@ -11,6 +7,10 @@ The networks know no hats: to them one is hair, cloth or background. Where a for
 what covers it reaches far beyond a head or is unlike the hair below it, or where what is taken for
 hair has two hues, there is one. Its outline is a cut by colors (GrabCut: Rother et al. 2004) that
 begins at the crown.
+
+It lies over a photo as a thing with its own edge, warped by the two faces' frames: as wide as the
+sitter's face is against the painter's, and high enough for the sitter's head. Hair that would stick
+out above its edge is pressed down under it: there is background.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.filters import disk, grey, skin_distance
+from ..guides.filters import disk, grey, skin_distance, smaller
 from ..guides.regions import Regions, soft_face
 from ..painter.picture_materials import SmallPicture, has_two_hues
 
@@ -77,13 +77,7 @@ class Forehead:
 
 
 def covered_forehead(exemplar: Exemplar, regions: Regions, labels: UInt8) -> Forehead:
-    """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded.
-
-    Parameters
-    ----------
-    exemplar, regions, labels : The painting, its regions, and its labels uint8 [h, w,
-        len(PICTURE_LABELS)].
-    """
+    """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded."""
     small = SmallPicture(exemplar, regions, labels)
     right, down = small.part(small.right), small.part(small.down)
     half = 0.5 * regions.frame.width / regions.frame.height
@@ -227,17 +221,10 @@ LEAST = 0.25
 
 
 def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | None:
-    """What a painting's sitter wears on the head.
+    """What a painting's sitter wears on the head, float32 [h, w] in [0, 1]; None for nothing.
 
-    Parameters
-    ----------
-    exemplar : The painting, from the front or turned; not bared (`inpainting`).
-    regions : Its own, where they are known.
-
-    Returns
-    -------
-    mask : float32 [h, w] in [0, 1], one connected thing without its shade; None where there is
-        none.
+    One connected thing without its shade. The painting is seen from the front or turned, and not
+    bared (`inpainting`).
     """
     def find() -> dict[str, NDArray[Any]]:
         found = _found(exemplar, regions or exemplar.regions())
@@ -282,20 +269,17 @@ class _Small:
         frame, shape = regions.frame, exemplar.image.shape
         factor = min(1.0, FACE / exemplar.size)
         size = max(round(factor * shape[1]), 8), max(round(factor * shape[0]), 8)
-
-        def small(plane: NDArray[Any]) -> Float32:
-            return np.asarray(cv2.resize(np.asarray(plane, np.float32), size,
-                                         interpolation=cv2.INTER_AREA), np.float32)
-
-        right, down = (small(plane) for plane in frame.local(shape))
+        right, down = (smaller(plane, size) for plane in frame.local(shape))
+        covered, crown, bare = (smaller(part, size) > 0.5
+                                for part in (found.covered, found.crown, found.bare))
         half = 0.5 * frame.width / frame.height
         none = np.zeros(shape[:2], np.float32)
         image = cv2.resize(exemplar.image, size, interpolation=cv2.INTER_AREA)
         return _Small(np.asarray(image, np.uint8), right, down,
-                      small(none if regions.hair is None else regions.hair), small(regions.person),
-                      small(soft_face(shape, exemplar.landmarks)) / np.float32(255),
-                      small(found.covered) > 0.5, small(found.crown) > 0.5,
-                      small(found.bare) > 0.5, half, frame.height * factor)
+                      smaller(none if regions.hair is None else regions.hair, size),
+                      smaller(regions.person, size),
+                      smaller(soft_face(shape, exemplar.landmarks), size) / np.float32(255),
+                      covered, crown, bare, half, frame.height * factor)
 
     def room(self) -> Bool:
         """Where a hat may be."""
@@ -315,7 +299,9 @@ class _Small:
 def _found(exemplar: Exemplar, regions: Regions) -> Float32 | None:
     labels = regions.labels()
     forehead = covered_forehead(exemplar, regions, labels)
-    two_hues = _two_hues(exemplar, regions, labels)
+    picture = SmallPicture(exemplar, regions, labels)
+    two_hues = has_two_hues(picture,
+                            picture.part(labels[..., PICTURE_LABELS.index("hair")]) > 150)
     if not two_hues and forehead.other < COVERS:
         return None
     small = _Small.of(exemplar, regions, forehead)
@@ -342,13 +328,6 @@ def _all_around(cut: Bool, above: Bool) -> bool:
     border = np.ones(cut.shape, bool)
     border[1:, 1:-1] = False
     return bool((cut & border & above).sum() > ALL_AROUND * (border & above).sum())
-
-
-def _two_hues(exemplar: Exemplar, regions: Regions, labels: UInt8) -> bool:
-    """Whether what is taken for hair is a cap of two colors."""
-    small = SmallPicture(exemplar, regions, labels)
-    hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 150
-    return has_two_hues(small, hair)
 
 
 def _cut(small: _Small) -> Bool | None:
@@ -482,13 +461,7 @@ class Layer:
 
 
 class Hat:
-    """The hat of a painting's sitter.
-
-    Parameters
-    ----------
-    exemplar : The painting as its sitter wears it.
-    mask : float32 [h, w] in [0, 1], the hat (`headwear`).
-    """
+    """The hat of a painting's sitter, as he wears it; ``mask`` is its `headwear`."""
 
     def __init__(self, exemplar: Exemplar, mask: Float32, regions: Regions) -> None:
         self.frame, self.mask = regions.frame, mask
@@ -511,16 +484,9 @@ class Hat:
 
     def put_on(self, photo: NDArray[np.generic], regions: Regions,
                ) -> tuple[NDArray[np.generic], Regions, Layer]:
-        """The hat on a photo's sitter.
+        """The hat on the sitter of a photo, uint8 or float in [0, 1], [H, W, 3].
 
-        Parameters
-        ----------
-        photo : uint8 or float in [0, 1], [H, W, 3].
-
-        Returns
-        -------
-        photo, regions : Without what sticks out above the hat.
-        layer : The hat.
+        Returns photo and regions without what sticks out above the hat, and the hat.
         """
         shape = photo.shape[0], photo.shape[1]
         right, down = regions.frame.local(shape)
@@ -594,8 +560,7 @@ def _carried_beyond(image: Float32, known: Float32, height: float) -> Float32:
     """Colors [h, w, 3] where they are known [h, w], and from the nearest such places elsewhere."""
     step = max(1, int(height / 60))
     size = tuple(max(side // step, 4) for side in image.shape[1::-1])
-    weight = np.asarray(cv2.resize(known, size, interpolation=cv2.INTER_AREA), np.float32)
-    colors = cv2.resize(image * known[..., None], size, interpolation=cv2.INTER_AREA)
+    weight, colors = smaller(known, size), smaller(image * known[..., None], size)
     total = max(float(weight.sum()), 1e-6)
     out = np.broadcast_to(colors.sum(axis=(0, 1)) / total, colors.shape).astype(np.float32)
     for reach in reversed(LIGHT_REACHES):

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
+from ...color import to_uint8
 from ...face import drawn_spectacles, find_spectacles, spectacle_lenses
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.filters import broad_blur, dilated, grey
+from ..guides.filters import broad_blur, dilated, grey, smaller
 from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, main_material, nearest_of_material, pieces
@@ -56,15 +57,9 @@ height, which are filled beside the nose; and the weight of what is seen through
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
-    """A painting, seen from the front or nearly so, whose forehead is bare.
+    """A painting, seen from the front or nearly so, whose forehead is bare: itself, if it is.
 
-    Parameters
-    ----------
-    fringe : Whether its hair is taken from the forehead, too.
-
-    Returns
-    -------
-    exemplar : Itself, if its forehead is bare.
+    ``fringe``: whether its hair is taken from the forehead, too.
     """
     if abs(exemplar.pose().yaw) > NEARLY:
         return exemplar
@@ -74,8 +69,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     def find() -> dict[str, NDArray[Any]]:
         return _found(exemplar, regions, fringe) or {}
 
-    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person,
-                 regions.hair, fringe)
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, fringe)
     found = kept_arrays("bared", key, find, most=30)
     if not found:
         return exemplar
@@ -170,8 +164,7 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
     """
     rows, columns = (np.flatnonzero((hole | bare).any(axis=axis)) for axis in (1, 0))
     margin = round(AROUND * height) + 8
-    part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1)
-                 for side in (rows, columns))
+    part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1) for side in (rows, columns))
     picture = exemplar.image[part].astype(np.float32) / np.float32(255)
     inside = hole[part]
     strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None, by_hand=None),
@@ -180,7 +173,7 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), max(0.5, SOFT * height))
     mixed = picture + np.maximum(2 * soft - 1, 0)[..., None] * (np.clip(filled, 0, 1) - picture)
     out = exemplar.image.copy()
-    out[part] = np.asarray(np.clip(mixed, 0, 1) * 255 + 0.5, np.uint8)
+    out[part] = to_uint8(mixed)
     return out
 
 
@@ -189,8 +182,7 @@ def _spread(image: UInt8, weight: Float32, height: float,
     """Broad colors in [0, 1] of a picture [h, w, 3] known by weights [h, w], carried on."""
     picture = image.astype(np.float32) / np.float32(255)
     size = tuple(max(side // SMALL, 8) for side in picture.shape[1::-1])
-    known = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
-    colors = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
+    known, colors = smaller(weight, size), smaller(picture * weight[..., None], size)
     mean = colors.sum(axis=(0, 1)) / max(float(known.sum()), 1e-6)
     out = np.broadcast_to(mean, colors.shape).astype(np.float32)
     for reach in reaches:

@@ -51,11 +51,7 @@ class LivePicture:
 class Blit:
     """Draws pictures for one display onto targets of one format.
 
-    Parameters
-    ----------
-    device, display : Where the pictures are, and the panel that they are for.
-    format : Of the targets, one of WebGPU's with 8 bits a color and without a conversion
-        (``-srgb``).
+    That is one of WebGPU's with 8 bits a color and without a conversion (``-srgb``).
     """
 
     def __init__(self, device: Device, display: Display, format: str) -> None:
@@ -111,16 +107,9 @@ def pixels_of(device: Device, texture: Any) -> UInt8:
 
 
 class LiveGround:
-    """The ground behind a head that moves.
+    """The ground behind a head that moves, and its texture on the device.
 
-    Parameters
-    ----------
-    device, field, display : Where it is shown, what throws its shadow, and the panel.
-
-    Attributes
-    ----------
-    made_for : The configuration that the latest one belongs to.
-    texture : Its texture on the device.
+    ``made_for`` is the configuration that the latest one belongs to; ``field`` throws its shadow.
     """
 
     def __init__(self, device: Device, field: VoxelField, display: Display) -> None:
@@ -252,16 +241,9 @@ class LiveCoder:
         self.exact, self._lacks_detail, self.seconds = False, True, 0.0
 
     def step(self, config: EncodeConfig, share: float = 0.0) -> bool:
-        """Code what is asked for, or go on with it.
+        """Code what is asked for, or go on with it; whether there is another picture than before.
 
-        Parameters
-        ----------
-        config : Placement and quality, without ``compose``.
-        share : Share of the photo's colors, 0 to 1.
-
-        Returns
-        -------
-        new : Whether there is another picture than before.
+        ``config`` is without ``compose``; ``share`` of the photo's colors, 0 to 1.
         """
         if config.method == "slices":
             config = replace(config, method="auto")  # a head that is turned far has none

@@ -166,20 +166,16 @@ def _slice_uniform(job: PanelJob) -> UInt8:
 
 def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool = True,
                repeats: int = 0) -> tuple[UInt8, dict[str, float]]:
-    """Code a panel.
+    """Code a panel: uint8 [H, W, 3], and figures.
+
+    The figures are seconds of shading, of coding (all bands), of reading back; with ``repeats``,
+    those of one of them, sent off one after the other; bytes of the field.
 
     Parameters
     ----------
-    device, keys : The device, and the names of the field and its texture there (`upload`,
-        `keep_texture`).
+    keys : Names of the field and its texture on the device (`upload`, `keep_texture`).
     read : Whether the picture is wanted; else it stays on the device.
     repeats : How often to code it once more, to measure.
-
-    Returns
-    -------
-    picture, figures : uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading
-        back; with ``repeats``, those of one of them, sent off one after the other; bytes of the
-        field.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])

@@ -59,12 +59,9 @@ def mask_views(since, until, mask, steps, lens, first, apart):
 
 
 def mix_light(pictures, light, gamma):
-    """The mean of pictures as light, in place of the first one.
+    """The mean of pictures uint8 [n, h, w] as light, in place of the first one.
 
-    Parameters
-    ----------
-    pictures : uint8 [n, h, w].
-    light, gamma : float64 [256], light of each stored value: (value / 255) ** gamma.
+    ``light`` float64 [256] is that of each stored value, (value / 255) ** gamma.
     """
     _mix_rows(pictures, light, gamma, pictures[0])
 
@@ -297,22 +294,19 @@ def side_of(place, y, across, panel):
 def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     """The kernel for color rows of 16 or 32 with ``count`` coefficients a channel.
 
-    Returns
-    -------
-    encode : ``encode(table, links, density, rows, cells, charts, texels, lattice, matrix, axes,
-        mask, fixed, eyes, panel, step, threshold, stop, background, out)``. ``cells``,
-        ``charts`` and ``texels`` are the field's texture (`VoxelField.texture_rows`).
-        ``matrix`` float64 [3, 4] takes the display frame to lattice coordinates, ``axes``
-        float64 [2, 3] are its x and z axes in the field's world (y is up in both). ``mask`` [H,
-        W * 3] holds each sub-pixel's view; ``fixed`` >= 0 overrides it with one view; where
-        ``eyes`` has one entry a sub-pixel phase instead (``panel[6]`` > 0), the view is
-        continuous. ``panel`` float64 [61]: half width over half height, eye height, distance
-        and placement scale, packed as [aspect, eye_y, distance, scale, first, rows, continuous,
-        apart, bgr, pitch, shift, offset, inverted]; then, for each row mod 4, column mod 2 and
-        sub-pixel, its phase in its pixel (`Display.steps`), and how far it lies to the right of
-        its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3]. Its rows are
-        those of the panel from ``first`` on, ``apart`` from each other; the panel has ``rows``
-        of them. Where ``background`` is below 0 it holds what is behind the field.
+    ``encode(table, links, density, rows, cells, charts, texels, lattice, matrix, axes, mask, fixed,
+    eyes, panel, step, threshold, stop, background, out)``. ``cells``, ``charts`` and ``texels`` are
+    the field's texture (`VoxelField.texture_rows`). ``matrix`` float64 [3, 4] takes the display
+    frame to lattice coordinates, ``axes`` float64 [2, 3] are its x and z axes in the field's world
+    (y is up in both). ``mask`` [H, W * 3] holds each sub-pixel's view; ``fixed`` >= 0 overrides it
+    with one view; where ``eyes`` has one entry a sub-pixel phase instead (``panel[6]`` > 0), the
+    view is continuous. ``panel`` float64 [61]: half width over half height, eye height, distance
+    and placement scale, packed as [aspect, eye_y, distance, scale, first, rows, continuous, apart,
+    bgr, pitch, shift, offset, inverted]; then, for each row mod 4, column mod 2 and sub-pixel, its
+    phase in its pixel (`Display.steps`), and how far it lies to the right of its usual third of the
+    pixel, in sub-pixels. ``out`` uint8 [H, W * 3]. Its rows are those of the panel from ``first``
+    on, ``apart`` from each other; the panel has ``rows`` of them. Where ``background`` is below 0
+    it holds what is behind the field.
     """
     march = make_march(LANES, make_channel_shade(width, count))
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)

@@ -1,12 +1,9 @@
 """A slice of the field: laid out for casting, its directions, and packets of rays sent through it.
 
 For every lattice plane z = k the slice has 13 rows of float16 values along x: density, then four
-coefficients of the color's angle for each channel (`plane_matrix`). Values are interpolated between
-the two rows of voxels that the plane passes between. Only stretches with voxels are written.
-
-All rays of a panel's row lie in one plane (see `slices`). With phi, the angle in the plane from the
-panel's normal, spherical harmonics of degree 2 are a combination of 1, cos phi, sin phi, sin 2 phi
-and cos 2 phi; over a view cone, cos 2 phi is next to a straight line in cos phi.
+coefficients of the color's angle for each channel (`plane_matrix`; why four, see `slices`). Values
+are interpolated between the two rows of voxels that the plane passes between. Only stretches with
+voxels are written.
 """
 
 from __future__ import annotations
@@ -46,21 +43,14 @@ def pitch_of(nx):
 
 
 def make_build(count: int) -> Callable[..., Any]:
-    """The function that fills a slice.
+    """The function that fills a slice, for fields of ``count`` coefficients a channel.
 
-    Parameters
-    ----------
-    count : Coefficients a channel of the field's colors.
-
-    Returns
-    -------
-    build : ``build(places, occupied, values, shape, plane, matrix, threshold, shift, stride,
-        slab, low, high, marks)``: the field's `Stretches`, the lattice points along x, y, z and
-        the plane, lattice row plane[0] + plane[1] i + plane[2] k at column i of plane k;
-        ``matrix`` as `plane_matrix` makes it. It fills every ``stride``-th plane of ``slab``
-        uint16 [nz * LINES * pitch], the first and last filled column ``low`` and ``high`` int64
-        [nz], and ``marks`` uint64 [nz]: bit b where densities over ``threshold`` reach into
-        columns b << shift to (b + 1) << shift.
+    ``build(places, occupied, values, shape, plane, matrix, threshold, shift, stride, slab, low,
+    high, marks)``: the field's `Stretches`, the lattice points along x, y, z and the plane, lattice
+    row plane[0] + plane[1] i + plane[2] k at column i of plane k; ``matrix`` as `plane_matrix`
+    makes it. It fills every ``stride``-th plane of ``slab`` uint16 [nz * LINES * pitch], the first
+    and last filled column ``low`` and ``high`` int64 [nz], and ``marks`` uint64 [nz]: bit b where
+    densities over ``threshold`` reach into columns b << shift to (b + 1) << shift.
     """
     floats, ints, iota, where = LANES.floats, LANES.ints, LANES.iota, LANES.where
     bits, lane_of, load_half = LANES.bits, LANES.lane, LANES.load_half
@@ -241,11 +231,10 @@ def stripes(left, right, shift):
 
 def _make_follow(count: int, colors: int, name: str, look_up: Callable[..., Any],
                  near: bool) -> Callable[..., Any]:
-    """The function that follows rays through a group of planes.
+    """The function that follows rays through a group of planes; ``count``, ``colors``: `make_cast`.
 
     Parameters
     ----------
-    count, colors : As for `make_cast`.
     name : Of the way to look up.
     look_up : ``look_up(array, start, other, index)``, see `make_near_look_up`.
     near : Whether the last eight rays have a stretch of their own, and all rays go together.
@@ -335,18 +324,11 @@ def _make_follow(count: int, colors: int, name: str, look_up: Callable[..., Any]
 def make_cast(count: int, way: str | None, colors: int = 1) -> Callable[..., Any]:
     """The function that sends one packet of rays through a slice.
 
-    Parameters
-    ----------
-    count : Coefficients a channel of the field's colors.
-    way : How values are looked up, see `look_up_way`.
-    colors : Channels that it follows: 1, the one whose first row is ``line``, or 3.
-
-    Returns
-    -------
-    cast : ``cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta,
-        cosine, sine, line, threshold, stop)``; rays lie at column ``start + slope k`` of plane
-        k. It returns three colors (of one channel, the first), the transmittance, and the plane
-        (a fraction) on which half the light is gone.
+    ``cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
+    line, threshold, stop)``, for ``count`` coefficients a channel; rays lie at column ``start +
+    slope k`` of plane k. It follows ``colors`` channels: 1, the one whose first row is ``line``, or
+    3. It returns three colors (of one channel, the first), the transmittance, and the plane (a
+    fraction) on which half the light is gone. ``way``: see `look_up_way`.
     """
     floats, where, bits = LANES.floats, LANES.where, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum

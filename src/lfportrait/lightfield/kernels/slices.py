@@ -5,10 +5,10 @@ whatever their views. So a row needs one slice of the field: density and color w
 the lattice planes z = k, interpolated between two rows of voxels. In the slice a ray is a straight
 line x(k), and a sample on each lattice plane takes two values instead of eight.
 
-A direction in the plane is one angle, phi, so that spherical harmonics of degree 2, nine
-coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin phi, sin 2 phi,
-cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 % within 20 degrees of
-the panel's normal, to 0.5 % within 30), so four are kept, worked out once for each point of the
+A direction in the plane is one angle, phi, from the panel's normal, so that spherical harmonics of
+degree 2, nine coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin
+phi, sin 2 phi, cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 %
+within 20 degrees, to 0.5 % within 30), so four are kept, worked out once for each point of the
 slice.
 
 Sixteen rays of one channel go through the planes together, front to back. Those that do are
@@ -17,8 +17,8 @@ stay close, and on each plane read from one short stretch of each row, which fit
 
 A camera that is neither rolled nor raised sees, along a row, a plane through its own right axis. In
 it lie the same rows of all cameras beside it that look the same way, as those of a quilt do. So one
-slice of the field serves them all. Here a packet is 16 pixels of a row, and follows
-all three channels.
+slice of the field serves them all. Here a packet is 16 pixels of a row, and follows all three
+channels.
 """
 
 from __future__ import annotations
@@ -44,18 +44,13 @@ _WINDOW = 768
 def slice_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
     """The kernel for colors of ``count`` coefficients a channel.
 
-    ``way`` is how a slice is read (see `look_up_way`).
-
-    Returns
-    -------
-    encode : ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix,
-        axes, mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as
-        `encode_kernel` has it, but the field's values come as `Stretches`, ``matrix`` float64
-        [3, 4] takes the display frame to lattice coordinates (only its second row may depend on
-        y, and that on nothing else), ``axes`` float64 [2, 3] the display's x and z axes in the
-        field's world, ``stride`` is the number of lattice planes to a sample and ``workers``
-        the number of threads. Where ``background`` is below 0, ``out`` holds what is behind the
-        field.
+    ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix, axes, mask,
+    fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as `encode_kernel` has
+    it, but the field's values come as `Stretches`, ``matrix`` float64 [3, 4] takes the display
+    frame to lattice coordinates (only its second row may depend on y, and that on nothing else),
+    ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the
+    number of lattice planes to a sample and ``workers`` the number of threads. Where ``background``
+    is below 0, ``out`` holds what is behind the field.
     """
     build, cast = make_build(count), make_cast(count, way)
     load, store, floats = LANES.load, LANES.store, LANES.floats
@@ -244,19 +239,15 @@ def _columns(camera, lattice, low, high, back, front, width):
 def view_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
     """The kernel for colors of ``count`` coefficients a channel.
 
-    ``way`` is how a slice is read (see `look_up_way`).
-
-    Returns
-    -------
-    render : ``render(places, occupied, values, lattice, cameras, least, stride, threshold, stop,
-        workers, color, alpha, depth)``: the field's `Stretches`; ``cameras`` float64 [V, 16],
-        pose row by row, focal x, y, principal point x, y, of cameras that differ only by what
-        lies along their right axis: eye, focal x and principal x. That axis is level, and the
-        lattice lies before all of them, so that rays go from its last plane to its first.
-        ``least`` is the least cosine, in a row's plane, between a ray and the middle;
-        ``stride``, ``threshold``, ``stop`` and ``workers`` are as `slice_kernel` has them. It
-        fills ``color`` float32 [V, H, W, 3] without background, ``alpha`` [V, H, W] and
-        ``depth`` [V, H, W] (along the optical axis, infinite where half the light passes).
+    ``render(places, occupied, values, lattice, cameras, least, stride, threshold, stop, workers,
+    color, alpha, depth)``: the field's `Stretches`; ``cameras`` float64 [V, 16], pose row by row,
+    focal x, y, principal point x, y, of cameras that differ only by what lies along their right
+    axis: eye, focal x and principal x. That axis is level, and the lattice lies before all of them,
+    so that rays go from its last plane to its first. ``least`` is the least cosine, in a row's
+    plane, between a ray and the middle; ``stride``, ``threshold``, ``stop`` and ``workers`` are as
+    `slice_kernel` has them. It fills ``color`` float32 [V, H, W, 3] without background, ``alpha``
+    [V, H, W] and ``depth`` [V, H, W] (along the optical axis, infinite where half the light
+    passes).
     """
     build, cast = make_build(count), make_cast(count, way, 3)
     store, iota, floats = LANES.store, LANES.iota, LANES.floats
@@ -335,8 +326,7 @@ def view_kernel(count: int, way: str | None = None) -> Callable[..., Any]:
                 plane[1], plane[2] = lift * depth_i, lift * depth_k
                 norm = np.sqrt(1.0 + fall * fall)
                 for axis in range(3):
-                    along[axis] = np.float32(
-                        (one[4 * axis + 2] + fall * one[4 * axis + 1]) / norm)
+                    along[axis] = np.float32((one[4 * axis + 2] + fall * one[4 * axis + 1]) / norm)
                 plane_matrix(side, along, count, least, basis, scratch)
                 build(places, occupied, values, shape, plane, basis, threshold, shift, stride, slab,
                       low, high, marks)

@@ -154,14 +154,7 @@ def _visible(field: VoxelField, sheet: PrintSheet) -> _Visible:
 def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDepth]:
     """Place a head on a print, within the depth that its sheet shows sharply.
 
-    Returns
-    -------
-    config : How to code the page (`sheet.display`).
-    depth : What comes of it.
-
-    Raises
-    ------
-    UserError : If nothing of the head is seen, or it would have to be flatter than 1 %.
+    Returns how to code the page (`sheet.display`), and the depth that comes of it.
     """
     config, unit = sheet.config, sheet.half_height
     seen = _visible(field, sheet)
@@ -197,20 +190,15 @@ def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDep
 
 def through_lenses(coded: UInt8, display: Display, eye: float, rows: Int64 | None = None, *,
                    distance: float | None = None) -> Float32:
-    """The color of each lens to an eye.
+    """The color of each lens to an eye, float32 [h, lenses, 3] in [0, 1], lenses from the left.
 
     Parameters
     ----------
     coded : Rows of a coded page, uint8 [h, W, 3].
     display : The lens sheet on the page. Where a page was coded for another pitch, as on test
         pages, that of the sheet that lies on it.
-    eye : x of the eye in half heights of the page.
+    eye, distance : x of the eye in half heights of the page; the viewing distance by default.
     rows : Which rows of the page they are, int64 [h]; by default the first ones.
-    distance : Distance of the eye; the viewing distance by default.
-
-    Returns
-    -------
-    picture : float32 [h, lenses, 3] in [0, 1], lenses from the left.
     """
     lines = np.arange(len(coded)) if rows is None else np.asarray(rows)
     far = display.distance if distance is None else distance

@@ -17,11 +17,9 @@ are to be sharp on the ink below them have the radius R = t (n - 1) / n at their
 thick of refractive index n. ``arc`` is that circle; ``sine`` has its curvature at the top and is
 smooth between the lenses, which varnish keeps better.
 
-TIFF and PNG files for printers, written row by row.
-
-Pages are larger than memory should be, so nothing here holds one. Both formats carry the resolution
-and an sRGB profile. TIFF: one strip a band, uncompressed, which every print program reads at once.
-PNG: by all cores (`lfportrait.png`).
+TIFF and PNG files are written row by row: pages are larger than memory should be. Both formats
+carry the resolution and an sRGB profile. TIFF: one strip a band, uncompressed, which every print
+program reads at once. PNG: by all cores (`lfportrait.png`).
 """
 
 from __future__ import annotations
@@ -234,12 +232,7 @@ Profile = Literal["arc", "sine"]
 
 
 def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
-    """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W].
-
-    Raises
-    ------
-    UserError : If lenses of this pitch can't be sharp on a sheet so thin.
-    """
+    """Height of the sheet above the ink over each pixel's middle, mm, float64 [rows, W]."""
     display, config = sheet.display, sheet.config
     lens = display.pitch / 3.0 / config.dpi * 25.4
     radius = sheet.thickness * (config.index - 1) / config.index
@@ -248,30 +241,20 @@ def lens_heights(sheet: PrintSheet, profile: Profile, rows: Int64) -> Float64:
         raise UserError(f"round lenses of {config.lpi:g} lpi need a sheet of at least "
                         f"{least:.2f} mm to be sharp on the ink, not {sheet.thickness:.2f}: give "
                         "--thickness, or --lens-profile sine")
-    away = lens * (_phase(display, rows) / display.pitch - 0.5)
+    away = lens * (display.phase(rows[:, None], np.arange(display.width)[None], 0)
+                   / display.pitch - 0.5)
     if profile == "arc":
         return np.asarray(sheet.thickness - radius + np.sqrt(radius ** 2 - away ** 2))
     swing = (lens / (2 * math.pi)) ** 2 / radius
     return np.asarray(sheet.thickness - swing * (1 - np.cos(2 * math.pi * away / lens)))
 
 
-def _phase(display: Display, rows: Int64) -> Float64:
-    return display.phase(rows[:, None], np.arange(display.width)[None], 0)
-
-
 def write_lenses(sheet: PrintSheet, path: Path, profile: Profile = "arc") -> dict[str, Any]:
-    """Write the height map of the sheet that fits a print.
+    """Write the height map of the sheet that fits a print, with lenses of a cross-section.
 
-    Parameters
-    ----------
-    sheet : Page and lens sheet.
-    path : ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535 the
-        top of a lens.
-    profile : The lenses' cross-section.
-
-    Returns
-    -------
-    figures : ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of a lens in it.
+    ``path`` is a ``.png`` or ``.tiff``, grey with 16 bits, of the page's size: 0 is the ink, 65535
+    the top of a lens. Returns ``height_mm``, what 65535 stands for, and ``lens_mm``, the height of
+    a lens in it.
     """
     display, config = sheet.display, sheet.config
     first = lens_heights(sheet, profile, np.zeros(1, np.int64))
@@ -327,10 +310,6 @@ class TrialPage:
         """The page of a configuration; rows differ by up to ``spread`` per cent in pitch.
 
         0: so that a row whose pitch is that of the next one is white at both ends.
-
-        Raises
-        ------
-        UserError : If the page is smaller than 100 mm.
         """
         if not (spread == 0 or 0.05 <= spread <= 10):
             raise UserError("--pitch-range must be 0, or lie between 0.05 and 10 per cent, not "
@@ -418,18 +397,10 @@ def _layout(config: PrintConfig, sheet: PrintSheet, pitches: tuple[float, ...],
 
 
 def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> dict[str, Any]:
-    """Write a test page for pitch and phase.
+    """Write a test page for pitch and phase, a ``.tiff`` or ``.png``.
 
-    Parameters
-    ----------
-    config : Page and lens sheet; its pitch is in the middle of those tried.
-    path : ``.tiff`` or ``.png``.
-    spread : Per cent by which the rows' pitches differ from it at most; 0: as the page's width
-        needs.
-
-    Returns
-    -------
-    figures : ``pitches`` and ``phases`` of the rows from the top down.
+    The configuration's pitch is in the middle of those tried; ``spread`` as for `TrialPage.of`.
+    Returns ``pitches`` and ``phases`` of the rows from the top down.
     """
     page = TrialPage.of(config, spread)
     display = page.sheet.display
@@ -462,16 +433,9 @@ def srgb_profile() -> bytes:
 
 
 class RowFile:
-    """A picture's file that takes rows from the top down.
+    """A picture's file that takes rows from the top down, in a stream that can be sought.
 
-    Parameters
-    ----------
-    stream : Where to write; a place in it can be sought.
-    width, height : Size in pixels.
-    dpi : Pixels per inch.
-    grey : True: one channel of 16 bits, a measure and no color; False: sRGB, 3 channels of 8
-        bits.
-    note : A line about the picture.
+    ``grey``: one channel of 16 bits, a measure and no color; else sRGB, 3 channels of 8 bits.
     """
 
     def __init__(self, stream: BinaryIO, width: int, height: int, dpi: float, *,
@@ -502,6 +466,7 @@ class RowFile:
 
     def _finish(self) -> None:
         raise NotImplementedError
+
 
 
 class TiffRows(RowFile):
@@ -582,12 +547,7 @@ class PngRows(RowFile):
 
 
 def check_file(path: Path, width: int, height: int, *, grey: bool = False) -> None:
-    """Refuse a file that can't hold a page, before anything is computed.
-
-    Raises
-    ------
-    UserError : If the format loses pixels, can't hold so many, or the disk is too full.
-    """
+    """Refuse a file that can't hold a page, before anything is computed."""
     suffix = path.suffix.lower()
     if suffix not in _TIFF + _PNG:
         raise UserError(f"a print must keep every pixel: write {path.name or path} as .tiff or "

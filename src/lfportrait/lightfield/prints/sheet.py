@@ -36,13 +36,7 @@ _SHEET = re.compile(r"a([0-6])(?:-(portrait|landscape))?")
 def paper_size(text: str) -> tuple[float, float]:
     """Width and height in millimetres.
 
-    Parameters
-    ----------
-    text : Width x height with a unit (mm, cm, in), or A0 to A6, upright or with ``-landscape``.
-
-    Raises
-    ------
-    UserError : If it is neither, or a side is shorter than 20 mm or longer than 3 m.
+    Of width x height with a unit (mm, cm, in), or A0 to A6, upright or with ``-landscape``.
     """
     words = text.strip().lower()
     if sheet := _SHEET.fullmatch(words):

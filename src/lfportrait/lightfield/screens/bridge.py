@@ -93,16 +93,9 @@ def _value(entry: Any, *path: str) -> Any:
 
 
 class Bridge:
-    """A session with Bridge; use it in a ``with`` block.
+    """A session with Bridge, which listens at ``url``; use it in a ``with`` block.
 
-    Parameters
-    ----------
-    url : Where Bridge listens.
-    timeout : Longest wait for an answer in seconds.
-
-    Raises
-    ------
-    UserError : If no Bridge answers there, or one too old.
+    It waits ``timeout`` seconds for an answer.
     """
 
     def __init__(self, url: str = URL, timeout: float = 10.0) -> None:
@@ -124,21 +117,7 @@ class Bridge:
         self.token = ""
 
     def call(self, endpoint: str, **arguments: Any) -> dict[str, Any]:
-        """One call.
-
-        Parameters
-        ----------
-        endpoint : Its name.
-        arguments : Contents of the JSON object; the session is added.
-
-        Returns
-        -------
-        answer : Bridge's answer.
-
-        Raises
-        ------
-        UserError : If Bridge does not answer, or refuses.
-        """
+        """One call of an endpoint; Bridge's answer. The session is added to the arguments."""
         if self.token:
             arguments = {"orchestration": self.token, **arguments}
         request = urllib.request.Request(
@@ -196,13 +175,7 @@ class Bridge:
     def device(self, index: int = -1) -> Device:
         """The light-field display to cast to.
 
-        Parameters
-        ----------
-        index : Bridge's number of it; the first light-field display by default.
-
-        Raises
-        ------
-        UserError : If there is none.
+        Bridge's number ``index``, by default the first one.
         """
         devices = self.devices()
         if index >= 0:
@@ -219,31 +192,15 @@ class Bridge:
 
     def cast(self, picture: str | Path, layout: QuiltLayout, *, views: int = 0, screen: int = -1,
              focus: float = 0.0, depth: DepthPicture | None = None) -> str:
-        """Show one quilt, or a picture with depth, until something else is cast.
+        """Show one quilt, or a picture with depth (`Entry`), until something else is cast.
 
-        Parameters
-        ----------
-        picture, layout, views, focus, depth : As in `Entry`.
-        screen : Bridge's number of the display; -1 = where Bridge wants.
-
-        Returns
-        -------
-        playlist : Name of the playlist that plays it.
+        ``screen`` is Bridge's number of the display, -1 = where Bridge wants. Returns the name of
+        the playlist that plays it.
         """
         return self.cast_all([Entry(picture, layout, views, focus, depth)], screen=screen)
 
     def cast_all(self, entries: Sequence[Entry], *, screen: int = -1) -> str:
-        """Show pictures one after the other, again and again, until something else is cast.
-
-        Parameters
-        ----------
-        entries : The pictures, in their order.
-        screen : Bridge's number of the display; -1 = where Bridge wants.
-
-        Returns
-        -------
-        playlist : Name of the playlist that plays them.
-        """
+        """`cast` of pictures one after the other, again and again, until something else is cast."""
         # A name that Bridge knows already would go on with what it shows: each cast has its own.
         name = f"lfportrait-{uuid.uuid4().hex[:8]}"
         self.call("show_window", show_window=True, head_index=screen)

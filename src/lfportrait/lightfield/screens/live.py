@@ -7,8 +7,7 @@ eye in the middle sees, by the same shaders without a lens. What pointer and key
 
 Windows are rendercanvas's and glfw's; nothing else imports them. A panel's window is full screen;
 it must have exactly the panel's pixels, and what is drawn into it first is read back and compared
-before the picture counts as shown. For a show a photo's field is found and the device started; what
-is lost is said.
+before the picture counts as shown.
 """
 
 from __future__ import annotations
@@ -89,13 +88,7 @@ class Controls:
         self._phase = 0.0
 
     def handle(self, event: Mapping[str, Any], width: float) -> None:
-        """Take up an event.
-
-        Parameters
-        ----------
-        event : As rendercanvas gives it: ``"event_type"`` and what belongs to that.
-        width : Of the window, in the unit of the event's ``"x"``.
-        """
+        """Take up an event of rendercanvas; ``width`` of the window, in the unit of its ``"x"``."""
         kind = event["event_type"]
         if kind == "pointer_down" and event.get("button") == 1:
             self._dragged = float(event["x"])
@@ -399,19 +392,9 @@ _NO_SCREEN = ("there is no screen to show a light field on: run this in a deskto
 class LiveWindow:
     """A window on an attached screen.
 
-    Parameters
-    ----------
-    screen : Number of the screen; -1 = the one that has the panel's pixels.
-    plain : An ordinary window, as high as fits, on the desktop's screen, instead of a panel's.
-
-    Attributes
-    ----------
-    size : Width and height in pixels, once it is open.
-    screen : Number of the screen, -1 for an ordinary window.
-
-    Raises
-    ------
-    UserError : If a package is missing, there is no screen, or none of the panel's size.
+    ``screen`` is its number, -1 = that of the one that has the panel's pixels. ``plain`` gives an
+    ordinary window, as high as fits, on the desktop's screen, instead of a panel's, whose
+    ``screen`` then is -1. ``size``: width and height in pixels, once it is open.
     """
 
     def __init__(self, display: Display, screen: int = -1, plain: bool = False) -> None:
@@ -426,12 +409,7 @@ class LiveWindow:
         self._title = f"lfportrait, {display.name}"
 
     def open(self) -> tuple[int, int]:
-        """Open the window; its width and height in pixels.
-
-        Raises
-        ------
-        UserError : If it does not fill a panel pixel for pixel.
-        """
+        """Open the window; its width and height in pixels."""
         from rendercanvas.glfw import RenderCanvas, loop
 
         self._loop: Any = loop
@@ -591,12 +569,7 @@ def _pixels(glfw: Any, monitor: Any) -> tuple[int, int]:
 
 
 def live_adapter(choice: str) -> Adapter:
-    """The GPU for a choice of ``--device``.
-
-    Raises
-    ------
-    UserError : If there is none: nothing else is fast enough.
-    """
+    """The GPU for a choice of ``--device``."""
     adapter = gpu_adapter(choice)
     if adapter is None:
         raise UserError(f"a light field is shown live by a GPU, and --device {choice} has none "
@@ -643,17 +616,10 @@ def show_field(field: VoxelField, display: Display, config: EncodeConfig | None 
 
 
 def fields_to_show(source: Path, photo: Path | None) -> tuple[VoxelField, VoxelField | None]:
-    """A field's file, and the field whose colors can be mixed in.
+    """A (stylised) field, and the one whose colors can be mixed in.
 
-    Parameters
-    ----------
-    source : The (stylised) field's file.
-    photo : The field's that it was stylised from; by default ``field.npz`` beside it, where that
-        has the same points.
-
-    Raises
-    ------
-    UserError : If the named one has other points.
+    That is ``photo``, which must have the same points; by default ``field.npz`` beside it, if it
+    has.
     """
     field = VoxelField.load(source)
     beside = source.with_name("field.npz")
@@ -674,20 +640,8 @@ def show_live(window: LiveWindow | OffscreenWindow, adapter: Adapter, field: Vox
               say: Callable[[str, bool], None] = lambda line, stays: None) -> dict[str, Any]:
     """Show a field until the viewer closes the window, or the time is up.
 
-    The device lives in this process, where its window is.
-
-    Parameters
-    ----------
-    window : The panel's, an ordinary one, or one in memory.
-    field, config, panel, photo, seconds, say : As for `Live`.
-
-    Returns
-    -------
-    figures : For ``--json``.
-
-    Raises
-    ------
-    UserError : If the window is not as the panel needs it, or the GPU was lost or is too small.
+    The device lives in this process, where its window is. ``field`` to ``say`` are as for `Live`;
+    returns figures for ``--json``.
     """
     try:
         size = window.open()

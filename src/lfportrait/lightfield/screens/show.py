@@ -128,17 +128,10 @@ class PygameDriver:
 
 
 def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: int = -1) -> int:
-    """The attached screen that is the panel.
+    """The number of the attached screen that is the panel, by the width and height of every one.
 
-    Parameters
-    ----------
-    screens : Width and height of every screen.
-    screen : Number of the screen; -1 = the one that has the panel's pixels (the last of several,
-        because the first is the desktop's).
-
-    Raises
-    ------
-    UserError : If there is none of the panel's size.
+    -1 = the one that has the panel's pixels: the last of several, because the first is the
+    desktop's.
     """
     size = (display.width, display.height)
     known = ", ".join(f"{number}: {width} x {height}"
@@ -164,22 +157,14 @@ def show(images: Sequence[UInt8], display: Display, *, screen: int = -1,
          seconds: float = 0.0, driver: Driver | None = None) -> int:
     """Show coded pictures full screen, unscaled, until the viewer closes the window.
 
+    Returns the number of the screen that showed them.
+
     Parameters
     ----------
-    images : uint8 [H, W, 3], coded for ``display``, as seen; the viewer leafs through several of
-        them.
+    images : uint8 [H, W, 3], coded for ``display``, as seen; the viewer leafs through several.
     screen : Number of the screen; -1 = the one that has the panel's pixels.
     seconds : Time for each picture; 0 = until the viewer goes on.
     driver : Window system; pygame by default.
-
-    Returns
-    -------
-    screen : Number of the screen that showed them.
-
-    Raises
-    ------
-    UserError : If there is no screen of the panel's size, or if anything scales or changes the
-        picture.
     """
     for image in images:
         check_size(image, display)

@@ -10,7 +10,6 @@ or, where the installed FFmpeg can't, as VP9. Both are read by Looking Glass's o
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -62,7 +61,7 @@ _NEAREST = 0.9
 """How near the head may come to the eyes, as a share of their distance."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Margins:
     """What is left free around a head, as shares of the picture's height (top, bottom) and width.
 
@@ -81,11 +80,9 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
 
     Parameters
     ----------
-    field : Whose head.
     window : The frame, with the eyes' distance.
-    encode : Size and shifts away from their defaults change the framing in proportion; the rest
-        is kept.
-    margins : What is left free.
+    encode : Size and shifts away from their defaults change the framing in proportion; the rest is
+        kept.
     turns : Degrees by which the head is turned besides ``encode.turn``.
     eyes : X of the eyes in half heights of the frame.
     """
@@ -109,7 +106,7 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
                         "--encode.focus")
     usual = EncodeConfig()
     shift = shifts[0] if margins.stands else (shifts[0] + shifts[1]) / 2
-    return dataclasses.replace(
+    return replace(
         # `Placement.of` makes heads smaller on narrow panels; here the frame does.
         encode, size=low / min(1.0, window.aspect * 1.15) * encode.size / usual.size,
         shift_x=encode.shift_x - usual.shift_x, shift_y=shift + encode.shift_y - usual.shift_y)
@@ -259,10 +256,6 @@ def codec_for(path: Path, size: tuple[int, int], asked: Literal["auto", "h264", 
     """The codec of a video by its name, its size and what is asked for.
 
     Where the installed FFmpeg lacks HEVC, quilts are coded as VP9, with a warning.
-
-    Raises
-    ------
-    UserError : If the file's format or the codec can't hold it, or there is no encoder.
     """
     webm = path.suffix.lower() == ".webm"
     if flat and (webm or asked in ("h264", "vp9")):
@@ -285,17 +278,11 @@ def codec_for(path: Path, size: tuple[int, int], asked: Literal["auto", "h264", 
                     "in PyAV): install the av package from PyPI, or choose another --codec")
 
 
-def _turns(config: FrameConfig) -> Float64:
-    """Turn of the head in each frame of a loop without a seam, in degrees."""
-    count = config.frames or _FRAMES
-    return config.sway * np.sin(2 * math.pi * np.arange(count) / count)
-
-
 def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
                  size: tuple[int, int], encode: EncodeConfig, config: FrameConfig, *,
                  flat: bool = False, comment: str = "",
                  step: Callable[[int, int], None] = lambda at, count: None) -> dict[str, Any]:
-    """Write a video of a head that sways.
+    """Write a video of a head that sways; returns ``frames`` and ``codec``.
 
     Parameters
     ----------
@@ -306,25 +293,23 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
     flat : Whether it is a flat panel's video.
     comment : Written into the file's metadata.
     step : Called before each frame with its number and their count.
-
-    Returns
-    -------
-    figures : ``frames`` and ``codec``.
     """
     codec = codec_for(path, size, config.codec, flat)
-    turns = _turns(config)
+    # A loop without a seam.
+    steps = config.frames or _FRAMES
+    turns = config.sway * np.sin(2 * math.pi * np.arange(steps) / steps)
 
     def frames() -> Iterator[UInt8]:
         for number, turn in enumerate(turns):
             step(number, len(turns))
-            yield picture(dataclasses.replace(encode, turn=encode.turn + float(turn)))
+            yield picture(replace(encode, turn=encode.turn + float(turn)))
 
     count = write_video(path, frames(), config.fps, codec=codec,
                         quality=_FLAT_QUALITY if flat else _QUALITY[codec], comment=comment)
     return {"frames": count, "codec": codec}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Flat:
     """The head on a flat panel, inside its safe areas in every frame."""
 
@@ -352,10 +337,8 @@ class Flat:
                              height=self.window.height)
         ground = window_ground(field, self.window, encode)
         behind = encode.background if ground is None else ground.seen(camera)
-        color = field.render(camera, 0, background=behind).color
-        frame = to_uint8(color)
+        frame = to_uint8(field.render(camera, 0, background=behind).color)
         return np.ascontiguousarray(np.rot90(frame)) if self.turned else frame
-
 
 
 _WHITE = 1.0
@@ -367,12 +350,12 @@ def _placed(config: FrameConfig, encode: EncodeConfig) -> EncodeConfig:
         return encode
     # Who asks for a grey level, be it black, gets no painting.
     ground = "black" if encode.ground == "painted" else encode.ground
-    return dataclasses.replace(encode, background=config.backdrop, ground=ground)
+    return replace(encode, background=config.backdrop, ground=ground)
 
 
 def _on_panel(config: FrameConfig, context: ExportContext) -> FrameConfig:
     """The parameters with a display, where one is named at all."""
-    return config if config.display else dataclasses.replace(config, display=context.display)
+    return config if config.display else replace(config, display=context.display)
 
 
 def write_quilt_of(field: VoxelField, path: Path, config: FrameConfig,
@@ -415,7 +398,7 @@ def write_flat(field: VoxelField, path: Path, config: FrameConfig,
     encode = _placed(config, context.encode)
     if (config.backdrop is None and backdrop_of(field, encode) is None
             and encode.ground != "black"):
-        encode = dataclasses.replace(encode, background=_WHITE)
+        encode = replace(encode, background=_WHITE)
     codec_for(path, (0, 0), config.codec, flat=True)
     flat = Flat.of(field, encode, config)
     return {"size": flat.size, **write_moving(

@@ -101,12 +101,7 @@ class QuiltName:
 
     @staticmethod
     def of(name: str) -> QuiltName:
-        """What ``NAME_qs``, ``NAME_qs8x13`` or ``NAME_qs8x6a0.75`` ask for.
-
-        Raises
-        ------
-        UserError : If the layout is impossible, or has more views than a frame shows.
-        """
+        """What ``NAME_qs``, ``NAME_qs8x13`` or ``NAME_qs8x6a0.75`` ask for."""
         hint = QuiltHint.of_name(name)
         if hint is None:
             return QuiltName()
@@ -198,12 +193,7 @@ _OPTIONS: dict[str, dict[str, int]] = {
 
 
 def check_picture(path: Path, width: int, height: int) -> None:
-    """Whether the format that a name gives holds a picture of this size.
-
-    Raises
-    ------
-    UserError : If not.
-    """
+    """Whether the format that a name gives holds a picture of this size."""
     suffix = path.suffix.lower()
     if suffix not in PICTURES:
         raise UserError(f"can't write a picture named {path.name}; end the name in .png, .jpg or "
@@ -242,17 +232,13 @@ def write_picture(path: Path, image: UInt8, exif: Image.Exif | None = None) -> N
 
 def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayout, *,
               movie: bool = False) -> dict[str, Any]:
-    """Write a package.
+    """Write a package; returns its ``bytes``.
 
     Parameters
     ----------
     media : Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
     contents : The quilt, as a file's contents or a file.
     movie : Whether it is a video.
-
-    Returns
-    -------
-    figures : ``bytes`` of the package.
     """
     settings = json.dumps(quilt_settings(layout, movie=movie), indent=1) + "\n"
     with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as package:

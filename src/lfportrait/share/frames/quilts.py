@@ -68,16 +68,8 @@ class QuiltPlan:
     def of(name: str, config: FrameConfig, *, display: Display | None = None) -> QuiltPlan:
         """The quilt that a file's name and the parameters ask for.
 
-        Parameters
-        ----------
-        name : The file's name.
-        config : Its display and pixels.
-        display : The panel, where it is known; otherwise the parameters name it, or the layout
-            does.
-
-        Raises
-        ------
-        UserError : If the name's aspect is not the display's, or no known display has it.
+        The panel is ``display``, where it is known; otherwise the parameters name it, or the layout
+        does.
         """
         asked = QuiltName.of(name)
         if display is None:
@@ -132,21 +124,10 @@ def _size(display: Display, layout: QuiltLayout) -> tuple[int, int]:
 
 def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
                 seconds: float = SECONDS, beside: bool = True) -> dict[str, Any]:
-    """Write a quilt as PNG, JPEG or WebP with its EXIF block, and its side file ``PATH.json``.
+    """Write a quilt uint8 [H, W, 3] as PNG, JPEG or WebP with its EXIF block; its ``bytes``.
 
-    Parameters
-    ----------
-    quilt : uint8 [H, W, 3].
-    seconds : How long a frame shows it, in seconds; written into the side file.
-    beside : Whether there is to be a side file.
-
-    Returns
-    -------
-    figures : ``bytes`` of what was written.
-
-    Raises
-    ------
-    UserError : If the format can't hold the picture, or the files can't be written.
+    Its side file ``PATH.json``, if there is to be one ``beside``, says how many ``seconds`` a frame
+    shows it.
     """
     check_picture(path, quilt.shape[1], quilt.shape[0])
     contents = picture_bytes(path.suffix, quilt, quilt_exif(layout))
@@ -156,8 +137,7 @@ def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
         return {"bytes": len(contents)}
     side = (json.dumps(quilt_settings(layout, seconds=seconds), indent=1) + "\n").encode()
     # Both are whole under their temporary names before either gets its own.
-    with (atomic_write(path.with_name(path.name + ".json")) as second,
-          atomic_write(path) as first):
+    with (atomic_write(path.with_name(path.name + ".json")) as second, atomic_write(path) as first):
         first.write(contents)
         second.write(side)
         second.flush()
@@ -330,19 +310,9 @@ def fill_drive(plan: DrivePlan, step: Callable[[int, int], None] = lambda at, co
                ) -> dict[str, Any]:
     """Make quilts and a playlist on a frame's drive, so that it plays them standing alone.
 
-    Parameters
-    ----------
-    plan : What goes where.
-    step : Called before each quilt with its number and their count.
-
-    Returns
-    -------
-    figures : ``display``, ``quilts`` (name, layout, views), ``playlist``, ``bytes``.
-
-    Raises
-    ------
-    UserError : If the drive is missing, full or can't be written to, or a source is no quilt.
-        Then nothing of this call is left on the drive.
+    Where that fails nothing of this call is left on the drive. ``step`` is called before each quilt
+    with its number and their count. Returns ``display``, ``quilts`` (name, layout, views),
+    ``playlist``, ``bytes``.
     """
     _check_drive(plan.drive)
     if not plan.sources:

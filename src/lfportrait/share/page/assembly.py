@@ -32,12 +32,13 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ...arrays import Bool
+from ...arrays import Bool, UInt8
 from ...browsing import open_browser
 from ...capture import Camera
+from ...color import to_uint8
 from ...errors import UserError
 from ...field import C0, Backdrop, VoxelField
-from ...files import atomic_write, script_json
+from ...files import atomic_write, script_json, script_streams
 from ...lightfield import (
     Display,
     EncodeConfig,
@@ -49,7 +50,7 @@ from ...lightfield import (
 from ...version import __version__
 from ..kinds import PageConfig
 from ..paths import DISTANCE, head_extent
-from .packing import ColorSet, Lattice, PageTexture, code_values, color_sets, fit
+from .packing import ColorSet, Lattice, PageTexture, code_values, color_sets, fit, texel_values
 
 _HEIGHT = 1000
 _MARGIN = 1.04
@@ -58,10 +59,8 @@ _MARGIN = 1.04
 def start_view(voxels: VoxelField) -> dict[str, Any]:
     """Where the page's camera stands at first.
 
-    Returns
-    -------
-    start : ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half
-        width and half height of what must fit into the window.
+    ``target`` [3]; ``distance`` from it, in world units; ``reach`` and ``half``: half width and
+    half height of what must fit into the window.
     """
     reach, low, high = head_extent(voxels)
     return {"target": [0.0, (low + high) / 2, 0.0], "distance": DISTANCE,
@@ -79,12 +78,19 @@ def poster(voxels: VoxelField, start: dict[str, Any]) -> bytes:
     seen = next(render_views(voxels, camera, background=0.0))
     alpha = np.clip(seen.alpha, 0.0, 1.0)[..., None]
     color = np.clip(seen.color / np.maximum(alpha, 1e-6), 0.0, 1.0)
-    picture = (np.concatenate([color, alpha], axis=2) * 255.0 + 0.5).astype(np.uint8)
+    picture = to_uint8(np.concatenate([color, alpha], axis=2))
     top, left = (size - _HEIGHT) // 2, (size - width) // 2
+    return _webp(picture[top:top + _HEIGHT, left:left + width], 82)
+
+
+def _webp(picture: UInt8, quality: int) -> bytes:
     buffer = io.BytesIO()
-    Image.fromarray(picture[top:top + _HEIGHT, left:left + width]).save(
-        buffer, "WEBP", quality=82, method=2)
+    Image.fromarray(picture).save(buffer, "WEBP", quality=quality, method=2)
     return buffer.getvalue()
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode()
 
 
 _LONGEST = 720
@@ -121,11 +127,9 @@ class PageGround:
         plane = world_ground(voxels, config, max(longest / _LONGEST, 1.0) / drop.pixels)
         assert plane is not None
         picture = np.clip(plane.planes.transpose(1, 2, 0) + 0.5, 0, 255).astype(np.uint8)
-        buffer = io.BytesIO()
-        Image.fromarray(picture).save(buffer, "WEBP", quality=_QUALITY, method=2)
         across, down = plane.texel
         return PageGround({
-            "picture": "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode(),
+            "picture": "data:image/webp;base64," + _base64(_webp(picture, _QUALITY)),
             "left": round(plane.left - across / 2, 5), "top": round(plane.top + down / 2, 5),
             "width": round(across * picture.shape[1], 5),
             "height": round(down * picture.shape[0], 5), "depth": round(plane.depth, 5),
@@ -195,18 +199,11 @@ def _bits(text: bytes, shape: Any) -> Bool:
 
 
 def recolored(page: OpenPage, voxels: VoxelField) -> dict[str, Any] | None:
-    """A field's colors as a further color set of a page.
+    """The colors of a page's field, as ``voxels`` has them, as a further color set of the page.
 
-    Parameters
-    ----------
-    page : Of the same field, in whatever colors.
-    voxels : The field in the colors that are wanted; those seen from the front, of degree 0.
-
-    Returns
-    -------
-    set : ``bands`` as in the page's header; ``streams``: the band's residuals by its number;
-        ``texels``: those of the texture, or None. Streams are deflated, in base64. None where
-        the page does not hold the field row by row, as its size did not allow it.
+    Those seen from the front, of degree 0. ``bands`` as in the page's header; ``streams``: the
+    band's residuals by its number; ``texels``: those of the texture, or None. Streams are deflated,
+    in base64. None where the page does not hold the field row by row, as its size did not allow it.
     """
     if page.filled.shape != voxels.links.shape:
         return None
@@ -232,13 +229,9 @@ def _texels(page: OpenPage, voxels: VoxelField) -> str | None:
     [texels] = texture.texels
     if texels is None or texels.shape[:2] != page.kept.shape:
         return None
-    values = (texels[page.kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
+    values = texel_values(texels, page.kept)
     stream, _ = code_values(page.kept[:, None], values, np.zeros(len(values), np.uint8))
     return _base64(stream)
-
-
-def _base64(stream: bytes) -> str:
-    return base64.b64encode(stream).decode()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -272,18 +265,13 @@ class _Handler(BaseHTTPRequestHandler):
 
 def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
                ready: Callable[[str, Callable[[], None]], None] | None = None) -> None:
-    """Serve a page until interrupted.
+    """Serve a page's file until interrupted.
 
     Parameters
     ----------
-    page : The file.
     port : On the loopback address; 0 takes a free one.
     browse : Open the browser there.
     ready : Called with the address, and with what ends the serving, once it can be reached.
-
-    Raises
-    ------
-    UserError : If the port is taken or is none.
     """
     try:
         server = ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, Path(page)))
@@ -413,11 +401,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
         "title": html.escape(title), "caption": _caption(config, styles),
         "style": style + tint,
         "description": html.escape(about), "script": script, "header": script_json(header),
-        "poster": "data:image/webp;base64," + base64.b64encode(picture).decode(),
-        "streams": "\n".join(
-            f'<script type="application/octet-stream" data-stream="{name}">'
-            f"{base64.b64encode(data).decode()}</script>"
-            for name, data in packed.streams.items())}
+        "poster": "data:image/webp;base64," + _base64(picture),
+        "streams": script_streams(packed.streams)}
     # One pass: what is put in may itself hold such a mark.
     text = _text("page.html")
     if light:

@@ -72,14 +72,8 @@ def _plain(colors: Float32) -> Float32:
 def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
     """The colors of a field: photo, then what it shows, then its other styles.
 
-    Parameters
-    ----------
-    voxels : A `StyledField` has several sets, every other field one.
-    degree : Degree of the spherical harmonics that are kept, 0 to 2.
-
-    Raises
-    ------
-    UserError : If the field does not have that degree.
+    A `StyledField` has several sets, every other field one. ``degree`` of the spherical harmonics
+    that are kept, 0 to 2.
     """
     if not 0 <= degree <= 2:
         raise UserError(f"--sh takes the degree 0, 1 or 2, not {degree}")
@@ -145,12 +139,7 @@ class Lattice:
     def of(links: Int32, density: Float32, sets: list[ColorSet],
            center: Float64, radius: Float64,
            charts: UInt8 | None = None) -> Lattice:
-        """Rows in the lattice's order, without those that no sample meets.
-
-        Raises
-        ------
-        UserError : If nothing is left.
-        """
+        """Rows in the lattice's order, without those that no sample meets."""
         matter = np.append(density, np.float32(0.0)).astype(np.float32)[links]
         filled = (links >= 0) & (_largest_around(matter) > _FAINTEST)
         if not filled.any():
@@ -192,8 +181,7 @@ def _largest_around(values: Float32) -> Float32:
     return out
 
 
-def code_values(filled: Bool, values: UInt8,
-                tolerance: UInt8) -> tuple[bytes, UInt8]:
+def code_values(filled: Bool, values: UInt8, tolerance: UInt8) -> tuple[bytes, UInt8]:
     """Values [N, C] as a deflated stream, and as they are read back; see `code_rows`."""
     # One column of a larger array, or one in another order, would have a kernel of its own.
     values = np.ascontiguousarray(values)
@@ -209,10 +197,8 @@ def code_values(filled: Bool, values: UInt8,
 def pack(lattice: Lattice, tolerance: int) -> Packed:
     """Pack a field.
 
-    Parameters
-    ----------
-    tolerance : Largest error of colors and of the root of densities in 255ths of their range; 0
-        rounds them to bytes and no more.
+    ``tolerance`` is the largest error of colors and of the root of densities in 255ths of their
+    range; 0 rounds them to bytes and no more.
     """
     filled = lattice.filled
     top = float(min(lattice.density.max(), _OPAQUE / lattice.voxel))
@@ -308,12 +294,8 @@ class PageTexture:
            cell: float) -> PageTexture:
         """The texture of the color sets, of which one has some, with its charts close together.
 
-        Parameters
-        ----------
-        texture : Of the field: places, and texels of what it shows.
-        sets : Color sets with their texels.
-        points : float64 [N, 3], world positions of the field's rows.
-        cell : Length of a lattice cell's diagonal in world units.
+        ``texture`` is the field's: places, and texels of what it shows; ``points`` float64 [N, 3]
+        are world positions of its rows, ``cell`` is the length of a lattice cell's diagonal.
         """
         margin = _MARGIN + round(cell * texture.pixels)
         boxes = _chart_boxes(texture, points, margin)
@@ -351,6 +333,11 @@ class PackedTexels:
     shown: PageTexture = field(repr=False)
 
 
+def texel_values(texels: NDArray[np.int8], kept: Bool) -> UInt8:
+    """Texels as a stream has them: green, red, blue of those that are kept, uint8 [N, 3]."""
+    return (texels[kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
+
+
 def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
     """Pack a texture; no texel is off by more than ``tolerance`` 254ths."""
     height, width = texture.shape
@@ -367,8 +354,8 @@ def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
         if each is None:
             shown.append(None)
             continue
-        values = (each[kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
-        streams[f"texels{number}"], back = code_values(kept[:, None], values, slack)
+        streams[f"texels{number}"], back = code_values(kept[:, None], texel_values(each, kept),
+                                                       slack)
         out = np.zeros((height, width, 3), np.int8)
         out[kept] = (back[:, (1, 0, 2)].astype(np.int16) - 128).astype(np.int8)
         shown.append(out)
@@ -379,10 +366,8 @@ def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
     return PackedTexels(header, streams, replace(texture, texels=shown))
 
 
-def with_texels(packed: Packed, texels: PackedTexels | None) -> Packed:
+def with_texels(packed: Packed, texels: PackedTexels) -> Packed:
     """A packed field with its packed texture."""
-    if texels is None:
-        return packed
     return replace(packed, header={**packed.header, "texture": texels.header},
                    streams={**packed.streams, **texels.streams})
 
@@ -504,12 +489,7 @@ class _Packings:
 
 
 def fit(lattice: Lattice, most: float, texture: PageTexture | None = None) -> Packed:
-    """Pack a field, with its texture, into at most ``most`` bytes, as they stand in a page.
-
-    Raises
-    ------
-    UserError : If even the coarsest packing is larger.
-    """
+    """Pack a field, with its texture, into at most ``most`` bytes, as they stand in a page."""
     packings = _Packings(lattice, texture)
     plan = _PLAIN if texture is None else _TEXTURED
     packed = packings.at(*plan[0])

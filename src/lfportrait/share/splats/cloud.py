@@ -163,12 +163,7 @@ class SplatView:
     _members: Int32
 
     def slopes(self, slope: Float32) -> Slopes:
-        """Derivatives of a loss.
-
-        Parameters
-        ----------
-        slope : float32 [H, W, 4], derivative of the loss by ``image``.
-        """
+        """Derivatives of a loss, by its derivative by ``image``, float32 [H, W, 4]."""
         through = np.concatenate([self.image[..., :3], 1 - self.image[..., 3:]], axis=2)
         by_through = np.concatenate([slope[..., :3], -slope[..., 3:]], axis=2).astype(np.float32)
         pairs = np.empty((len(self._members), 10), np.float32)
@@ -182,12 +177,7 @@ class SplatView:
 
 
 def splat_view(splats: Splats, cameras: Camera, view: int = 0) -> SplatView:
-    """Render splats as Kerbl et al. 2023 do, sorted by the depth along the optical axis.
-
-    Parameters
-    ----------
-    cameras, view : Batch of cameras and which of them.
-    """
+    """Render splats as Kerbl et al. 2023 do, sorted by the depth along the optical axis."""
     width, height = int(cameras.width[view]), int(cameras.height[view])
     camera = cameras.row(view)
     flat = np.empty((len(splats), COLUMNS), np.float32)
@@ -229,17 +219,9 @@ _HARMONICS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
 
 
 def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
-    """Splats as a file is to hold them.
+    """Splats in the portrait frame (+y up, +z out of the face) as a file of a suffix holds them.
 
-    Parameters
-    ----------
-    splats : In the portrait frame (+y up, +z out of the face).
-    suffix : Of the file's name, such as ``.ply``.
-    up : ``"y-up"``; ``"y-down"``: half a turn about z; ``"auto"``: what is usual for such files.
-
-    Raises
-    ------
-    UserError : If a glTF is to have y down.
+    ``"y-down"``: half a turn about z; ``"auto"``: what is usual for such files.
     """
     if is_down(suffix, up):
         return half_turned(splats)
@@ -250,12 +232,7 @@ def framed(splats: Splats, suffix: str, up: Up = "auto") -> Splats:
 
 
 def is_down(suffix: str, up: Up = "auto") -> bool:
-    """Whether such a file is to have +y down.
-
-    Raises
-    ------
-    UserError : If a glTF is to have it.
-    """
+    """Whether such a file is to have +y down."""
     if suffix == ".glb" and up == "y-down":
         raise UserError("a .glb file has y up by its specification; leave --splats.up at auto")
     return suffix in DOWN if up == "auto" else up == "y-down"
@@ -281,16 +258,9 @@ def to_bytes(values: NDArray[np.floating]) -> UInt8:
 
 
 def smallest_three(turns: Float32) -> tuple[Int64, Float32]:
-    """Quaternions without their largest component, which is made positive and follows from these.
+    """Quaternions [N, 4] without their largest component, which is positive and follows from these.
 
-    Parameters
-    ----------
-    turns : float32 [N, 4].
-
-    Returns
-    -------
-    largest : int64 [N], which component that is.
-    others : float32 [N, 3], in order, within 1 / sqrt(2) of 0.
+    int64 [N], which one that is, and float32 [N, 3], the others in order, within 1 / sqrt(2) of 0.
     """
     largest = np.abs(turns).argmax(axis=1)
     sign = np.sign(turns[np.arange(len(turns)), largest])
@@ -447,8 +417,7 @@ def _picture(pixels: UInt8) -> UInt8:
     width = 4 * int(np.ceil(np.sqrt(len(pixels)) / 4))
     height = -(-len(pixels) // width)
     more = width * height - len(pixels)
-    return np.concatenate([pixels, np.repeat(pixels[-1:], more, axis=0)]).reshape(
-        height, width, -1)
+    return np.concatenate([pixels, np.repeat(pixels[-1:], more, axis=0)]).reshape(height, width, -1)
 
 
 def _webp(pixels: UInt8) -> bytes:
@@ -473,12 +442,7 @@ STEPS = (2, 4)
 
 
 def write_spz(stream: BinaryIO, splats: Splats) -> None:
-    """Write splats.
-
-    Raises
-    ------
-    UserError : If they lie too far away for its numbers.
-    """
+    """Write splats."""
     reach = float(np.abs(splats.positions).max())
     bits = min(BITS, int(np.floor(np.log2((2 ** 23 - 1) / max(reach, 1e-9)))))
     if bits < 0:

@@ -64,8 +64,7 @@ class _Points:
 
     def part(self, rows: NDArray[Any]) -> _Points:
         """Some of the points."""
-        return _Points(self.places[rows], self.normals[rows], self.colors[rows],
-                       self.opacity[rows])
+        return _Points(self.places[rows], self.normals[rows], self.colors[rows], self.opacity[rows])
 
 
 @dataclass(frozen=True)
@@ -77,12 +76,7 @@ class Ball:
 
     @staticmethod
     def around(field: VoxelField) -> Ball:
-        """The ball of a field.
-
-        Raises
-        ------
-        UserError : If the field is empty.
-        """
+        """The ball of a field."""
         dense = field.lattice_points()[field.density > 0]
         if not len(dense):
             raise UserError("the field is empty; reconstruct it again")
@@ -183,17 +177,7 @@ def _merged(points: _Points, low: Float64, side: float) -> _Points:
 
 
 def place_splats(field: VoxelField, count: int, degree: int | None = None) -> Splats:
-    """Flat splats on the surface of a field.
-
-    Parameters
-    ----------
-    count : How many at most.
-    degree : Of their spherical harmonics; by default the field's.
-
-    Raises
-    ------
-    UserError : If the field shows no surface.
-    """
+    """At most ``count`` flat splats on the surface of a field, by default of its degree."""
     ball = Ball.around(field)
     # A ball has this area for each splat; heads have less or more, which the search finds out.
     pitch = ball.radius * float(np.sqrt(4 * np.pi / count))
@@ -321,13 +305,9 @@ class _Adam:
 
 def fit_splats(field: VoxelField, splats: Splats, steps: int,
                tell: Callable[[int], None] = lambda step: None) -> Splats:
-    """Fit splats to a field.
+    """Fit splats, as `place_splats` lays them, to a field, looking at ``steps`` views of it.
 
-    Parameters
-    ----------
-    splats : As `place_splats` lays them.
-    steps : How many views are looked at.
-    tell : Told the number of each step.
+    ``tell`` is told the number of each step.
     """
     width, start = splats.scales[:, 0].copy(), splats.positions
     ball = Ball.around(field)
@@ -427,13 +407,7 @@ def field_splats(field: VoxelField, config: SplatConfig | None = None,
 
 
 def splat_psnr(field: VoxelField, splats: Splats, size: int = 512) -> float:
-    """PSNR in dB of splats to a field: a level orbit on white, which no fit has seen.
-
-    Parameters
-    ----------
-    field, splats : What is compared.
-    size : Of the pictures in pixels.
-    """
+    """PSNR in dB of splats to a field, on a level orbit on white, which no fit has seen."""
     cameras = orbit_cameras(CHECKED, size, field)
     errors = []
     for view in range(len(cameras)):

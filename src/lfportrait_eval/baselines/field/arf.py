@@ -74,19 +74,9 @@ REFITS = 3
 
 
 def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colors of a field's rows for a painting, by ARF.
+    """Colors of a field's rows for a painting, float32 [N, 3], by ARF, and figures.
 
-    Parameters
-    ----------
-    task : Field, capture, painting.
-
-    Returns
-    -------
-    colors, figures : float32 [N, 3]; errors of the fits, losses before and after, seconds.
-
-    Raises
-    ------
-    UserError : If parameters are out of range, no photo shows the field, or weights are missing.
+    These are errors of the fits, losses before and after, seconds.
     """
     config.check()
     start = time.perf_counter()

@@ -53,18 +53,7 @@ def tensor(picture: Float32, place: str = "cpu") -> torch.Tensor:
 
 
 def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:
-    """Up to ``count`` training photos, evenly spread by their direction.
-
-    Parameters
-    ----------
-    task : Field, capture, background.
-    size : Longer side of the views in pixels.
-    count : How many.
-
-    Raises
-    ------
-    UserError : If no photo shows anything of the field.
-    """
+    """Up to ``count`` training photos, evenly spread by their direction, ``size`` pixels long."""
     cameras = task.capture.cameras
     training = task.capture.training()
     position = cameras.position[training]
@@ -85,12 +74,8 @@ def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:
 def view_of(task: FieldTask, camera: Camera, size: int, photo: int | None) -> PhotoView | None:
     """One view, cropped to the head; None where its camera sees nothing of the field.
 
-    Parameters
-    ----------
-    task : Field, capture, background.
-    camera : The camera, a batch of one.
-    size : Longer side of the view in pixels.
-    photo : Which photo it took; None: the field's render is the content.
+    The camera is a batch of one; the view's longer side is ``size`` pixels. ``photo``: which one it
+    took; None: the field's render is the content.
     """
     box = _head_box(task.field, camera)
     if box is None:
@@ -250,17 +235,10 @@ def head_places(view: PhotoView, features: torch.Tensor) -> torch.Tensor:
 
 def nearest_places(features: torch.Tensor, bank: torch.Tensor, *, chunk: int = 2048,
                    ) -> tuple[torch.Tensor, torch.Tensor]:
-    """The nearest of a bank's features by cosine, for each feature.
+    """The nearest of a bank's features [M, C] by cosine, for each feature [N, C].
 
-    Parameters
-    ----------
-    features : [N, C].
-    bank : [M, C].
-    chunk : Rows of ``features`` compared at once.
-
-    Returns
-    -------
-    nearest, distance : int64 [N], row of the bank; float [N], 1 - cosine.
+    int64 [N], row of the bank; float [N], 1 - cosine. ``chunk`` rows of ``features`` are compared
+    at once.
     """
     unit = functional.normalize(features, dim=1, eps=1e-6)
     bank_unit = functional.normalize(bank, dim=1, eps=1e-6)
@@ -270,15 +248,13 @@ def nearest_places(features: torch.Tensor, bank: torch.Tensor, *, chunk: int = 2
 
 
 class ColorDescent:
-    """Steps of a field's colors down the slopes of pictures.
+    """Steps of a field's colors, changed in place, down the slopes of pictures.
 
     Parameters
     ----------
-    model : The colors; changed in place.
     rate : Step of RMSProp in units of the coefficients of degree 0.
-    smoothness : Weight of the total variation of the colors.
-    share : Share of the rows that a step smooths.
-    random : Chooses them.
+    smoothness, share : Weight of the total variation of the colors; share of the rows that a step
+        smooths.
     """
 
     def __init__(self, model: ColorModel, field: VoxelField, rate: float, smoothness: float,

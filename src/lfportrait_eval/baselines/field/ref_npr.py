@@ -100,21 +100,10 @@ LAST_WEIGHT = 0.2
 
 
 def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colors of a field's rows for a painting, after Ref-NPR.
+    """Colors of a field's rows for a painting, float32 [N, 3], after Ref-NPR, and figures.
 
-    Parameters
-    ----------
-    task : Field, capture with landmarks, painting.
-
-    Returns
-    -------
-    colors, figures : float32 [N, 3]; error of the fit, losses before and after, share of the
-        other views that is registered, seconds.
-
-    Raises
-    ------
-    UserError : If parameters are out of range, no photo shows the field, the capture has no
-        landmarks, or weights are missing.
+    These are error of the fit, losses before and after, share of the other views that is
+    registered, seconds. The capture has landmarks.
     """
     config.check()
     start = time.perf_counter()
@@ -272,8 +261,7 @@ class _Losses:
             terms["content"] = CONTENT * content_loss(features, content, inside)
             if places.any():
                 colors = functional.avg_pool2d(image, PATCH)[0][:, places].T
-                terms["color"] = COLOR * (
-                    colors - self._painted_colors[patch]).square().mean()
+                terms["color"] = COLOR * (colors - self._painted_colors[patch]).square().mean()
         return terms
 
     def slopes(self, view: PhotoView, last: bool) -> tuple[dict[str, float], list[Float32]]:

@@ -65,11 +65,9 @@ CODE = 0.0001
 class AdainNetwork:
     """Encoder and decoder; the decoder can be taught.
 
-    Parameters
-    ----------
-    weights : ``encoder4.conv0`` ... ``encoder4.conv41`` and ``decoder4.conv41`` ...
-        ``decoder4.conv11``, ``.weight`` and ``.bias`` each. They are copied.
-    place : Torch's name of the device that computes, and that pictures must lie on.
+    ``weights`` are ``encoder4.conv0`` ... ``encoder4.conv41`` and ``decoder4.conv41`` ...
+    ``decoder4.conv11``, ``.weight`` and ``.bias`` each, and are copied to ``place``, torch's name
+    of the device that computes, and that pictures must lie on.
     """
 
     def __init__(self, weights: Weights, place: str = "cpu") -> None:
@@ -114,16 +112,7 @@ def _padded(x: torch.Tensor, weights: Weights, name: str) -> torch.Tensor:
 
 
 def load_adain(place: str = "cpu") -> AdainNetwork:
-    """The network with its published weights, through the registry.
-
-    Parameters
-    ----------
-    place : Torch's name of the device that computes.
-
-    Raises
-    ------
-    UserError : If the weights are missing.
-    """
+    """The network with its published weights, through the registry."""
     return AdainNetwork(load(models.fetch("adain").read_bytes()), place)
 
 
@@ -151,21 +140,10 @@ NEIGHBOURS = 3
 def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
                              network: AdainNetwork | None = None,
                              ) -> tuple[Float32, dict[str, Any]]:
-    """Colors of a field's rows for a painting, after StylizedNeRF.
+    """Colors of a field's rows for a painting, float32 [N, 3], after StylizedNeRF, and figures.
 
-    Parameters
-    ----------
-    task : Field, capture, painting.
-    network : Encoder and decoder; None loads the published weights, to the task's device.
-
-    Returns
-    -------
-    colors, figures : float32 [N, 3]; error of the fit after each round, disagreement of
-        neighbours before and after, seconds.
-
-    Raises
-    ------
-    UserError : If parameters are out of range, no photo shows the field, or weights are missing.
+    These are error of the fit after each round, disagreement of neighbours before and after,
+    seconds. Without a ``network`` the published weights are loaded.
     """
     config.check()
     start = time.perf_counter()
@@ -201,15 +179,7 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
 
 
 class PaintingTeacher:
-    """The network that paints views, and how it is tuned.
-
-    Parameters
-    ----------
-    network : Encoder and decoder.
-    views : The views.
-    task : Painting, background, seed.
-    config : Size of the views.
-    """
+    """The network that paints views, and how it is tuned."""
 
     def __init__(self, network: AdainNetwork, views: list[PhotoView], task: FieldTask,
                  config: StylizedNerfConfig) -> None:
@@ -302,11 +272,9 @@ class PaintingTeacher:
             link = self._link(index, other)
             if link.visible.any():
                 warped = link.warped(self.network.decode(self.wanted[other]))
-                loss = loss + AGREEMENT * (
-                    painted - warped)[0, :, link.visible].square().mean()
+                loss = loss + AGREEMENT * (painted - warped)[0, :, link.visible].square().mean()
         if shown is not None:
-            loss = loss + SHOWN * _mean_inside(
-                painted - self._tensor(shown), inside[0])
+            loss = loss + SHOWN * _mean_inside(painted - self._tensor(shown), inside[0])
         return loss
 
 
@@ -339,10 +307,8 @@ class LatentColors:
     Parameters
     ----------
     model : The colors of the mean code; changed in place.
-    views : The views.
     numbers : Length of a code; 0 is the model alone.
     ridge : Weight of a code's squared length beside the mean squared error of its view.
-    random : Chooses the first codes.
     """
 
     def __init__(self, model: ColorModel, views: list[PhotoView], numbers: int, ridge: float,

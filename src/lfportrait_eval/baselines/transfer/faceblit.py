@@ -84,16 +84,14 @@ def warped_gradient(places: Float32, length: int) -> Int32:
     return value.astype(np.int32)
 
 
-def published_table(appearance: Int32, config: FaceBlitConfig,
-                    rows: range = range(STEPS)) -> Int32:
+def published_table(appearance: Int32, config: FaceBlitConfig, rows: range = range(STEPS)) -> Int32:
     """The table of an exemplar, int32 [256, 256, 256] (y step, x step, appearance): flat indices.
 
     ``rows`` limits which rows of cells an exhaustive search fills (to measure its speed).
     """
     height, width = appearance.shape
     table = np.empty((STEPS, STEPS, STEPS), np.int32)
-    arguments = (gradient(width), gradient(height), appearance, POSITION, APPEARANCE,
-                 WINDOW)
+    arguments = (gradient(width), gradient(height), appearance, POSITION, APPEARANCE, WINDOW)
     if config.table == "exhaustive":
         search_windows(*arguments, rows.start, rows.stop, table)
     else:
@@ -155,13 +153,7 @@ class FaceBlit:
         self._colors = pack_colors(exemplar.image.astype(np.float32) / np.float32(255))
 
     def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo.
-
-        Parameters
-        ----------
-        image : uint8 [H, W, 3].
-        landmarks : [68, 2] in pixels, all known.
-        """
+        """Stylise one photo uint8 [H, W, 3] with landmarks [68, 2] in pixels, all known."""
         config = self.config
         start = time.perf_counter()
         photo = np.ascontiguousarray(image[..., :3])
@@ -193,8 +185,7 @@ class FaceBlit:
                         "style_appearance": self.appearance.astype(np.uint8),
                         "synthesis": np.nan_to_num(face), "mask": soft[..., 0]})
 
-    def _position(self, shape: tuple[int, ...],
-                  landmarks: Float64) -> tuple[Int32, Int32]:
+    def _position(self, shape: tuple[int, ...], landmarks: Float64) -> tuple[Int32, Int32]:
         """Position guide of a photo: x and y steps, int32 [H, W] each."""
         style_height, style_width = self.appearance.shape
         ours, theirs = landmarks, self.exemplar.landmarks

@@ -1,11 +1,9 @@
 """FaceStyle (Fiser et al. 2017), for comparison: guided patch synthesis on a pyramid of pictures.
 
-The target is built of overlapping patches of the exemplar that agree in color with each other and
-in three guides with the photo: appearance (grey of head and hair, matched to the exemplar's),
-segmentation (soft region labels as colors) and position. On every level of the pyramid, votes of
-the patches and a search for better patches alternate. The search is seeded by the position guide,
-so that few levels and steps do. A penalty on exemplar pixels that are used often keeps the
-synthesis from filling areas with the one cheapest patch (uniformity).
+The target is built of overlapping patches of the exemplar (`lfportrait.example.patches`) that agree
+in color with each other and in three guides with the photo: appearance (grey of head and hair,
+matched to the exemplar's), segmentation (soft region labels as colors) and position. The search is
+seeded by the position guide, so that few levels and steps do.
 
 Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
 """
@@ -78,13 +76,7 @@ class FaceStyle:
         self.seconds = time.perf_counter() - start
 
     def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo.
-
-        Parameters
-        ----------
-        image : uint8 [H, W, 3].
-        landmarks : [68, 2] in pixels.
-        """
+        """Stylise one photo uint8 [H, W, 3] with landmarks [68, 2] in pixels."""
         start = time.perf_counter()
         photo = np.ascontiguousarray(image[..., :3])
         points = np.asarray(landmarks, np.float64)

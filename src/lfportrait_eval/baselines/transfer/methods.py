@@ -14,8 +14,7 @@ def _faceblit(exemplar: Exemplar, config: FaceBlitConfig, own: list[Sitting] | N
     return FaceBlit(exemplar, config)
 
 
-def _facestyle(exemplar: Exemplar, config: FaceStyleConfig,
-               own: list[Sitting] | None) -> FaceStyle:
+def _facestyle(exemplar: Exemplar, config: FaceStyleConfig, own: list[Sitting] | None) -> FaceStyle:
     return FaceStyle(exemplar, config)
 
 

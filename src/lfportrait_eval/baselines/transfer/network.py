@@ -49,14 +49,7 @@ class _Trained:
 class StyleNetwork:
     """One exemplar's network, read from its checkpoint or trained.
 
-    Parameters
-    ----------
-    own : Photos with landmarks to train on besides; e.g. the one to be painted.
-
-    Raises
-    ------
-    UserError : If the checkpoint is damaged or of another style, or there is nothing to train
-        on.
+    ``own`` are photos with landmarks to train on besides; e.g. the one to be painted.
     """
 
     def __init__(self, exemplar: Exemplar, config: NetworkConfig | None = None,
@@ -80,13 +73,7 @@ class StyleNetwork:
         return dict(self._trained.facts)
 
     def apply(self, image: UInt8, landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo; the landmarks only give the size of the face.
-
-        Parameters
-        ----------
-        image : uint8 [H, W, 3].
-        landmarks : [68, 2] in pixels.
-        """
+        """Stylise one photo uint8 [H, W, 3]; the landmarks [68, 2] only give the face's size."""
         from .unet import run
 
         start = time.perf_counter()
@@ -207,12 +194,7 @@ SUFFIXES = {".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff"}
 
 
 def folder_sittings(folder: Path) -> list[Sitting]:
-    """The photos of a folder in which a face is found.
-
-    Raises
-    ------
-    UserError : If the folder is missing or no photo in it shows a face.
-    """
+    """The photos of a folder in which a face is found."""
     from lfportrait.face import detect_landmarks
 
     if not folder.is_dir():
@@ -231,14 +213,7 @@ def folder_sittings(folder: Path) -> list[Sitting]:
 
 
 def varied(sitting: Sitting, side: int, random: np.random.Generator) -> Sitting:
-    """A photo with a small random rotation, shift and zoom, its longer side ``side`` pixels.
-
-    Parameters
-    ----------
-    sitting : The photo and its landmarks.
-    side : Longer side of the result in pixels; the shape stays.
-    random : Where the choices come from.
-    """
+    """A photo with a small random rotation, shift and zoom, its longer side ``side`` pixels."""
     photo, landmarks = sitting
     height, width = photo.shape[:2]
     scale = side / max(height, width)

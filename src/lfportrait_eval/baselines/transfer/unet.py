@@ -46,10 +46,7 @@ class Painter(nn.Module):
     """Photo [1, 3, H, W] in [0, 1], sides multiples of `STRIDE`, to a painting of that size.
 
     Blocks of 2 x 2 pixels come in and go out as channels: the costly layers at full size are saved.
-
-    Parameters
-    ----------
-    width : Channels of the first layer; the deepest has four times as many.
+    The first layer has ``width`` channels; the deepest has four times as many.
     """
 
     def __init__(self, width: int) -> None:
@@ -79,12 +76,12 @@ class Painter(nn.Module):
         return 0.5 + 0.5 * torch.tanh(functional.pixel_shuffle(self.leave(x), 2))
 
 
-def _discriminator(channels: int = 12) -> nn.Module:
+def _discriminator() -> nn.Module:
     """Judges patches of photo and painting side by side."""
     return nn.Sequential(
-        nn.Conv2d(6, channels, 4, 2, 1), nn.LeakyReLU(0.2),
-        nn.Conv2d(channels, 2 * channels, 4, 2, 1), nn.InstanceNorm2d(2 * channels),
-        nn.LeakyReLU(0.2), nn.Conv2d(2 * channels, 1, 4, 1, 1))
+        nn.Conv2d(6, 12, 4, 2, 1), nn.LeakyReLU(0.2),
+        nn.Conv2d(12, 24, 4, 2, 1), nn.InstanceNorm2d(24), nn.LeakyReLU(0.2),
+        nn.Conv2d(24, 1, 4, 1, 1))
 
 
 def _tensor(image: NDArray[np.generic], place: str = "cpu") -> torch.Tensor:
@@ -103,23 +100,19 @@ def _edges(image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 def train(pairs: list[tuple[UInt8, Float32]], width: int, *,
           steps: int, seconds: float, rate: float, adversarial: float, seed: int,
           place: str = "cpu") -> tuple[Painter, int, float]:
-    """Train a painter on photos and their paintings.
+    """Train a painter on photos uint8 [H, W, 3] and their paintings float32 [H, W, 3] in [0, 1].
+
+    Returns the network (on its device), the steps taken, and the mean absolute difference over the
+    last steps.
 
     Parameters
     ----------
-    pairs : Photos uint8 [H, W, 3] and paintings float32 [H, W, 3] in [0, 1].
-    width : Of the network.
     steps, seconds : The training ends after so many steps (0: no limit) or, without that limit,
         seconds.
     rate : Of Adam; it falls to a tenth towards the end.
     adversarial : Weight of the discriminator against 4 for the mean absolute difference.
     seed : Of the weights and of the order; with ``steps`` the same seed gives the same network.
     place : Torch's name of the device that trains; the weights begin the same on all.
-
-    Returns
-    -------
-    painter, steps, loss : The network (on that device), the steps taken, and the mean absolute
-        difference over the last steps.
     """
     shown = [(_tensor(photo, place), _tensor(painting, place)) for photo, painting in pairs]
     order = np.random.default_rng(seed)
