@@ -45,7 +45,7 @@ def pytest_collection_finish() -> None:
     """
     import numba
 
-    from lfportrait.cli.dispatch import keep_memory
+    from lfportrait.measure import keep_memory
 
     keep_memory()
     if "PYTEST_XDIST_WORKER" in os.environ and os.environ.get("LFPORTRAIT_SLOW") != "1":

@@ -140,7 +140,7 @@ def test_sample_weights_are_the_linear_part_of_rendering(camera):
         assert abs(weights.weights[part].sum() - rendering.alpha.flat[pixel]) < 5e-3
 
 
-def test_pixels_that_are_not_wanted_get_no_rows(camera):
+def test_pixels_that_are_not_wanted_get_no_rows(camera, monkeypatch):
     field = shell_field(basis=1, size=20, density=60.0)
     whole = field.sample_weights(camera, 0)
     shape = int(camera.height[0]), int(camera.width[0])
@@ -158,6 +158,11 @@ def test_pixels_that_are_not_wanted_get_no_rows(camera):
             assert np.array_equal(part.rows[mine], whole.rows[theirs])
             assert np.array_equal(part.weights[mine], whole.weights[theirs])
             assert part.alpha[pixel] == pytest.approx(whole.alpha[pixel], abs=1e-6)
+    # So many pixels at a time that the last are fewer.
+    monkeypatch.setattr("lfportrait.field.grid._PIXELS", 13)
+    again = field.sample_weights(camera, 0, inside=inside)
+    for name in ("indptr", "rows", "weights", "alpha"):
+        assert np.array_equal(getattr(again, name), getattr(part, name))
     nothing = field.sample_weights(camera, 0, inside=np.zeros(shape, bool))
     assert not len(nothing.rows) and not nothing.indptr.any() and not nothing.alpha.any()
 

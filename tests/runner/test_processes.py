@@ -1,5 +1,6 @@
 """Our own processes: what is sent arrives, what is printed does not get between, ends are heard."""
 
+import platform
 import queue
 
 import numpy as np
@@ -46,6 +47,14 @@ def test_a_child_looks_for_garbage_but_not_among_what_it_imported():
     word, enabled, kept = child.receive()
     child.close()
     assert word == "garbage" and enabled and kept > 10_000
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library's memory")
+def test_a_child_uses_memory_again_that_was_freed():
+    child = Child(ENTRY, settings={"NUMPY_MADVISE_HUGEPAGE": "0"})
+    child.send(("faults",))
+    assert child.receive()[1] < 2000
+    child.close()
 
 
 def test_the_end_of_a_child_is_heard(tmp_path):

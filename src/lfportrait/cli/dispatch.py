@@ -11,7 +11,6 @@ which also lists the commands of the evaluation package.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import importlib
 import os
@@ -19,20 +18,14 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Container
-from contextlib import suppress
 from typing import Any
 
 from ..errors import UserError
-from ..measure import limit_threads
+from ..measure import keep_memory, limit_threads
 from ..version import __version__
 
 ALLOCATIONS = 20_000
 """Objects between two garbage collections; with Python's 700, each import scans all of Numba."""
-_TRIM, _PAD, _MAPPED, _ARENAS = -1, -2, -3, -8
-MEMORY = {_MAPPED: 64 << 20, _TRIM: 512 << 20, _PAD: 64 << 20, _ARENAS: 1}
-"""glibc's `mallopt`: arrays up to 64 MiB lie on one heap, which may keep 512 MiB that nobody uses.
-As a rule each array of more than 32 MiB (at first 128 KiB) is mapped for itself and given back when
-it is freed; making and zeroing these pages again each time takes a fifth of a preview."""
 
 _LAB = "lfportrait_eval.commands"
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -216,16 +209,6 @@ def _set_up() -> None:
     limit_threads(os.environ)
     gc.set_threshold(ALLOCATIONS)
     keep_memory()
-
-
-def keep_memory() -> None:
-    """Keep freed arrays' memory for later ones (`MEMORY`), unless the environment says how."""
-    if any(name.startswith("MALLOC_") for name in os.environ):
-        return
-    with suppress(OSError, AttributeError, TypeError):  # another C library
-        set_option = ctypes.CDLL(None).mallopt
-        for name, value in MEMORY.items():
-            set_option(name, value)
 
 
 def program() -> int:

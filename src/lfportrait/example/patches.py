@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Int32, UInt8
+from ..measure import give_back_memory
 from .kernels.atlas import exchange
 from .kernels.patches import (
     ACTIVE,
@@ -37,6 +38,8 @@ from .kernels.patches import (
     vote_patches,
 )
 
+_LARGE = 1 << 22
+"""Pixels of a target whose planes are worth giving back before the search has ended."""
 SCALE = 4.0
 """Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""
 
@@ -87,10 +90,27 @@ class PatchSource:
 
 
 @dataclass
+class GuideLevels:
+    """A target's guides on all levels of its pyramid, for one search."""
+
+    shape: tuple[int, int]  # Height and width of the finest level.
+    finest: NDArray[np.uint16]  # That level as the search takes it (`_interleaved`).
+    coarser: list[Float32]  # float32 [h, w, G], from fine to coarse.
+
+    @staticmethod
+    def of(guides: Float32, source: PatchSource, config: PatchSearch) -> GuideLevels:
+        """The levels of guides [H, W, G] that a search goes through."""
+        shape = guides.shape[0], guides.shape[1]
+        return GuideLevels(shape, _interleaved(shape, MARGIN, None, guides),
+                           _pyramid(guides, _count(source, config))[1:])
+
+
+@dataclass
 class PatchTarget:
     """What is to be synthesised."""
 
-    guides: Float32  # float32 [H, W, G] as the source's.
+    # float32 [H, W, G] as the source's; or their levels, which take half of the memory.
+    guides: Float32 | GuideLevels
     start: Float32  # float32 [H, W, 2], exemplar places (x, y) where the search begins.
     guided: Float32  # float32 [H, W, 2], places that the search always tries.
     # wanted, weight, limit: float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the
@@ -107,11 +127,13 @@ class PatchTarget:
     state: UInt8 | None = None  # uint8 [H, W] of `kernels.patches`; None: all is synthesised.
     owner: Int32 | None = None  # int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
     colors: Float32 | None = None  # float32 [H, W, 3], of the fixed pixels.
+    own: bool = False  # Whether the finest level may be painted into ``colors``.
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width."""
-        return self.guides.shape[0], self.guides.shape[1]
+        height, width = self.guides.shape[:2]
+        return height, width
 
 
 def halved(planes: Float32) -> Float32:
@@ -178,20 +200,23 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
 
     With it int32 [H, W], the flat index of the exemplar's pixel behind each patch's middle.
     """
-    levels = range(min(config.levels, len(source.pictures)) - 1, -1, -1)
-    guides = _pyramid(target.guides, len(levels))
+    levels = range(_count(source, config) - 1, -1, -1)
+    guides = (target.guides if isinstance(target.guides, GuideLevels)
+              else GuideLevels.of(target.guides, source, config))
     fixed = None if target.colors is None else _pyramid(target.colors, len(levels))
     places: Int32 | None = None
     colors = np.zeros((1, 1, 3), np.float32)
     with ThreadPoolExecutor(1) as aside:
         # Finer levels are laid out while the search goes on in coarser ones.
-        engines = [aside.submit(_Level, target, source, guides[level],
+        engines = [aside.submit(_Level, target, source, guides,
                                 None if fixed is None else fixed[level], level, config)
                    for level in levels]
         # Each level has laid out its own: the planes of the finest one are hundreds of MB.
         del target, guides, fixed
         for level in levels:
             engine = engines.pop(0).result()
+            if level == 0 and engine.shape[0] * engine.shape[1] > _LARGE:
+                give_back_memory()  # that of the target's planes
             places = engine.first_places(places)
             votes = config.last_votes if level == 0 and config.last_votes else config.votes
             radii = [MARGIN] * votes + [1] * (config.final_3x3 and level == 0)
@@ -205,6 +230,11 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
     return colors, places
 
 
+def _count(source: PatchSource, config: PatchSearch) -> int:
+    """Levels that a search goes through."""
+    return min(config.levels, len(source.pictures))
+
+
 def _pyramid(planes: Float32, levels: int) -> list[Float32]:
     """Planes [H, W, C], each half the size of the one before."""
     out = [planes]
@@ -216,15 +246,19 @@ def _pyramid(planes: Float32, levels: int) -> list[Float32]:
 class _Level:
     """One level of the pyramid: votes and searches alternate on it."""
 
-    def __init__(self, target: PatchTarget, source: PatchSource, planes: Float32,
+    def __init__(self, target: PatchTarget, source: PatchSource, guides: GuideLevels,
                  fixed: Float32 | None, level: int, config: PatchSearch) -> None:
         self.config, self.level, self.source = config, level, source
         self.picture = source.pictures[level]
         self.size = self.picture.shape[0], self.picture.shape[1]
-        self.shape = planes.shape[0], planes.shape[1]
+        self.shape = guides.shape
+        if level:
+            height, width = guides.coarser[level - 1].shape[:2]
+            self.shape = height, width
         self.root = np.float32(SCALE * 255 * np.sqrt(config.style_weight / 3))
         self.patches = _interleaved(self.size, 0, self.picture * self.root, source.guides[level])
-        self.target = _interleaved(self.shape, MARGIN, None, planes)
+        self.target = (_interleaved(self.shape, MARGIN, None, guides.coarser[level - 1]) if level
+                       else guides.finest)
         self.state = (np.full(self.shape, ACTIVE, np.uint8) if target.state is None
                       else at_middles(target.state, level, self.shape))
         self.owner = (None if target.owner is None
@@ -236,7 +270,7 @@ class _Level:
         self.start = self._flat(target.start)
         self.guided = (self.start if target.guided is target.start else self._flat(target.guided))
         self.fixed = fixed
-        self.error = np.zeros(self.shape, np.float32)
+        self.own = target.own or level > 0
         self.voted: Float32 | None = None
 
     def _want(self, target: PatchTarget) -> None:
@@ -283,14 +317,16 @@ class _Level:
     def improve(self, places: Int32, radius: int, seed: int, reach: int) -> Float32:
         """Search better patches for the voted colors, in place; new colors [H, W, 3]."""
         config = self.config
-        error = self.error
         if self.voted is None:
             # Without colors yet all patches weigh the same.
-            self.voted = np.zeros((*self.shape, 3), np.float32)
-            if self.fixed is not None:
-                self.voted[:] = self.fixed
+            self.error = np.zeros(self.shape, np.float32)
+            if self.fixed is None:
+                self.voted = np.zeros((*self.shape, 3), np.float32)
+            else:
+                self.voted = self.fixed if self.own else self.fixed.copy()
                 self.fixed = None
-            self._vote(places, error, radius)
+            self._vote(places, self.error, radius)
+        error = self.error
         self._show(self.voted)
         area = np.float32((2 * radius + 1) ** 2)
         want = (self.trust, self.wanted, self.weight * area, self.limit)

@@ -101,6 +101,10 @@ def surface_points(cameras: Camera, view: int, depth: Float32) -> Float64:
     return points.reshape(height, width, 3)
 
 
+_PIXELS = 1 << 15
+"""Pixels whose weights are found together."""
+
+
 @dataclass(frozen=True)
 class SampleWeights:
     """A view as a sparse matrix: pixel = sum over lattice rows of weight * color."""
@@ -376,23 +380,29 @@ class VoxelField:
         if inside is None:
             inside = self.render(cameras, 0, step=step).alpha > 4e-3
         wanted = np.flatnonzero(inside).astype(np.int64)
-        rows = np.empty((len(wanted), CAPACITY), np.int32)
-        weights = np.empty((len(wanted), CAPACITY), np.float32)
         counts = np.zeros(len(wanted), np.int64)
-        bricks = self.bricks
-        pixel_weights(bricks.table, bricks.links,
-                      np.append(self.density, np.float32(0.0)), self.lattice,
-                      cameras.row(0), (int(cameras.width[0]), int(cameras.height[0])),
-                      wanted, step, 1e-3, rows, weights, counts)
-        kept = np.arange(CAPACITY)[None] < counts[:, None]
+        bricks, density = self.bricks, np.append(self.density, np.float32(0.0))
+        # Some pixels at a time: most of the room that each of them gets stays empty.
+        room = min(len(wanted), _PIXELS)
+        rows = np.empty((room, CAPACITY), np.int32)
+        weights = np.empty((room, CAPACITY), np.float32)
+        found: list[tuple[Int32, Float32]] = [(rows[:0, 0], weights[:0, 0])]
+        for since in range(0, len(wanted), _PIXELS):
+            part = slice(since, since + _PIXELS)
+            size = len(counts[part])
+            pixel_weights(bricks.table, bricks.links, density, self.lattice, cameras.row(0),
+                          (int(cameras.width[0]), int(cameras.height[0])), wanted[part], step,
+                          1e-3, rows[:size], weights[:size], counts[part])
+            kept = np.arange(CAPACITY)[None] < counts[part][:, None]
+            found.append((rows[:size][kept], weights[:size][kept]))
         lengths = np.zeros(inside.size, np.int64)
         lengths[wanted] = counts
         indptr = np.concatenate([[0], np.cumsum(lengths)])
-        values = weights[kept]
+        values = np.concatenate([one for _, one in found])
         opacity = np.zeros(inside.size, np.float32)
         sums = np.add.reduceat(values, indptr[wanted[counts > 0]]) if len(values) else values
         opacity[wanted[counts > 0]] = sums
-        return SampleWeights(indptr, rows[kept], values, opacity)
+        return SampleWeights(indptr, np.concatenate([one for one, _ in found]), values, opacity)
 
     def save(self, path: Any) -> None:
         """Write the field as an ``.npz`` that svox2 reads, too (`lfportrait.field.storage`)."""

@@ -140,7 +140,10 @@ def read_back(field: FieldData) -> Loaded:
     if drop is not None:
         drop = replace(drop, light=drop.light.astype(np.float64),
                        points=drop.points.astype(np.float32))
-    return (np.maximum(field.links, -1, dtype=np.int32),
+    links = np.ascontiguousarray(field.links, np.int32)
+    if links.min(initial=-1) < -1:
+        links = np.maximum(links, -1)
+    return (links,
             np.ascontiguousarray(field.density, np.float32), floats_of(halves(field.sh)),
             field.center.astype(np.float32).astype(np.float64),
             field.radius.astype(np.float32).astype(np.float64),

@@ -26,7 +26,7 @@ from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
 from ..files import write_image
 from ..lightfield import Display, ViewMask, read_coded, render_views, simulate
-from ..measure import machine
+from ..measure import give_back_memory, machine
 from ..progress import Progress
 from ..share import (
     Picture,
@@ -51,6 +51,8 @@ _COLUMN = 448
 """The same in one of three columns."""
 _SHOWN = 640
 """Width in pixels, about, at which the report shows a picture."""
+_TOGETHER = 1 << 16
+"""Places of a surface that are colored together."""
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
 """Colors of places seen from none, one, two and more directions, which people with color
 blindness can distinguish."""
@@ -107,6 +109,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
                                 figures, capture, field, styled)
         film.result()
         say("report")
+        give_back_memory()
         write_report(folder / "report.html", report)
         return {"frames": _FRAMES, "size": config.sweep_size, "page": page.result(),
                 "head_covered": round(share, 3)}
@@ -122,6 +125,7 @@ def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exem
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
     covered, share = _coverage_section(field, capture)
+    give_back_memory()
     hero = np.concatenate(strip[1:4], axis=1)
     write_image(folder / "hero.png", hero)
     coded = read_coded(folder / "lightfield.png", display)
@@ -260,7 +264,10 @@ def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exem
     skin = kept_skin(file, field, capture, config.stylize.pixels)
     labels, names = skin.labels
     palette = np.array([_PALETTE[name] for name in names], np.float32)
-    shown = np.vstack([labels.astype(np.float32) / 255 @ palette, np.ones((1, 3), np.float32)])
+    shown = np.ones((len(labels) + 1, 3), np.float32)
+    for since in range(0, len(labels), _TOGETHER):  # at once they would take 100 MB
+        part = labels[since:since + _TOGETHER]
+        shown[since:since + len(part)] = part.astype(np.float32) / 255 @ palette
     atlas = skin.atlas
     yaw = np.degrees(np.arctan2(-atlas.cameras.pose[:, 0, 2], -atlas.cameras.pose[:, 2, 2]))
     level = np.abs(atlas.cameras.pose[:, 1, 2]) < 0.5
@@ -270,16 +277,16 @@ def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exem
         x0, y0, x1, y1, dx, dy = (int(value) for value in atlas.boxes[chart])
         # Of a chart that is larger than it is shown, every so many pixels.
         step = -(-(x1 - x0) // _COLUMN)
-        part = slice(y0 + dy, y1 + dy, step), slice(x0 + dx, x1 + dx, step)
-        there = np.isfinite(atlas.depth[part])[..., None]
+        pixels = slice(y0 + dy, y1 + dy, step), slice(x0 + dx, x1 + dx, step)
+        there = np.isfinite(atlas.depth[pixels])[..., None]
         height, width = there.shape[:2]
         whole = atlas.cameras[chart]
         camera = Camera(whole.pose, whole.focal / step,
                         0.5 - (np.array([x0, y0]) + 0.5 - whole.center) / step,
                         np.array([width]), np.array([height]))
         painted = np.clip(next(render_views(styled, camera, background=1.0)).color, 0, 1)
-        slots = skin.slots[part]
-        photo = cv2.resize(atlas.color[y0 + dy:y1 + dy, x0 + dx:x1 + dx], (width, height),
+        slots = skin.slots_of(atlas.owner[pixels])
+        photo = cv2.resize(atlas.color_of(np.s_[y0 + dy:y1 + dy, x0 + dx:x1 + dx]), (width, height),
                            interpolation=cv2.INTER_AREA)
         for picture, words in (
                 (photo, f"from {round(float(yaw[chart]))} degrees, photographed"),

@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import IO, Any, Generic
 
 from ..errors import UserError
+from ..measure import keep_memory
 from .scheduler import AnyTask, Failure, Outcome, Runner, failure_of
 
 CAN_PAUSE = hasattr(os, "killpg")
@@ -182,6 +183,8 @@ class Child:
 class Pipe:
     """The pipe to the parent. `tell` may be called from any thread.
 
+    The process keeps freed memory from now on, as a command does.
+
     Attributes
     ----------
     requests : What the parent has sent.
@@ -189,6 +192,7 @@ class Pipe:
 
     def __init__(self) -> None:
         _end_with_parent()
+        keep_memory()
         # Ctrl-C is for the parent, whose end is noticed here. What is started from here hears it.
         signal.signal(signal.SIGINT, lambda *_: None)
         incoming = os.fdopen(os.dup(0), "rb", buffering=0)

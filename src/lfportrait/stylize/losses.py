@@ -264,7 +264,7 @@ def content_loss(features: torch.Tensor, wanted: torch.Tensor,
 
 
 def nearest_neighbour_loss(features: torch.Tensor, style: torch.Tensor, *,
-                           chunk: int = 2048, half: bool = False) -> torch.Tensor:
+                           chunk: int = 512, half: bool = False) -> torch.Tensor:
     """Mean cosine distance of each feature to its nearest neighbour in the style (Eq. 4, 5).
 
     The distance is 1 - v1.v2 / (|v1| |v2|); Eq. 5 prints the 1 inside the numerator. The search

@@ -137,7 +137,7 @@ def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1)
         inside = own[there] if step == 1 else atlas.owner[there] >= 0
         weights = field.sample_weights(camera, 0, inside=inside)
         alpha = weights.alpha.reshape(height, width)
-        content = _shown(atlas.color[there], alpha, background)
+        content = _shown(atlas.color_of(there), alpha, background)
         trust = np.where(own[there], np.float32(1), np.float32(ASIDE)) * alpha
         trust[alpha < 0.05] = 0.0
         views.append(StyleView(content, content, alpha, trust, weights, trust))

@@ -40,6 +40,7 @@ from ..example import (
 from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..files import write_image
 from ..labels import PICTURE_LABELS
+from ..measure import give_back_memory
 from ..progress import Progress
 from .config import FieldTask, StylizeConfig
 from .fit import ColorModel, StyleView
@@ -231,20 +232,22 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
     colors, textures, rows = [], [], []
     constants: Any = None
     lattice: ChartLattice | None = None
-    skin, field, painters = sitter.skin, sitter.field, painters or Painters()
+    skin, field = sitter.skin, sitter.field
     for exemplar in exemplars:
         clock = time.perf_counter()
         if progress is not None:
             progress.update(progress.done, f"paint after {exemplar.name}")
-        painter = painters.of(exemplar, skin, config)
+        painter = (painters or Painters()).of(exemplar, skin, config)
         painting = painter.paint(skin, sitter.step)
+        frontal = painter.exemplar.image if painter.turned else None
+        figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
+                                   "pose": painter.pose.angles,
+                                   "materials": painter.materials()}
+        del painter  # if nobody keeps it: 300 MB that the networks can use
         painted = time.perf_counter()
         sitter.wait()
         model = ColorModel(field, config.background)
         look_up_rows(model, for_lattice(painting, field) if config.texture else painting)
-        figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
-                                   "pose": painter.pose.angles,
-                                   "materials": painter.materials()}
         if not config.preview and config.iterations > 0:
             known = model.seen.copy()
             errors = model.fit(sitter.views(painting, 1), config.iterations, progress,
@@ -262,9 +265,13 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
         if not config.preview and config.refinements > 0:
             from .refinement import Constants, Refinement
 
-            constants = constants or Constants()
-            figures["refinement"] = Refinement(model, sitter.views(painting, 2), config,
-                                               constants, device).run(progress)
+            constants, views = constants or Constants(), sitter.views(painting, 2)
+            if dump is None:
+                del painting
+            # What the painting took is free, in pieces of other sizes than the networks ask for.
+            give_back_memory()
+            figures["refinement"] = Refinement(model, views, config, constants, device).run(
+                progress)
         end = time.perf_counter()
         figures["seconds"] = {"paint": round(painted - clock, 3),
                               "fit": round(fitted - painted, 3),
@@ -272,8 +279,8 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
                               "refine": round(end - textured, 3)}
         if dump is not None:
             write_image(dump / f"skin_{exemplar.name}.png", painting.color)
-            if painter.turned:
-                write_image(dump / f"frontal_{exemplar.name}.png", painter.exemplar.image)
+            if frontal is not None:
+                write_image(dump / f"frontal_{exemplar.name}.png", frontal)
         colors.append(model.colors)
         rows.append(figures)
     return colors, textures, {"skin": {"pixels": len(skin.index)}, **rows[0],

@@ -4,6 +4,7 @@ import zlib
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from lfportrait.errors import UserError
 from lfportrait.field import VoxelField
@@ -76,6 +77,16 @@ def test_rows_that_no_sample_meets_are_left_out():
     assert lattice.filled.sum() < 0.8 * len(field.density)
     for one, other in zip(seen(field_of(lattice)), seen(field), strict=True):
         assert np.abs(one - other).max() < 1e-4
+
+
+def test_the_largest_density_around_each_row():
+    field = shell_field(basis=1, shape=(19, 24, 21))
+    field.density[:] = np.random.default_rng(0).normal(size=len(field.density))
+    lattice = lattice_of(field)
+    whole = ndimage.maximum_filter(np.append(field.density, 0)[field.links], 3)
+    assert (lattice.filled == ((field.links >= 0) & (whole > 0.01))).all()
+    around = ndimage.maximum_filter(lattice.dense(lattice.density), 3)
+    assert (lattice.around == around[lattice.filled]).all()
 
 
 def test_a_coarser_lattice_looks_alike():

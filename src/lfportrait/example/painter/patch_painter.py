@@ -17,7 +17,7 @@ import numpy as np
 from ...arrays import Float32, Int32, UInt8
 from ..exemplar import Exemplar
 from ..kernels.patches import ACTIVE
-from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
+from ..patches import GuideLevels, PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from .materials import ROAM, ExemplarMaterials, even_uses, material_guides, resized_materials
 from .picture_materials import EARS, NECK, SKIN
 
@@ -103,6 +103,7 @@ class PatchRequest:
     color: Float32  # float32 [H, W, 3] in [0, 1], what is painted.
     # How often the exemplar's pixels may be used, against evenly: a number, or one a material.
     often: float | Float32 = 1.0
+    own: bool = False  # Whether ``color`` may be painted over.
 
 
 class PatchPainter:
@@ -138,27 +139,29 @@ class PatchPainter:
                 theirs.shares, self.tones(theirs), theirs.detail)), theirs)}
         return self._sources[size]
 
-    def _target(self, atlas: Atlas, theirs: ExemplarMaterials, size: float,
-                request: PatchRequest) -> PatchTarget:
+    def _target(self, atlas: Atlas, size: float, request: PatchRequest) -> PatchTarget:
         """What the patches are to do."""
+        source, theirs = self.source(size)
         painted = request.state == ACTIVE
         active = np.zeros(len(request.shares), bool)
         active[atlas.slots[painted]] = True
         even = even_uses(request.shares[active], request.tone[active], theirs, request.often,
                          self.tones(theirs))
-        guides = self._guides(request.shares, request.tone, request.detail)
+        # First, as the planes that these are made of are the largest of all.
+        guides = GuideLevels.of(atlas.spread(self._guides(
+            request.shares, request.tone, request.detail)), source, self.search)
         asked, start, weight, sure = (atlas.spread(values) for values in (
             request.wanted, request.begin, request.weight[:, None], request.sure))
-        return PatchTarget(atlas.spread(guides), start, start, asked,
+        return PatchTarget(guides, start, start, asked,
                            np.ascontiguousarray(weight[..., 0]),
                            float((ROAM * self.unit(size)) ** 2), even, sure, request.state,
-                           atlas.owner, request.color)
+                           atlas.owner, request.color, request.own)
 
     def paint(self, atlas: Atlas, size: float, request: PatchRequest) -> Float32:
         """The painting at ``size`` times the exemplar's own, float32 [H, W, 3] in [0, 1]."""
-        source, theirs = self.source(size)
-        return synthesise_patches(self._target(atlas, theirs, size, request), source, self.search,
-                                  self.seed)[0]
+        target = [self._target(atlas, size, request)]
+        del request  # a hundred MB, which nobody needs during the search
+        return synthesise_patches(target.pop(), self.source(size)[0], self.search, self.seed)[0]
 
     def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
         return material_guides(shares, tone, detail, self._weights)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,9 +87,18 @@ class Atlas:
     shape: Shape  # Normals of the large shape.
 
     @functools.cached_property
+    def _picture(self) -> Float32 | UInt8:
+        """``shown``, read."""
+        return self.shown() if callable(self.shown) else self.shown
+
+    @property
     def color(self) -> Float32:
-        """The head as it is, float32 [H, W, 3], sRGB in [0, 1]."""
-        shown = self.shown() if callable(self.shown) else self.shown
+        """The head as it is, float32 [H, W, 3], sRGB in [0, 1]; not kept, as it is large."""
+        return self.color_of(...)
+
+    def color_of(self, part: Any) -> Float32:
+        """The same of a part: an index of an array [H, W]."""
+        shown = self._picture[part]
         if shown.dtype == np.uint8:
             return np.asarray(shown.astype(np.float32) / np.float32(255))
         return np.asarray(shown, np.float32)

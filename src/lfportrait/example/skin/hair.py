@@ -83,7 +83,7 @@ def network_hair(atlas: Atlas, index: Int32) -> Float32 | None:
             continue
         part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
         there = np.isfinite(atlas.depth[part])[..., None]
-        picture = np.where(there, atlas.color[part], np.float32(GROUND))
+        picture = np.where(there, atlas.color_of(part), np.float32(GROUND))
         rows, columns = picture.shape[:2]
         side = int(ROOM * max(rows, columns))
         square = np.full((side, side, 3), np.uint8(GROUND * 255), np.uint8)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Bool, Float32, UInt8
 from ...labels import MATERIALS
+from ...measure import give_back_memory
 from ..exemplar import Exemplar
 from ..frontal import FRONTAL, in_front
 from ..guides.filters import grey
@@ -344,11 +345,17 @@ class SkinPainter:
             exchange(canvas.owner, color)
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
-        request = self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
-                                labels, face[:, 1], core, bearded, painted)
+        request = [self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
+                                 labels, face[:, 1], core, bearded, painted)]
+        bare = flesh(request[0].shares)
+        # Nothing but the painter holds on to the request, and to the face that it begins with.
+        del painted, pixel, labels, face, bearded
         clock.lap("face, targets")
-        color = self._painter.paint(canvas, size, request)
-        even_edge(places, canvas, core, flesh(request.shares), color)
+        if step == 1:
+            # The search takes the most of all; what lies free is in pieces that are too small.
+            give_back_memory()
+        color = self._painter.paint(canvas, size, request.pop())
+        even_edge(places, canvas, core, bare, color)
         shade_ears(places, canvas, color)
         if self._hat is not None:
             self._hat.paint(places, canvas, position, anchor, size, color)
@@ -405,7 +412,7 @@ class SkinPainter:
         exchange(canvas.owner, color)
         sure = np.stack([trust, UNSEEN + (1 - UNSEEN) * skin.seen], axis=1)
         return PatchRequest(shares, tone, detail, placed.wanted, begin, weight, sure, state, color,
-                            often)
+                            often, own=True)
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
@@ -441,7 +448,8 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
         ears = ears * (1 - skin.hair)
     face = skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)
     # Photos that only graze an ear show grain elsewhere, but this relief is better than none.
-    light = grey(skin.atlas.color).reshape(-1)[skin.index]
+    width = skin.atlas.depth.shape[1]
+    light = grey(skin.atlas.color_of((skin.index // width, skin.index % width))[None])[0]
     factors = missing_relief(ears, face, skin.flat[:, 0], light,
                              canvas.gathered(grey(color), len(ears), np.nan))
     if factors is not None:

@@ -35,7 +35,9 @@ The coarser levels of the pyramid are made by the page.
 
 from __future__ import annotations
 
+import functools
 import zlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -129,23 +131,32 @@ class Lattice:
         """Mean distance of lattice points in world units."""
         return float((2.0 * self.radius / self.filled.shape[::-1]).mean())
 
+    @functools.cached_property
+    def around(self) -> Float32:
+        """The largest density at and around the lattice point of each row, float32 [N]."""
+        ends = np.cumsum([int(some.sum()) for some in self.filled])
+        planes = (_spread(some, values) for some, values in zip(
+            self.filled, np.split(self.density, ends[:-1])))
+        return np.concatenate([around[some] for some, around in zip(
+            self.filled, _largest_around(planes))])
+
     def dense(self, values: NDArray[Any]) -> Float32:
         """Values of the rows [N] at their lattice points, float32 [Z, Y, X], 0 elsewhere."""
-        out = np.zeros(self.filled.shape, np.float32)
-        out[self.filled] = values
-        return out
+        return _spread(self.filled, values)
 
     @staticmethod
     def of(links: Int32, density: Float32, sets: list[ColorSet],
            center: Float64, radius: Float64,
            charts: UInt8 | None = None) -> Lattice:
         """Rows in the lattice's order, without those that no sample meets."""
-        matter = np.append(density, np.float32(0.0)).astype(np.float32)[links]
-        filled = (links >= 0) & (_largest_around(matter) > _FAINTEST)
+        matter = np.append(density, np.float32(0.0)).astype(np.float32)
+        filled = links >= 0
+        for some, around in zip(filled, _largest_around(matter[plane] for plane in links)):
+            some &= around > _FAINTEST
         if not filled.any():
             raise UserError("the field is empty: there is nothing to show on a page")
         rows = links[filled]
-        return Lattice(filled, matter[filled],
+        return Lattice(filled, matter[rows],
                        [ColorSet(each.name, each.kind, each.sh[rows]) for each in sets],
                        np.asarray(center, np.float64), np.asarray(radius, np.float64),
                        None if charts is None else charts[rows])
@@ -166,19 +177,26 @@ class Packed:
         return sum(4 * -(-len(data) // 3) for data in self.streams.values())
 
 
-def _largest_around(values: Float32) -> Float32:
-    """The largest among each value and its 26 neighbours, float32 [Z, Y, X].
+def _spread(filled: Bool, values: NDArray[Any]) -> Float32:
+    """Values [N] where it is filled, float32 of its shape, 0 elsewhere."""
+    out = np.zeros(filled.shape, np.float32)
+    out[filled] = values
+    return out
 
-    It is `scipy.ndimage.maximum_filter` by a cube, in a tenth of the time.
+
+def _largest_around(planes: Iterable[Float32]) -> Iterator[Float32]:
+    """The largest among each value of planes on end and its 26 neighbours, plane by plane.
+
+    It is `scipy.ndimage.maximum_filter` by a cube, in a tenth of the time and without the room
+    that all planes of a lattice take.
     """
     square = np.ones((3, 3), np.uint8)
-    out = np.empty_like(values)
-    last = here = cv2.dilate(values[0], square)
-    for k in range(len(values)):
-        following = cv2.dilate(values[k + 1], square) if k + 1 < len(values) else here
-        np.maximum(np.maximum(last, here), following, out=out[k])
+    grown = (cv2.dilate(plane, square) for plane in planes)
+    last = here = next(grown)
+    for following in grown:
+        yield np.maximum(np.maximum(last, here), following)
         last, here = here, following
-    return out
+    yield np.maximum(last, here)
 
 
 def code_values(filled: Bool, values: UInt8, tolerance: UInt8) -> tuple[bytes, UInt8]:
@@ -210,8 +228,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     streams["density"], seen = code_values(filled, code[:, None], exact)
     root = (seen[:, 0] - np.float32(zero)) / np.float32(255 - zero)
     density = (root * np.abs(root) * np.float32(top)).astype(np.float32)
-    around = _largest_around(lattice.dense(lattice.density))[filled]
-    taken = -np.expm1(-np.maximum(around, 0.0) * np.float32(lattice.voxel))
+    taken = -np.expm1(-np.maximum(lattice.around, 0.0) * np.float32(lattice.voxel))
     loose = (tolerance + 0.5) * np.clip(_CLEAR / np.maximum(taken, 1e-6), 1.0, None)
     slack = np.minimum(loose, _LOOSEST).astype(np.uint8)
     if lattice.charts is not None:
