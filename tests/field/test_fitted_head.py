@@ -138,8 +138,12 @@ def test_places_that_photos_see_lie_on_the_surface(filmed):
     assert np.abs(np.linalg.norm(places, axis=1) - 0.6).max() < 2 * photos.voxel
     assert np.abs(np.linalg.norm(ways, axis=1) - 1).max() < 1e-9
     assert (ways[:, 2] > 0.9).all()
-    depth, before = photos.depth_at(7, places)
-    assert np.abs(depth - before).max() < 2.5 * photos.voxel
+    depth, before, even = photos.depth_at(7, places)
+    assert np.abs(depth - before).max() < 2.5 * photos.voxel and even.all()
+    # Above and beside it there is none.
+    turn = np.linspace(0, np.pi, 50)
+    aside = 0.75 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    assert not photos.depth_at(7, aside)[2].any()
 
 
 def solid(points, triangles, reach=0.2, torn=()):
@@ -197,23 +201,33 @@ def head_with_ears(x=0.65):
 def test_ears_outside_of_all_mattes_are_left_out(filmed):
     capture, photos = filmed
     chart = bust_chart(0.05)
-    assert ears_of(head_with_ears(0.85), chart, photos, capture) is None
+    assert ears_of(head_with_ears(0.85), chart, photos) is None
     bare = head_with_ears()
     none = FittedHead(bare.points, bare.triangles, np.zeros(len(bare.points), bool))
-    assert ears_of(none, chart, photos, capture) is None
+    assert ears_of(none, chart, photos) is None
     full = Capture(capture.cameras, capture.images,
                    [np.full_like(matte, 255) for matte in capture.alphas], capture.names,
                    capture.held_out)
-    found = ears_of(bare, chart, photos, full)
+    found = ears_of(bare, chart, Photos(head_field(64), full))
     assert found is not None and (np.abs(found.points[found.own, 0]) > 0.4).all()
 
 
-def test_ears_behind_hair_are_left_out(filmed):
+def test_a_gap_that_the_face_hides_from_most_of_an_arc_is_none_of_an_ear(filmed):
     capture, photos = filmed
+    # Behind the ball on its left: from the right, the ball's matte is before it.
+    gap, within, deep = [0.62, 0.0, -0.3], [0.0, 0.0, 0.58], [0.0, 0.0, -0.5]
+    place = capture.cameras.project(np.array([gap]))[0][:, 0].astype(int)
+    before = [matte[y, x] > 127 for matte, (x, y) in zip(capture.alphas, place)]
+    assert 0.7 < np.mean(before) < 0.9
+    assert photos.matter(np.array([gap, within, deep]), 0.05).tolist() == [0.0, 1.0, 1.0]
+
+
+def test_ears_behind_hair_are_left_out(filmed):
+    _, photos = filmed
     # Knobs behind the ball: it hides them.
     head = head_with_ears(0.3)
     behind = FittedHead(head.points - [0, 0, 0.9] * head.ears[:, None], head.triangles, head.ears)
-    assert ears_of(behind, bust_chart(0.05), photos, capture) is None
+    assert ears_of(behind, bust_chart(0.05), photos) is None
 
 
 def closed(monkeypatch, field, capture, **change):
