@@ -251,15 +251,20 @@ def front():
 
 def test_an_ear_is_part_of_what_is_closed(monkeypatch, front):
     field, capture = front
-    ear = solid(*ball((0.1, 0.12, 0.1), (0.6, 0.0, -0.35)))
-    plain, eared = (closed(monkeypatch, field, capture, ears=one) for one in (None, ear))
+    knob, triangles = ball((0.1, 0.12, 0.1), (0.6, 0.0, -0.35))
+    # As if what was trained were shreds, which photos see past.
+    ear = solid(knob, triangles, torn=[[knob.min(axis=0), knob.max(axis=0)]])
+    plain, eared, missing = (closed(monkeypatch, field, capture, ears=one)
+                             for one in (None, ear, solid(knob, triangles)))
     behind = Camera.arc(np.array([180.0]), distance=5.0, width=SIDE, height=SIDE,
                         focal=5.0 * SIDE / 2.4)
-    before, after = (one.depth(behind, 0)[0] > 0.5 for one in (plain, eared))
+    before, after, none = (one.depth(behind, 0)[0] > 0.5 for one in (plain, eared, missing))
     middle = np.array([0.6, 0.0, -0.35])
     pixels = behind.project(middle + 0.7 * (ear.points - middle))[0][0]
     column, row = np.floor(pixels).astype(int).T
     assert after[row, column].mean() > 0.95 and before[row, column].mean() < 0.7
+    # Else no ear is where photos see past it.
+    assert none[row, column].mean() < 0.8
     # Elsewhere the outline is the same.
     away = np.ones(after.shape, bool)
     away[row.min() - 6:row.max() + 7, column.min() - 6:column.max() + 7] = False
@@ -276,6 +281,9 @@ class Sure:
 
     def faced(self, points, least):
         return np.full(len(points), 9, np.int32)
+
+    def past(self, points, nearly=True, share=0.0):
+        return np.zeros(len(points), bool)
 
 
 def test_what_stands_out_goes_where_it_yields():

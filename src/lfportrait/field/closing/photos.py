@@ -115,11 +115,11 @@ class Photos:
                                                  float(self.cameras.focal[view, 0])),
                             range(len(self._depths)))
 
-    def past(self, points: Float64, nearly: bool = True) -> Bool:
+    def past(self, points: Float64, nearly: bool = True, share: float = 0.0) -> Bool:
         """Whether views see past points [N, 3], bool [N].
 
         Of 20 views or more two must: one may have a notch. ``nearly``: also where they see past
-        their pixels' neighbours.
+        their pixels' neighbours. ``share``: of all views, which must at least.
         """
         last = self._last if nearly else self._depths
 
@@ -130,7 +130,7 @@ class Photos:
         found = np.zeros(len(points), np.int32)
         for past in side_by_side(sees, range(len(self._depths))):
             found += past
-        return found >= min(2, self.enough)
+        return found >= max(min(2, self.enough), share * len(self._depths))
 
     def _between(self, view: int, points: Float64, nearest: Float32, farthest: Float32,
                  before: np.float32, beyond: np.float32, square: float = 0.0,
