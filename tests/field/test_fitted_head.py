@@ -138,8 +138,12 @@ def test_places_that_photos_see_lie_on_the_surface(filmed):
     assert np.abs(np.linalg.norm(places, axis=1) - 0.6).max() < 2 * photos.voxel
     assert np.abs(np.linalg.norm(ways, axis=1) - 1).max() < 1e-9
     assert (ways[:, 2] > 0.9).all()
-    depth, before = photos.depth_at(7, places)
-    assert np.abs(depth - before).max() < 2.5 * photos.voxel
+    depth, before, even = photos.depth_at(7, places)
+    assert np.abs(depth - before).max() < 2.5 * photos.voxel and even.all()
+    # Above and beside it there is none.
+    turn = np.linspace(0, np.pi, 50)
+    aside = 0.75 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    assert not photos.depth_at(7, aside)[2].any()
 
 
 def solid(points, triangles, reach=0.2, torn=()):
@@ -197,23 +201,33 @@ def head_with_ears(x=0.65):
 def test_ears_outside_of_all_mattes_are_left_out(filmed):
     capture, photos = filmed
     chart = bust_chart(0.05)
-    assert ears_of(head_with_ears(0.85), chart, photos, capture) is None
+    assert ears_of(head_with_ears(0.85), chart, photos) is None
     bare = head_with_ears()
     none = FittedHead(bare.points, bare.triangles, np.zeros(len(bare.points), bool))
-    assert ears_of(none, chart, photos, capture) is None
+    assert ears_of(none, chart, photos) is None
     full = Capture(capture.cameras, capture.images,
                    [np.full_like(matte, 255) for matte in capture.alphas], capture.names,
                    capture.held_out)
-    found = ears_of(bare, chart, photos, full)
+    found = ears_of(bare, chart, Photos(head_field(64), full))
     assert found is not None and (np.abs(found.points[found.own, 0]) > 0.4).all()
 
 
-def test_ears_behind_hair_are_left_out(filmed):
+def test_a_gap_that_the_face_hides_from_most_of_an_arc_is_none_of_an_ear(filmed):
     capture, photos = filmed
+    # Behind the ball on its left: from the right, the ball's matte is before it.
+    gap, within, deep = [0.62, 0.0, -0.3], [0.0, 0.0, 0.58], [0.0, 0.0, -0.5]
+    place = capture.cameras.project(np.array([gap]))[0][:, 0].astype(int)
+    before = [matte[y, x] > 127 for matte, (x, y) in zip(capture.alphas, place)]
+    assert 0.7 < np.mean(before) < 0.9
+    assert photos.matter(np.array([gap, within, deep]), 0.05).tolist() == [0.0, 1.0, 1.0]
+
+
+def test_ears_behind_hair_are_left_out(filmed):
+    _, photos = filmed
     # Knobs behind the ball: it hides them.
     head = head_with_ears(0.3)
     behind = FittedHead(head.points - [0, 0, 0.9] * head.ears[:, None], head.triangles, head.ears)
-    assert ears_of(behind, bust_chart(0.05), photos, capture) is None
+    assert ears_of(behind, bust_chart(0.05), photos) is None
 
 
 def closed(monkeypatch, field, capture, **change):
@@ -237,15 +251,20 @@ def front():
 
 def test_an_ear_is_part_of_what_is_closed(monkeypatch, front):
     field, capture = front
-    ear = solid(*ball((0.1, 0.12, 0.1), (0.6, 0.0, -0.35)))
-    plain, eared = (closed(monkeypatch, field, capture, ears=one) for one in (None, ear))
+    knob, triangles = ball((0.1, 0.12, 0.1), (0.6, 0.0, -0.35))
+    # As if what was trained were shreds, which photos see past.
+    ear = solid(knob, triangles, torn=[[knob.min(axis=0), knob.max(axis=0)]])
+    plain, eared, missing = (closed(monkeypatch, field, capture, ears=one)
+                             for one in (None, ear, solid(knob, triangles)))
     behind = Camera.arc(np.array([180.0]), distance=5.0, width=SIDE, height=SIDE,
                         focal=5.0 * SIDE / 2.4)
-    before, after = (one.depth(behind, 0)[0] > 0.5 for one in (plain, eared))
+    before, after, none = (one.depth(behind, 0)[0] > 0.5 for one in (plain, eared, missing))
     middle = np.array([0.6, 0.0, -0.35])
     pixels = behind.project(middle + 0.7 * (ear.points - middle))[0][0]
     column, row = np.floor(pixels).astype(int).T
     assert after[row, column].mean() > 0.95 and before[row, column].mean() < 0.7
+    # Else no ear is where photos see past it.
+    assert none[row, column].mean() < 0.8
     # Elsewhere the outline is the same.
     away = np.ones(after.shape, bool)
     away[row.min() - 6:row.max() + 7, column.min() - 6:column.max() + 7] = False
@@ -262,6 +281,9 @@ class Sure:
 
     def faced(self, points, least):
         return np.full(len(points), 9, np.int32)
+
+    def past(self, points, nearly=True, share=0.0):
+        return np.zeros(len(points), bool)
 
 
 def test_what_stands_out_goes_where_it_yields():

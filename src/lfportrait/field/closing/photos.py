@@ -33,6 +33,8 @@ EDGE, WITHIN = 3, 0.99
 """Pixels by which mattes are made smaller, wall and person being mixed beside their edges, and
 their least value within."""
 
+STEEPEST = 6.0
+"""Voxels between the depths of a pixel's neighbours up to which they are one surface."""
 APART, NEXT = 2.5, 2.0
 """What lies so much nearer beside a place hides it: voxels, and pixels along its surface."""
 
@@ -113,11 +115,11 @@ class Photos:
                                                  float(self.cameras.focal[view, 0])),
                             range(len(self._depths)))
 
-    def past(self, points: Float64, nearly: bool = True) -> Bool:
+    def past(self, points: Float64, nearly: bool = True, share: float = 0.0) -> Bool:
         """Whether views see past points [N, 3], bool [N].
 
         Of 20 views or more two must: one may have a notch. ``nearly``: also where they see past
-        their pixels' neighbours.
+        their pixels' neighbours. ``share``: of all views, which must at least.
         """
         last = self._last if nearly else self._depths
 
@@ -128,7 +130,7 @@ class Photos:
         found = np.zeros(len(points), np.int32)
         for past in side_by_side(sees, range(len(self._depths))):
             found += past
-        return found >= min(2, self.enough)
+        return found >= max(min(2, self.enough), share * len(self._depths))
 
     def _between(self, view: int, points: Float64, nearest: Float32, farthest: Float32,
                  before: np.float32, beyond: np.float32, square: float = 0.0,
@@ -161,8 +163,7 @@ class Photos:
         part = slice(top, max(bottom, top)), slice(left, max(right, left))
         depth, first, last = (maps[view][part]
                               for maps in (self._depths, self._first, self._last))
-        near = np.isfinite(last)
-        near[near] = last[near] - first[near] < 6 * self.voxel
+        near = self._even(first, last)
         row, column = np.nonzero(near)
         pixels = np.stack([column + left, row + top], axis=1) + 0.5
         origins, rays = self.cameras.rays(view, pixels)
@@ -239,10 +240,39 @@ class Photos:
         return picture, np.asarray(cv2.erode(reduced(mattes[photo]), np.ones((EDGE, EDGE))),
                                    np.float32)
 
-    def depth_at(self, view: int, points: Float64) -> tuple[Float64, Float64]:
-        """Depths of those of points [N, 3] that a view shows, and of what it sees there, [M]."""
+    def matter(self, points: Float64, hidden: float) -> Float64:
+        """Share of the photos that see points [N, 3] whose mattes have matter there, float64 [N].
+
+        A photo in which something lies more than ``hidden`` before a point, world units, does not
+        see it: the face hides the gap below an ear's lobe from half of an arc. 1 where none does.
+        """
+        assert self._capture.alphas is not None
+        inside, seen = np.zeros((2, len(points)))
+        for view, photo in enumerate(self._views):
+            shown, place, depth = self._shown(view, points)
+            free = self._depths[view][place] > depth - hidden
+            size = int(self.cameras.width[view]), int(self.cameras.height[view])
+            matte = cv2.resize(self._capture.alphas[int(photo)], size,
+                               interpolation=cv2.INTER_AREA)
+            rows = np.flatnonzero(shown)[free]
+            seen[rows] += 1
+            inside[rows] += (matte[place] > 127)[free]
+        return np.where(seen > 0, inside / np.maximum(seen, 1), 1.0)
+
+    def depth_at(self, view: int, points: Float64) -> tuple[Float64, Float64, Bool]:
+        """Depths of those of points [N, 3] that a view shows, and of what it sees there, [M].
+
+        Also whether that is a surface, [M]: shreds and outlines are none.
+        """
         _, place, depth = self._shown(view, points)
-        return depth, np.asarray(self._depths[view][place], np.float64)
+        return (depth, np.asarray(self._depths[view][place], np.float64),
+                self._even(self._first[view][place], self._last[view][place]))
+
+    def _even(self, first: Float32, last: Float32) -> Bool:
+        """Where the depths of a pixel's neighbours, from first to last, are those of a surface."""
+        near = np.isfinite(last)
+        near[near] = last[near] - first[near] < STEEPEST * self.voxel
+        return near
 
     def _shown(self, view: int, points: Float64) -> tuple[Bool, tuple[Int64, ...], Float64]:
         """Which points a view shows, their (row, column) and depths."""

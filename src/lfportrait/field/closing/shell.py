@@ -33,6 +33,9 @@ _PART = 1 << 17
 FACED, SURELY = 0.5, 4
 """What stands out from a guessed surface stays where at least so many photos see a surface that
 faces them at such a cosine: an ear, but no fringe."""
+PAST = 0.2
+"""Share of the photos that must see past a place for a fitted ear not to reach there: mattes of
+single photos lack parts of ears."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the new surface; at most twice that."""
 
@@ -162,8 +165,7 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
     cells, deep, places = _new_cells(field, shell, cut)
     points = _points(field, cells)
     kept = ~photos.past(points, nearly=not shell.guessed) | (deep < 0)
-    # Mattes of single photos lack parts of ears.
-    kept |= shell.by_ears(points, 0.5)
+    kept |= shell.by_ears(points, 0.5) & ~_past_ears(points, shell, photos)
     # Points beside those that stay are empty, but have colors: between a point and none at all a
     # ray would see gray.
     beside = ~kept & _beside(field.links.shape, cells, kept)
@@ -183,6 +185,19 @@ def _beside(shape: tuple[int, ...], cells: Int64, chosen: Bool) -> Bool:
     return np.asarray(dilated(grid)[tuple(cells.T[::-1])], np.bool_)
 
 
+def _past_ears(points: Float64, shell: Shell, photos: Photos) -> Bool:
+    """Which of points [N, 3] by ears many photos see past, as behind a free lobe, bool [N].
+
+    What is torn they see past as well: that says nothing.
+    """
+    found = shell.by_ears(points)
+    if shell.ears is not None and found.any():
+        there = points[found]
+        found[found] = (photos.past(there, nearly=False, share=PAST)
+                        & ~shell.ears.replaced(there))
+    return found
+
+
 def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, Float32]:
     """Densities and coefficients of the rows there are: what photos saw of the surface stays."""
     density, sh = field.density.copy(), field.sh.copy()
@@ -197,6 +212,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, 
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
         well |= photos.faced(points[near], FACED) >= SURELY
         torn = np.False_ if shell.ears is None else shell.ears.replaced(points[near])
+        fresh[_past_ears(points[near], shell, photos)] = -STEEP / shell.voxel
         well &= ~(shell.yielding(deep[near], places[:, near]) | torn)
         # What they see of a true ear is better than a fitted one, however they look at it.
         ear = (seen > 0) & shell.by_ears(points[near]) & ~torn

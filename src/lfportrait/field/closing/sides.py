@@ -204,7 +204,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
-        ears = ears_of(head, chart, photos, capture)
+        ears = ears_of(head, chart, photos)
         guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
     base, known = guess.base, guess.known
     shown = (guess.trust > 0) & finite
