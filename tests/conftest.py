@@ -1,4 +1,4 @@
-"""Fixtures that several test files share, and how the two test processes share the cores."""
+"""Fixtures that several test files share, and how the test processes share the cores."""
 
 import functools
 import gc
@@ -21,10 +21,11 @@ hypothesis.settings.load_profile("any pace")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# Before anything loads OpenMP. Two test processes run at once, each with as many threads as there
-# are cores: threads that spin while they wait for work take the cores from those that have some
-# (a test of the network took 97 s instead of 2). Those of torch and the BLAS are not ours to test,
-# and what they get here are pictures of a few dozen pixels.
+# Before anything loads OpenMP. Test processes run at once, three on two cores: one of them waits
+# for a browser, a graphics driver or a job most of the time. With as many threads each as there are
+# cores, threads that spin while they wait for work take the cores from those that have some (a test
+# of the network took 97 s instead of 2). Those of torch and the BLAS are not ours to test, and what
+# they get here are pictures of a few dozen pixels.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
@@ -39,9 +40,9 @@ def pytest_collection_finish() -> None:
     """Set up a process that tests, now that it has imported them.
 
     Garbage is looked for among what tests make, and more seldom than by default: Numba compiles two
-    hundred functions here, and makes little. Memory is kept, as by a command. Of two processes each
-    has half of the threads for kernels: on two cores to wake a second takes a tenth of its time. In
-    continuous integration it has all, so that a kernel whose result depends on them is found out.
+    hundred functions here, and makes little. Memory is kept, as by a command. The processes share
+    the threads for kernels: on two cores to wake a second takes a tenth of its time. In continuous
+    integration it has all, so that a kernel whose result depends on them is found out.
     """
     import numba
 
@@ -56,8 +57,8 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
-FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test_ray.py",
-         "lfportrait_eval/bench/test_bench.py", "share/page/test_in_browser.py",
+FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "share/page/test_in_browser.py",
+         "job/batch/test_ray.py", "lfportrait_eval/bench/test_bench.py",
          "job/test_style_check.py", "project/test_object_scene.py",
          "lightfield/screens/test_live.py", "studio/test_portrait.py",
          "lightfield/gpu/test_coding_on_gpu.py", "lfportrait_eval/tables/test_tables.py",
@@ -76,7 +77,7 @@ FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test
          "lightfield/gpu/test_live.py", "lightfield/test_lightfield.py",
          "lightfield/test_slices.py")
 """Files that take long, longest first, for a first run: later ones know what each took (`SECONDS`).
-The two that the processes begin with need no kernels but those that were compiled before them."""
+The first of all need no kernels but those that were compiled before them."""
 SECONDS = "lfportrait/seconds"
 """Where pytest's cache keeps how long each file took when all tests were run last."""
 
@@ -333,14 +334,16 @@ def plain_browser(playwright):
         yield running
 
 
-def import_from_the_end(config: pytest.Config) -> None:
-    """Import the test files, the last one first.
+def import_a_share(config: pytest.Config) -> None:
+    """Import some of the test files: of each process others.
 
     In a new checkout each is rewritten for its asserts, which takes longer than all else before the
-    tests. Of two processes each so does half: what the other has written is read.
+    tests. What another process has written is read.
     """
+    number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
     for folder in config.getini("testpaths"):
-        for path in sorted((config.rootpath / folder).rglob("test_*.py"), reverse=True):
+        paths = sorted((config.rootpath / folder).rglob("test_*.py"))
+        for path in paths[number::int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
             # Whatever is wrong with one, or missing for it, is told when it is collected.
             with suppress(Exception, pytest.skip.Exception):
                 importlib.import_module(".".join(
@@ -353,9 +356,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     Each would compile for itself what both need. A run of one process compiles what it comes by.
     """
     config = session.config
-    if (os.environ.get("PYTEST_XDIST_WORKER") == "gw1"
+    if ("PYTEST_XDIST_WORKER" in os.environ
             and config.args_source is pytest.Config.ArgsSource.TESTPATHS):
-        import_from_the_end(config)
+        import_a_share(config)
     if not getattr(config.option, "numprocesses", None):
         return
     from lfportrait.job.warmup import FUNCTIONS, Warmup

@@ -50,10 +50,11 @@ from llvmlite.binding import parse_assembly
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.typing import arraydecl
+from numba.core.typing import arraydecl, templates
 from numba.core.typing.templates import infer_global
 
 from ..files import lock
+from .repeats import replace_in_numba
 
 _LOCK = "kernels.lock"
 """A file beside compiled code, locked while some is added."""
@@ -225,6 +226,15 @@ class _IngredientCompiler(Compiler):  # type: ignore[misc]
         if self.state.library is None:
             self.state.library = _Ingredient(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
+
+
+@replace_in_numba(templates._OverloadFunctionTemplate, "_get_jit_decorator")
+def _ingredients(before: Any) -> Callable[..., Any]:
+    """Numba's own functions, of which some are Python, without entrances that nobody takes."""
+    def decorator(self: Any) -> Callable[..., Any]:
+        return functools.partial(before(self), no_cpython_wrapper=True, no_cfunc_wrapper=True,
+                                 pipeline_class=_IngredientCompiler)
+    return decorator
 
 
 def _compiler(**options: Any) -> Callable[..., Any]:

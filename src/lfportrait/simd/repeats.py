@@ -1,0 +1,163 @@
+"""Numba compiles with less repetition: it answers anew what it has answered before.
+
+Two thirds of the time to compile a kernel pass in Numba's Python, not in LLVM. It goes over all of
+a function's calls until their types stay as they are, twice at least, and finds out each time anew
+what each call means. It inspects the signature of its own code for an addition at each addition,
+has LLVM parse a module to say how large a number is, and colors messages of errors that it catches
+itself. Without this, kernels compile in four fifths of the time, to the same code.
+
+Numba's private parts are replaced here, as `lfportrait.simd.decorators` does; where a version
+lacks one, that one goes as it always did.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from numba.core import analysis, base, errors, ir, typeinfer, types
+from numba.core.typing import context as typing_context
+
+_Replaced = Callable[[Any], Callable[..., Any]]
+
+
+def replace_in_numba(owner: Any, name: str) -> Callable[[_Replaced], None]:
+    """Decorate what makes a function from the one that ``owner`` has by a name, to take its place.
+
+    The new one keeps the old one as ``__wrapped__``, for tests.
+    """
+    def decorate(make: _Replaced) -> None:
+        before = getattr(owner, name, None)
+        if before is not None:
+            setattr(owner, name, functools.wraps(before)(make(before)))
+    return decorate
+
+
+@replace_in_numba(typeinfer.TypeInferer, "resolve_call")
+def _calls(before: Any) -> Callable[..., Any]:
+    """What a call of one of Numba's own functions means, once for a function that is compiled."""
+    def resolve_call(self: Any, function: Any, positional: Any, named: Any) -> Any:
+        # A compiled function of ours may be one that is still compiled: it calls itself.
+        if not isinstance(function, (types.Function, types.BoundFunction)):
+            return before(self, function, positional, named)
+        kept = vars(self).setdefault("_kept_calls", {})
+        # Equal types are one object, and what lies in `kept` stays that object.
+        key = (id(function), *map(id, positional), *named, *map(id, named.values()))
+        found = kept.get(key)
+        if found is None:
+            signature = before(self, function, positional, named)
+            if signature is None or not signature.return_type.is_precise():
+                return signature
+            found = kept[key] = signature, function, positional, named
+        return found[0]
+    return resolve_call
+
+
+_NO_VARIABLES = {str, int, bool, type(None), ir.Loc}
+"""Types of a statement's parts that are neither variables nor hold any."""
+
+
+def _add_variables(value: Any, found: list[Any]) -> None:
+    kind = type(value)
+    if kind in _NO_VARIABLES:
+        return
+    if issubclass(kind, ir.Var):
+        found.append(value)
+    elif issubclass(kind, ir.Inst):
+        found += value.list_vars()
+    elif issubclass(kind, (list, tuple)):
+        for one in value:
+            _add_variables(one, found)
+    elif issubclass(kind, dict):
+        for one in value.values():
+            _add_variables(one, found)
+    else:
+        _NO_VARIABLES.add(kind)
+
+
+@replace_in_numba(ir.Inst, "_rec_list_vars")
+def _variables(before: Any) -> Callable[..., Any]:
+    """The variables of a statement, by the types of its parts, which are few."""
+    def list_variables(self: Any, value: Any) -> list[Any]:
+        found: list[Any] = []
+        _add_variables(value, found)
+        return found
+    return list_variables
+
+
+@replace_in_numba(analysis, "compute_live_map")
+def _alive(before: Any) -> Callable[..., Any]:
+    """The variables that live at each block's begin, as bits of a number instead of sets."""
+    def compute_live_map(cfg: Any, blocks: Any, used: Any, defined: Any) -> dict[Any, set[str]]:
+        names = sorted(set().union(*used.values(), *defined.values()))
+        bit = {name: 1 << place for place, name in enumerate(names)}
+        uses, defines = ({block: sum(map(bit.__getitem__, some[block])) for block in blocks}
+                         for some in (used, defined))
+        order = cfg.topo_order()
+        links = [(block, [after for after, _ in cfg.successors(block)]) for block in order]
+        reach, last = {block: uses[block] | defines[block] for block in blocks}, None
+        while reach != last:
+            last = dict(reach)
+            for block, successors in links:
+                for after in successors:
+                    reach[after] |= reach[block]
+        links = [(block, [start for start, _ in cfg.predecessors(block)])
+                 for block in reversed(order)]
+        alive, last = dict(uses), None
+        while alive != last:
+            last = dict(alive)
+            for block, predecessors in links:
+                for start in predecessors:
+                    alive[start] |= alive[block] & reach[start] & ~defines[start]
+        return {block: {names[place] for place, digit in enumerate(bin(word)[:1:-1])
+                        if digit == "1"} for block, word in alive.items()}
+    return compute_live_map
+
+
+@replace_in_numba(base, "_has_loc")
+def _signatures(before: Any) -> Callable[..., Any]:
+    """Whether Numba's code for an operation takes its place in the source."""
+    return functools.lru_cache(4096)(before)
+
+
+@replace_in_numba(base.BaseContext, "get_abi_sizeof")
+def _sizes(before: Any) -> Callable[..., Any]:
+    """The size of a type without a name of its own."""
+    known: dict[str, int] = {}
+
+    def get_abi_sizeof(self: Any, kind: Any) -> int:
+        text = str(kind)
+        if "%" in text:
+            return int(before(self, kind))
+        if text not in known:
+            known[text] = before(self, kind)
+        return known[text]
+    return get_abi_sizeof
+
+
+def _registered(context: Any) -> list[int]:
+    """How much is registered where a context has looked; it becomes only more."""
+    return [len(getattr(registry, name)) for registry, loader in context._registries.items()
+            for name in loader.registry_items]
+
+
+def _news(before: Any) -> Callable[..., Any]:
+    """Look into the registries only where there is something new."""
+    def refresh(self: Any) -> None:
+        if vars(self).get("_registered_before") != _registered(self):
+            before(self)
+            self._registered_before = _registered(self)
+        elif hasattr(self, "typing_context"):
+            self.typing_context.refresh()
+    return refresh
+
+
+replace_in_numba(base.BaseContext, "refresh")(_news)
+replace_in_numba(typing_context.BaseContext, "refresh")(_news)
+
+
+@replace_in_numba(getattr(errors, "HighlightColorScheme", None), "_markup")
+def _colors(before: Any) -> Callable[..., Any]:
+    """Messages without colors, for which standard output would be wrapped and unwrapped each."""
+    return lambda self, message, *_, **__: message
