@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from ...capture import Camera
 from ...field import C0
+from .beard import BEARD
 from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
@@ -60,19 +61,21 @@ class Shot:
     hair: Float32 | None = None
     # float32 [H, W], how much it shows something else where skin lies (`not_skin`); or None.
     other: Float32 | None = None
+    # float32 [H, W], how much it shows what lies below a beard (`beard.beneath`); or None.
+    beneath: Float32 | None = None
 
     @staticmethod
     def of(camera: Camera, colors: Float32, hair: Float32 | None, other: Float32 | None = None,
-           ) -> Shot:
+           beneath: Float32 | None = None) -> Shot:
         """A photo whose hairlines are made as wide as hair and skin mix there."""
         if hair is None or not (hair > 0.5).any():
-            return Shot(camera, colors, None, other)
+            return Shot(camera, colors, None, other, beneath)
         pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         mask = (hair > 0.5).astype(np.uint8)
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
-        return Shot(camera, colors, soft, other)
+        return Shot(camera, colors, soft, other, beneath)
 
     def contrast(self) -> Float64:
         """How strong strands of hair are in it (`strand_contrast`)."""
@@ -81,11 +84,11 @@ class Shot:
         return strand_contrast(self.colors, self.hair > 0.99, unit)
 
     def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float,
-             skin: Bools | None = None) -> Look:
+             owner: NDArray[np.uint8]) -> Look:
         """What the photo shows of places [N, 3].
 
-        ``depth`` [h, w] is the solid's in the photo, of any size; ``skin`` bool [N] where nothing
-        but skin counts.
+        ``depth`` [h, w] is the solid's in the photo, of any size; ``owner`` is what they belong to:
+        on a head nothing but skin counts, in a beard nothing below it.
         """
         pixels, far = self.camera.project(points)
         pixels, far = pixels[0], far[0]
@@ -102,8 +105,9 @@ class Shot:
         small = np.clip(small, 0, np.array(depth.shape[::-1]) - 1)
         seen = within & (far < depth[small[:, 1], small[:, 0]] + 3.0 * voxel)
         weight = np.where(seen, share * share * (3 - 2 * share), 0.0)
-        if self.other is not None and skin is not None:
-            weight *= 1 - np.where(skin, Parts.at(self.other, at), 0.0)
+        for kind, wrong in ((HEAD, self.other), (BEARD, self.beneath)):
+            if wrong is not None:
+                weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)
         return Look(colors.astype(np.float64), hair.astype(np.float64), weight,
                     np.clip(cosine, 0, 1))
 
@@ -168,8 +172,8 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
         with ThreadPoolExecutor(2) as pool:
             coming = pool.submit(shot.look, points * mirror, normals * mirror, near, shell.voxel,
-                                 skin)
-            look = shot.look(points, normals, near, shell.voxel, skin)
+                                 shell.owner)
+            look = shot.look(points, normals, near, shell.voxel, shell.owner)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)

@@ -29,6 +29,7 @@ from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_h
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
+from .beard import beard_below, beneath
 from .beside import sitter_alone
 from .depth import Sensed, sensed_depth
 from .lattice import Shell, shell_of
@@ -46,6 +47,7 @@ __all__ = ["portrait_capture", "portrait_field"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 AGREED = 3
 """How often several photos are compared and the head is fitted to what they share."""
@@ -253,7 +255,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     assert picture.hair is not None and capture.alphas is not None
     matte = capture.alphas[0].astype(np.float32) / 255
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])),
-                     vertices)
+                     vertices, _beard(capture, 0, picture))
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note("hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
@@ -291,12 +293,20 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
     assert capture.alphas is not None
     hair, fuzz = picture.hair, None
     camera, matte = capture.cameras[view], capture.alphas[view] / np.float32(255)
+    unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
     if hair is not None and not _cut_out(capture, view):
-        width = FUZZ * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
-        fuzz = ground_in_hair(image, matte, hair, width)
+        fuzz = ground_in_hair(image, matte, hair, FUZZ * unit)
     colors = clean_colors(image, matte, fuzz)
     other = not_skin(colors, hair, picture.landmarks, camera, samples)
-    return Shot.of(camera, colors, hair, other)
+    beard = _beard(capture, view, picture)
+    return Shot.of(camera, colors, hair, other, None if beard is None else beneath(beard, unit))
+
+
+def _beard(capture: Capture, view: int, picture: Picture) -> Bools | None:
+    """Where a photo shows a beard below the jaw, bool [H, W], or None."""
+    assert capture.alphas is not None
+    matte = capture.alphas[view] / np.float32(255)
+    return beard_below(_shown(capture, view), matte, picture.landmarks)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,
