@@ -6,7 +6,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
-from lfportrait.face.one_photo.beard import BEARD, beard_below, beneath
+from lfportrait.face.one_photo.beard import BEARD, beard_of, beneath
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
@@ -64,22 +64,26 @@ def photo(landmarks: np.ndarray, length: int, shade: float = 1.0,
 @pytest.mark.parametrize("length", [15, 30, LONG])
 def test_beards_are_found_as_far_as_they_reach(head, length):
     image, matte, beard = photo(head[2], length)
-    found = beard_below(image, matte, head[2])
-    assert found is not None
+    shown = beard_of(image, matte, head[2])
+    assert shown is not None
+    found = shown.below
     assert (found & beard).sum() > 0.7 * (found | beard).sum()
+    chin, cheek = (np.rint(head[2][list(marks)].mean(axis=0)).astype(int)
+                   for marks in ((8, 57), (31, 2, 41)))
+    assert shown.whole[chin[1], chin[0]] > 0.9 and shown.whole[cheek[1], cheek[0]] < 0.1
 
 
 @pytest.mark.parametrize("shade", [1.0, 0.5, 0.3])
 def test_a_chin_without_a_beard_has_none_below(head, shade):
     image, matte, _ = photo(head[2], 0, shade)
-    assert beard_below(image, matte, head[2]) is None
+    assert beard_of(image, matte, head[2]) is None
 
 
 def test_a_chin_half_of_which_lies_in_shade_has_no_beard(head):
     image, matte, _ = photo(head[2], 0)
     dark = image.copy()
     dark[:, :int(head[2][8, 0])] = (0.25 * dark[:, :int(head[2][8, 0])]).astype(np.uint8)
-    assert beard_below(dark, matte, head[2]) is None
+    assert beard_of(dark, matte, head[2]) is None
 
 
 def with_beard(head: tuple[Camera, MeshSamples, np.ndarray], shown: bool) -> Solid:

@@ -1,10 +1,13 @@
 """A beard that goes on below the jaw: where a photo shows it, and its shape.
 
 No statistical head has a beard: what hangs below the jaw would lie on the throat, and the chin's
-lower side would have a beard's color in front alone. Here it hangs down from the chin.
+lower side would have a beard's color in front alone. Here it hangs down from the chin. Where it
+grows on the face it is as thin as the model's skin, but hair to a painter.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,7 +18,7 @@ from ..head_fit import ear_to_ear
 from .parts import Parts
 from .piece import METRES, Piece, filled, outside
 
-__all__ = ["BEARD", "beard_below", "beard_piece", "beneath"]
+__all__ = ["BEARD", "Beard", "beard_of", "beard_piece", "beneath"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -70,9 +73,16 @@ BEFORE = 0.008 / METRES
 """How far before the chest it lies at least."""
 
 
-def beard_below(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64,
-                ) -> Bools | None:
-    """Where a beard shows below the landmarks of the jaw, bool [H, W]; None if there is none.
+class Beard(NamedTuple):
+    """Where a photo shows a beard."""
+
+    below: Bools  # bool [H, W], below the landmarks of the jaw.
+    whole: Float32  # float32 [H, W] in [0, 1], there and on the face.
+
+
+def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64,
+             ) -> Beard | None:
+    """The beard that a photo shows, or None if none goes on below the jaw.
 
     From every place of the jaw it is followed down as far as it is more like the chin's than like
     skin or something else, to where the photo has an edge, for all places together.
@@ -118,15 +128,22 @@ def beard_below(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks
     jaw = _along(places[3:14], WAYS)
     step = LENGTH * tall / STEPS
     at = (jaw[:, None] + (np.arange(STEPS)[None, :, None] + 0.5) * step * down).astype(np.float32)
-    like, *looks = (cv2.remap(np.ascontiguousarray(one), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+    shown = within(np.vstack([places[1:16], places[[35, 33, 31]]])) & person & (like > 0)
+    shown &= ~within(mouth + 1.15 * (places[48:60] - mouth))
+    shown = cv2.morphologyEx(shown.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    shown = cv2.morphologyEx(shown, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    along, *looks = (cv2.remap(np.ascontiguousarray(one), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
                               borderMode=cv2.BORDER_REPLICATE)
                     for one in (like, *np.moveaxis(values, 2, 0)))
-    length = _lengths(like, _edges(np.stack(looks, axis=2)))
+    length = _lengths(along, _edges(np.stack(looks, axis=2)))
     outline = np.vstack([jaw, (jaw + (length * step)[:, None] * down)[::-1]])
     face = within(np.vstack([places[:17], places[26:16:-1]]))
     found = (within(outline) & ~face & person).astype(np.float32)
-    whole = cv2.resize(found, matte.shape[::-1], interpolation=cv2.INTER_LINEAR) > 0.5
-    return np.asarray(whole) if whole.any() else None
+    below, whole = (cv2.resize(one, matte.shape[::-1], interpolation=cv2.INTER_LINEAR)
+                    for one in (found, np.maximum(found, shown)))
+    if not (below > 0.5).any():
+        return None
+    return Beard(np.asarray(below > 0.5), np.asarray(np.clip(whole, 0, 1), np.float32))
 
 
 def beneath(beard: Bools, unit: float) -> Float32:

@@ -45,6 +45,8 @@ BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
 """How far beside a neck, and below and above its end, a collar may stand, portrait units."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
+CHIN = 0.01
+"""Height above the model's chin (metres) below which there is throat and neck."""
 REACH = np.array([1.35, 1.45, 1.15])
 """Half edges of the box that may hold something, portrait units."""
 
@@ -61,6 +63,7 @@ class Shell:
         `beard.BEARD`).
     normals : float64 [N, 3], outward.
     scalp : bool [N], what belongs to the head and lies where hair grows.
+    face : bool [N], what belongs to the head and lies above the chin.
     light : float64 [N], how much of it reaches them within ears.
     center, radius : Of the lattice's box.
     voxel : Distance of points.
@@ -81,6 +84,8 @@ class Shell:
         rest = solid.head.at_rest(self.on[self.scalp])
         self.light = np.ones(len(self.owner))
         self.light[self.scalp] = ear_light(solid.head.rest, rest)
+        self.face = self.scalp.copy()
+        self.face[self.face] = rest[:, 1] > CHIN
         self.scalp[self.scalp] = scalp(rest)
 
     def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bools,

@@ -61,21 +61,22 @@ class Shot:
     hair: Float32 | None = None
     # float32 [H, W], how much it shows something else where skin lies (`not_skin`); or None.
     other: Float32 | None = None
-    # float32 [H, W], how much it shows what lies below a beard (`beard.beneath`); or None.
+    # float32 [H, W], how much it shows a beard, and what lies below one (`beard`); or None.
+    beard: Float32 | None = None
     beneath: Float32 | None = None
 
     @staticmethod
     def of(camera: Camera, colors: Float32, hair: Float32 | None, other: Float32 | None = None,
-           beneath: Float32 | None = None) -> Shot:
+           beard: Float32 | None = None, beneath: Float32 | None = None) -> Shot:
         """A photo whose hairlines are made as wide as hair and skin mix there."""
         if hair is None or not (hair > 0.5).any():
-            return Shot(camera, colors, None, other, beneath)
+            return Shot(camera, colors, None, other, beard, beneath)
         pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         mask = (hair > 0.5).astype(np.uint8)
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
-        return Shot(camera, colors, soft, other, beneath)
+        return Shot(camera, colors, soft, other, beard, beneath)
 
     def contrast(self) -> Float64:
         """How strong strands of hair are in it (`strand_contrast`)."""
@@ -108,31 +109,33 @@ class Shot:
         for kind, wrong in ((HEAD, self.other), (BEARD, self.beneath)):
             if wrong is not None:
                 weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)
-        return Look(colors.astype(np.float64), hair.astype(np.float64), weight,
-                    np.clip(cosine, 0, 1))
+        beard = np.zeros(len(points)) if self.beard is None else Parts.at(self.beard, at)
+        return Look(colors.astype(np.float64), hair.astype(np.float64), beard.astype(np.float64),
+                    weight, np.clip(cosine, 0, 1))
 
 
 class Look(NamedTuple):
     """What a photo shows of places [N].
 
-    Colors [N, 3], how much hair, how well it is seen (0 to 1), and cosines of incidence.
+    Colors [N, 3], how much hair and beard, how well it is seen (0 to 1), and cosines of incidence.
     """
 
     colors: Float64
     hair: Float64
+    beard: Float64
     weight: Float64
     cosine: Float64
 
 
 class _Mean:
-    """Means of colors and of hair over photos."""
+    """Means of colors, hair and beard over photos."""
 
     def __init__(self, count: int) -> None:
-        self.total, self.weights = np.zeros((count, 4)), np.zeros(count)
+        self.total, self.weights = np.zeros((count, 5)), np.zeros(count)
         self.best = np.zeros(count)
 
     def add(self, colors: Float64, look: Look, weight: Float64) -> None:
-        self.total += weight[:, None] * np.column_stack([colors, look.hair])
+        self.total += weight[:, None] * np.column_stack([colors, look.hair, look.beard])
         self.weights += weight
         self.best = np.maximum(self.best, look.weight)
 
@@ -144,6 +147,11 @@ class _Mean:
     def share(self) -> Float64:
         """How much of what is seen is hair, [N]."""
         return np.asarray(self.total[:, 3] / np.maximum(self.weights, 1e-9))
+
+    @property
+    def beard(self) -> Float64:
+        """How much of what is seen is beard, [N]."""
+        return np.asarray(self.total[:, 4] / np.maximum(self.weights, 1e-9))
 
     def pure(self, hair: Bools) -> Float64:
         """How well places are seen that have the material which they should have, [N]."""
@@ -193,11 +201,25 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     share = own.best[:, None]
     out = np.clip(share * own.colors + (1 - share) * fill, 0, 1)
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
-    if not hair.any():
+    bearded = shell.owner == BEARD
+    if not (hair.any() or bearded.any()):
         return sh, None
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
-    return sh, np.asarray(255 * (shown + (1 - own.best) * hair) + 0.5, np.uint8)
+    grown = shown + (1 - own.best) * hair
+    if bearded.any():
+        grown = np.maximum(grown, _bearded(shell, own))
+    return sh, np.asarray(255 * grown + 0.5, np.uint8)
+
+
+def _bearded(shell: Shell, own: _Mean) -> Float64:
+    """How much of a shell's points is beard, [N]."""
+    out = np.where(shell.owner == HEAD, own.best * own.beard, shell.owner == BEARD)
+    # What no photo shows of a jaw goes on as what lies before it; behind a beard there is a throat.
+    face, known = shell.face, own.best[shell.face]
+    around = _spread(shell.on[face], own.beard[face][:, None], known, 0)[:, 0]
+    out[face] += (1 - known) * np.clip(2 * around - 0.5, 0, 1)
+    return np.asarray(out, np.float64)
 
 
 def _hairy(shell: Shell, own: _Mean) -> Float64:

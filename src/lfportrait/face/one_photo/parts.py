@@ -62,7 +62,7 @@ class Parts:
     inside: Float32
     hair: Bools  # bool, hair in front.
     bottom: float  # Row at which the photo ends.
-    beard: Bools | None = None  # bool, a beard below the jaw (`beard.beard_below`).
+    beard: Bools | None = None  # bool, a beard below the jaw (`beard.beard_of`).
 
     def places(self, points: Float64) -> tuple[Float64, Float64]:
         """(row, column) of points [N, 3] for `at`, [2, N], and their depths [N]."""
