@@ -130,20 +130,30 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     at = (jaw[:, None] + (np.arange(STEPS)[None, :, None] + 0.5) * step * down).astype(np.float32)
     shown = within(np.vstack([places[1:16], places[[35, 33, 31]]])) & person & (like > 0)
     shown &= ~within(mouth + 1.15 * (places[48:60] - mouth))
-    shown = cv2.morphologyEx(shown.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    shown = cv2.morphologyEx(shown, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     along, *looks = (cv2.remap(np.ascontiguousarray(one), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
                               borderMode=cv2.BORDER_REPLICATE)
                     for one in (like, *np.moveaxis(values, 2, 0)))
-    length = _lengths(along, _edges(np.stack(looks, axis=2)))
+    length = _lengths(np.asarray(along, np.float32), _edges(np.stack(looks, axis=2)))
     outline = np.vstack([jaw, (jaw + (length * step)[:, None] * down)[::-1]])
     face = within(np.vstack([places[:17], places[26:16:-1]]))
     found = (within(outline) & ~face & person).astype(np.float32)
+    grown = _one_piece(shown | (found > 0), chin) & person
     below, whole = (cv2.resize(one, matte.shape[::-1], interpolation=cv2.INTER_LINEAR)
-                    for one in (found, np.maximum(found, shown)))
+                    for one in (found, grown.astype(np.float32)))
     if not (below > 0.5).any():
         return None
     return Beard(np.asarray(below > 0.5), np.asarray(np.clip(whole, 0, 1), np.float32))
+
+
+def _one_piece(shown: Bools, chin: Bools) -> Bools:
+    """What of places [h, w] is one with those of the chin, without gaps and thin ends."""
+    whole = shown.astype(np.uint8)
+    for change, size in ((cv2.MORPH_CLOSE, 9), (cv2.MORPH_OPEN, 5)):
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+        whole = np.asarray(cv2.morphologyEx(whole, change, disc), np.uint8)
+    pieces = ndimage.label(whole)[0]
+    kept = np.unique(pieces[chin])
+    return np.isin(pieces, kept[kept > 0])
 
 
 def beneath(beard: Bools, unit: float) -> Float32:
