@@ -88,6 +88,20 @@ def test_what_floats_beside_a_person_goes_and_what_is_worn_stays():
     assert lattice._without_crumbs(both, wire < 1, head < 1, 3.0)[rim < 0].min() > 0
 
 
+def test_pieces_apart_are_found_along_the_lattice():
+    links = np.full((9, 9, 40), -1, np.int32)
+    shell = np.zeros(links.shape, bool)
+    shell[:, :, :30] = True  # two blocks with a sheet of free points between them, and a crumb
+    shell[4, 4, 36:38] = True
+    links[shell] = np.arange(shell.sum(), dtype=np.int32)
+    x = np.nonzero(shell)[2]
+    inside = x != 12
+    found = lattice._apart(links, inside)
+    assert np.array_equal(found, x >= 36)
+    assert not lattice._apart(links, inside & (x < 30)).any()
+    assert not lattice._apart(links, inside & False).any()
+
+
 def test_no_blade_stands_beside_a_neck():
     z, y, x = np.mgrid[:60, :60, :60].astype(np.float32)
     step, first = 0.02, np.zeros(3)

@@ -9,6 +9,7 @@ from lfportrait.face.one_photo.paint import Shot
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.skin import clothes, not_skin
+from lfportrait.face.one_photo.solid import BODY, HEAD
 
 SIDE = 320
 SKIN = np.float32([0.82, 0.62, 0.52])
@@ -66,7 +67,8 @@ def test_what_is_before_skin_colors_hair_and_body_alone(head):
     towards = (origin - point) / np.linalg.norm(origin - point)
     depth = np.full((SIDE, SIDE), 10.0)
     for skin, least, most in ((True, 0.0, 0.1), (False, 0.99, 1.0)):
-        weight = shot.look(point, towards, depth, 0.02, np.array([skin])).weight[0]
+        weight = shot.look(point, towards, depth, 0.02,
+                           np.array([HEAD if skin else BODY], np.uint8)).weight[0]
         assert least <= weight <= most
 
 

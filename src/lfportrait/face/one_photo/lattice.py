@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ...field import VoxelField
 from ...measure import usable_cores
-from .solid import BODY, HEAD, NECK_END, WORN, Solid, ear_light, scalp
+from .beard import BEARD
+from .solid import BODY, HAIR, HEAD, NECK_END, WORN, Solid, ear_light, scalp
 from .wires import Wires
 
 __all__ = ["Shell", "shell_of"]
@@ -43,6 +45,8 @@ BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
 """How far beside a neck, and below and above its end, a collar may stand, portrait units."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
+CHIN = 0.01
+"""Height above the model's chin (metres) below which there is throat and neck."""
 REACH = np.array([1.35, 1.45, 1.15])
 """Half edges of the box that may hold something, portrait units."""
 
@@ -55,9 +59,11 @@ class Shell:
     links : int32 [Z, Y, X], rows of the points.
     points : float64 [N, 3].
     away : float64 [N], signed distances, positive outside.
-    owner : uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`, `WORN`).
+    owner : uint8 [N], what they belong to (`solid.HEAD`, `HAIR`, `BODY`, `WORN`,
+        `beard.BEARD`).
     normals : float64 [N, 3], outward.
     scalp : bool [N], what belongs to the head and lies where hair grows.
+    face : bool [N], what belongs to the head and lies above the chin.
     light : float64 [N], how much of it reaches them within ears.
     center, radius : Of the lattice's box.
     voxel : Distance of points.
@@ -78,6 +84,8 @@ class Shell:
         rest = solid.head.at_rest(self.on[self.scalp])
         self.light = np.ones(len(self.owner))
         self.light[self.scalp] = ear_light(solid.head.rest, rest)
+        self.face = self.scalp.copy()
+        self.face[self.face] = rest[:, 1] > CHIN
         self.scalp[self.scalp] = scalp(rest)
 
     def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bools,
@@ -121,6 +129,9 @@ class Shell:
             tree = cKDTree(_places(first, 2 * voxel, known))
             owners[far] = owner[known][tree.query(self.points[far], workers=usable_cores())[1]]
         self.owner = owners.astype(np.uint8)
+        # Finer than the coarser lattice there may be crumbs again, of all but thin rims of ears.
+        apart = _apart(self.links, self.away < 0) & np.isin(self.owner, (HAIR, BODY, BEARD))
+        self.away[apart] = OUTSIDE * voxel
         extent = size[::-1] * voxel
         self.center = first - 0.5 * voxel + 0.5 * extent
         self.radius = 0.5 * extent
@@ -206,6 +217,24 @@ def _without_crumbs(distance: Float32, worn: Bools, head: Bools, away: float) ->
     small[np.unique(pieces[head & _grown(~small[pieces] & (pieces > 0), APART)])] = False
     crumbs = _grown(small[pieces] & (pieces > 0), 2)
     return np.where(crumbs, np.float32(away), distance)
+
+
+def _apart(links: NDArray[np.int32], inside: Bools) -> Bools:
+    """Which rows [N] of a lattice [z, y, x] lie ``inside``, in small pieces apart from the rest."""
+    one, two = [], []
+    for axis in range(3):
+        along = np.moveaxis(links, axis, 0)
+        both = (along[1:] >= 0) & (along[:-1] >= 0)
+        rows = along[1:][both], along[:-1][both]
+        both = inside[rows[0]] & inside[rows[1]]
+        one.append(rows[0][both])
+        two.append(rows[1][both])
+    ends = np.concatenate(one), np.concatenate(two)
+    count = len(inside)
+    pieces = connected_components(sparse.coo_array((np.ones(len(ends[0]), np.int8), ends),
+                                                   shape=(count, count)), directed=False)[1]
+    sizes = np.bincount(pieces[inside], minlength=count)[pieces]
+    return np.asarray(inside & (sizes < CRUMB * sizes.max(initial=0)))
 
 
 class _Collar(NamedTuple):

@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from ...capture import Camera
 from ...field import C0
+from .beard import BEARD
 from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
@@ -60,19 +61,22 @@ class Shot:
     hair: Float32 | None = None
     # float32 [H, W], how much it shows something else where skin lies (`not_skin`); or None.
     other: Float32 | None = None
+    # float32 [H, W], how much it shows a beard, and what lies below one (`beard`); or None.
+    beard: Float32 | None = None
+    beneath: Float32 | None = None
 
     @staticmethod
     def of(camera: Camera, colors: Float32, hair: Float32 | None, other: Float32 | None = None,
-           ) -> Shot:
+           beard: Float32 | None = None, beneath: Float32 | None = None) -> Shot:
         """A photo whose hairlines are made as wide as hair and skin mix there."""
         if hair is None or not (hair > 0.5).any():
-            return Shot(camera, colors, None, other)
+            return Shot(camera, colors, None, other, beard, beneath)
         pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         mask = (hair > 0.5).astype(np.uint8)
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
-        return Shot(camera, colors, soft, other)
+        return Shot(camera, colors, soft, other, beard, beneath)
 
     def contrast(self) -> Float64:
         """How strong strands of hair are in it (`strand_contrast`)."""
@@ -81,11 +85,11 @@ class Shot:
         return strand_contrast(self.colors, self.hair > 0.99, unit)
 
     def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float,
-             skin: Bools | None = None) -> Look:
+             owner: NDArray[np.uint8]) -> Look:
         """What the photo shows of places [N, 3].
 
-        ``depth`` [h, w] is the solid's in the photo, of any size; ``skin`` bool [N] where nothing
-        but skin counts.
+        ``depth`` [h, w] is the solid's in the photo, of any size; ``owner`` is what they belong to:
+        on a head nothing but skin counts, in a beard nothing below it.
         """
         pixels, far = self.camera.project(points)
         pixels, far = pixels[0], far[0]
@@ -102,33 +106,36 @@ class Shot:
         small = np.clip(small, 0, np.array(depth.shape[::-1]) - 1)
         seen = within & (far < depth[small[:, 1], small[:, 0]] + 3.0 * voxel)
         weight = np.where(seen, share * share * (3 - 2 * share), 0.0)
-        if self.other is not None and skin is not None:
-            weight *= 1 - np.where(skin, Parts.at(self.other, at), 0.0)
-        return Look(colors.astype(np.float64), hair.astype(np.float64), weight,
-                    np.clip(cosine, 0, 1))
+        for kind, wrong in ((HEAD, self.other), (BEARD, self.beneath)):
+            if wrong is not None:
+                weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)
+        beard = np.zeros(len(points)) if self.beard is None else Parts.at(self.beard, at)
+        return Look(colors.astype(np.float64), hair.astype(np.float64), beard.astype(np.float64),
+                    weight, np.clip(cosine, 0, 1))
 
 
 class Look(NamedTuple):
     """What a photo shows of places [N].
 
-    Colors [N, 3], how much hair, how well it is seen (0 to 1), and cosines of incidence.
+    Colors [N, 3], how much hair and beard, how well it is seen (0 to 1), and cosines of incidence.
     """
 
     colors: Float64
     hair: Float64
+    beard: Float64
     weight: Float64
     cosine: Float64
 
 
 class _Mean:
-    """Means of colors and of hair over photos."""
+    """Means of colors, hair and beard over photos."""
 
     def __init__(self, count: int) -> None:
-        self.total, self.weights = np.zeros((count, 4)), np.zeros(count)
+        self.total, self.weights = np.zeros((count, 5)), np.zeros(count)
         self.best = np.zeros(count)
 
     def add(self, colors: Float64, look: Look, weight: Float64) -> None:
-        self.total += weight[:, None] * np.column_stack([colors, look.hair])
+        self.total += weight[:, None] * np.column_stack([colors, look.hair, look.beard])
         self.weights += weight
         self.best = np.maximum(self.best, look.weight)
 
@@ -140,6 +147,11 @@ class _Mean:
     def share(self) -> Float64:
         """How much of what is seen is hair, [N]."""
         return np.asarray(self.total[:, 3] / np.maximum(self.weights, 1e-9))
+
+    @property
+    def beard(self) -> Float64:
+        """How much of what is seen is beard, [N]."""
+        return np.asarray(self.total[:, 4] / np.maximum(self.weights, 1e-9))
 
     def pure(self, hair: Bools) -> Float64:
         """How well places are seen that have the material which they should have, [N]."""
@@ -168,8 +180,8 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
         with ThreadPoolExecutor(2) as pool:
             coming = pool.submit(shot.look, points * mirror, normals * mirror, near, shell.voxel,
-                                 skin)
-            look = shot.look(points, normals, near, shell.voxel, skin)
+                                 shell.owner)
+            look = shot.look(points, normals, near, shell.voxel, shell.owner)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
@@ -189,11 +201,25 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     share = own.best[:, None]
     out = np.clip(share * own.colors + (1 - share) * fill, 0, 1)
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
-    if not hair.any():
+    bearded = shell.owner == BEARD
+    if not (hair.any() or bearded.any()):
         return sh, None
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
-    return sh, np.asarray(255 * (shown + (1 - own.best) * hair) + 0.5, np.uint8)
+    grown = shown + (1 - own.best) * hair
+    if bearded.any():
+        grown = np.maximum(grown, _bearded(shell, own))
+    return sh, np.asarray(255 * grown + 0.5, np.uint8)
+
+
+def _bearded(shell: Shell, own: _Mean) -> Float64:
+    """How much of a shell's points is beard, [N]."""
+    out = np.where(shell.owner == HEAD, own.best * own.beard, shell.owner == BEARD)
+    # What no photo shows of a jaw goes on as what lies before it; behind a beard there is a throat.
+    face, known = shell.face, own.best[shell.face]
+    around = _spread(shell.on[face], own.beard[face][:, None], known, 0)[:, 0]
+    out[face] += (1 - known) * np.clip(2 * around - 0.5, 0, 1)
+    return np.asarray(out, np.float64)
 
 
 def _hairy(shell: Shell, own: _Mean) -> Float64:

@@ -62,6 +62,7 @@ class Parts:
     inside: Float32
     hair: Bools  # bool, hair in front.
     bottom: float  # Row at which the photo ends.
+    beard: Bools | None = None  # bool, a beard below the jaw (`beard.beard_of`).
 
     def places(self, points: Float64) -> tuple[Float64, Float64]:
         """(row, column) of points [N, 3] for `at`, [2, N], and their depths [N]."""
@@ -248,7 +249,7 @@ def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
 
 
 def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.floating],
-             distance: float, head: Float64 | None = None) -> Parts:
+             distance: float, head: Float64 | None = None, beard: Bools | None = None) -> Parts:
     """The maps of a photo.
 
     Parameters
@@ -258,6 +259,7 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     distance : Of the head from the camera, portrait units.
     head : Points [N, 3] of the fitted head: a crown that the photo's upper edge cuts off is closed
         round above them.
+    beard : bool [H, W], or None.
     """
     factor = min(1.0, float(distance / camera.focal[0, 0]) / CELL)
     small = camera.scaled(factor)
@@ -280,8 +282,13 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     inside = cv2.GaussianBlur(signed_distance(soft), (0, 0), 1.0)
     wide = Camera(small.pose, small.focal, small.center + np.array([pad, top]),
                   np.array(width + 2 * pad), np.array(height + pad + top))
-    return Parts(wide, cell, np.asarray(inside, np.float32), (curls > 0.5) & (inside > 0),
-                 float(height + top))
+    below = None
+    if beard is not None:
+        share = cv2.resize(beard.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        below = np.pad(share > 0.5, ((top, pad), (pad, pad)))
+    found = (curls > 0.5) & (inside > 0)
+    return Parts(wide, cell, np.asarray(inside, np.float32),
+                 found if below is None else found & ~below, float(height + top), below)
 
 
 def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,

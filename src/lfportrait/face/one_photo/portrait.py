@@ -29,6 +29,7 @@ from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_h
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
+from .beard import Beard, beard_of, beneath
 from .beside import sitter_alone
 from .depth import Sensed, sensed_depth
 from .lattice import Shell, shell_of
@@ -252,14 +253,15 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
     assert picture.hair is not None and capture.alphas is not None
     matte = capture.alphas[0].astype(np.float32) / 255
+    beards = [_beard(capture, view, one) for view, one in enumerate(pictures)]
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])),
-                     vertices)
+                     vertices, None if beards[0] is None else beards[0].below)
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note("hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
     wires, images = _bare(capture, fit, pictures, local, samples)
-    shots = [_shot(capture, view, images[view], pictures[view], samples)
+    shots = [_shot(capture, view, images[view], pictures[view], beards[view], samples)
              for view in range(len(capture))]
     seconds = 0.0
     if points > ROUGH:
@@ -286,17 +288,24 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
 
 
 def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Picture,
-          samples: MeshSamples) -> Shot:
+          beard: Beard | None, samples: MeshSamples) -> Shot:
     """A photo that colors the head; ``image`` is it without spectacles."""
     assert capture.alphas is not None
     hair, fuzz = picture.hair, None
     camera, matte = capture.cameras[view], capture.alphas[view] / np.float32(255)
+    unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
     if hair is not None and not _cut_out(capture, view):
-        width = FUZZ * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
-        fuzz = ground_in_hair(image, matte, hair, width)
+        fuzz = ground_in_hair(image, matte, hair, FUZZ * unit)
     colors = clean_colors(image, matte, fuzz)
     other = not_skin(colors, hair, picture.landmarks, camera, samples)
-    return Shot.of(camera, colors, hair, other)
+    below = None if beard is None else beneath(beard.below, unit)
+    return Shot.of(camera, colors, hair, other, None if beard is None else beard.whole, below)
+
+
+def _beard(capture: Capture, view: int, picture: Picture) -> Beard | None:
+    assert capture.alphas is not None
+    return beard_of(_shown(capture, view), capture.alphas[view] / np.float32(255),
+                    picture.landmarks)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
+from .beard import BEARD, beard_piece
 from .depth import Sensed, hair_before, middle_behind
 from .hair import Neck, hair_piece, with_rims
 from .parts import Parts, opened
@@ -45,6 +46,8 @@ ALIKE = 0.10
 from the model's neck is no neck, but a collar or a shoulder beside it, portrait units."""
 SOFT_HAIR = 0.008
 """Width of the joint of head and hair, portrait units."""
+SOFT_BEARD = 0.04
+"""And of head and beard."""
 WITHIN = 0.12
 """How far within the outline of hair a body under it ends, portrait units."""
 BAND = 0.06
@@ -84,6 +87,7 @@ class Solid:
     lowest: float  # Height of the plane that ends the bust.
     # float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     before: Float64 | None = None
+    beard: Piece | None = None  # Below the jaw.
     raised: Bools | None = None  # bool [h, w], shoulders that reach higher than the neck, or None.
 
     def distance(self, points: Float64, reach: float, near: Bools | None = None,
@@ -126,6 +130,10 @@ class Solid:
             hair = self.hair.distance(self.parts, places, depth)
             owner[(hair < out) & self.hair.covers(places, depth)] = HAIR
             out = _joined(out, hair, SOFT_HAIR)
+        if self.beard is not None:
+            beard = self.beard.distance(self.parts, places, depth)
+            owner[(beard < out) & self.beard.covers(places, depth)] = BEARD
+            out = _joined(out, beard, SOFT_BEARD)
         return np.maximum(out, self.lowest - points[:, 1]), owner
 
 
@@ -187,8 +195,12 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
         # Where the back of the head, or what lies just before it, is scalp.
         hair = hair_piece(parts, (near, far), (grown > far - BACK) & ~ears,
                           place, body, sensed)
+    beard = None
+    if parts.beard is not None:
+        chin = height > 0
+        beard = beard_piece(parts, parts.beard, depth_maps(samples, parts, chin)[0], body)
     before = None if sensed is None else hair_before(sensed, parts.hair)
-    return Solid(parts, samples, hair, body, neck, _end(parts, body), before,
+    return Solid(parts, samples, hair, body, neck, _end(parts, body), before, beard,
                  raised if raised.any() else None)
 
 

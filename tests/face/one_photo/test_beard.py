@@ -1,0 +1,125 @@
+"""A beard below the jaw: where photos show it, and what it hangs from."""
+
+import cv2
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.beard import BEARD, beard_of, beneath
+from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.piece import METRES
+from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.solid import HEAD, Solid, solid_of
+
+SIDE, LONG = 400, 45
+SKIN, HAIR, SHIRT = (np.float32(color) for color in ([0.80, 0.60, 0.50], [0.24, 0.17, 0.13],
+                                                     [0.20, 0.25, 0.40]))
+
+
+@pytest.fixture(scope="module")
+def head() -> tuple[Camera, MeshSamples, np.ndarray]:
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] -= points[:, 2].mean()
+    points[:, 1] -= points[prior.landmarks[30], 1]
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=600.0,
+                        target=(0, 0, 0), pitch=0.0)
+    landmarks = camera.project(points[prior.landmarks])[0][0]
+    return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
+
+
+def photo(landmarks: np.ndarray, length: int, shade: float = 1.0,
+          ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A sitter in a shirt, uint8, whose beard ends ``length`` pixels below the jaw, or has none.
+
+    Also the matte, and where the beard is below the jaw. ``shade`` darkens the throat.
+    """
+    generator = np.random.default_rng(3)
+    face = np.zeros((SIDE, SIDE), np.uint8)
+    outline = np.vstack([landmarks[:17], landmarks[26:16:-1] - [0, 60]])
+    cv2.fillPoly(face, [np.rint(outline).astype(np.int32)], 1)
+    middle, chin = landmarks[8]
+    rows, columns = np.indices(face.shape)
+    throat = (np.abs(columns - middle) < 45) & (rows > chin - 40) & (rows < chin + 75)
+    shirt = (rows >= chin + 60) & (np.abs(columns - middle) < 45 + 1.5 * (rows - chin - 50))
+    image = np.ones((SIDE, SIDE, 3), np.float32)
+    image[throat] = SKIN * shade
+    image[face > 0] = SKIN
+    image[shirt] = SHIRT
+    beard = np.zeros(face.shape, np.uint8)
+    if length:
+        jaw = np.rint(landmarks[3:14]).astype(np.int32)
+        end = jaw + np.array([0, length], np.int32)
+        cv2.fillPoly(beard, [np.vstack([jaw, end[::-1]])], 1)
+        cv2.fillPoly(beard, [np.rint(np.vstack([landmarks[3:14], landmarks[[54, 48]]])
+                                     ).astype(np.int32)], 1)
+        strands = HAIR * generator.uniform(0.4, 1.6, (SIDE, SIDE, 1)).astype(np.float32)
+        image[beard > 0] = strands[beard > 0]
+    person = (face > 0) | throat | shirt | (beard > 0)
+    return (np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8), person.astype(np.float32),
+            (beard > 0) & (face == 0))
+
+
+@pytest.mark.parametrize("length", [15, 30, LONG])
+def test_beards_are_found_as_far_as_they_reach(head, length):
+    image, matte, beard = photo(head[2], length)
+    shown = beard_of(image, matte, head[2])
+    assert shown is not None
+    found = shown.below
+    assert (found & beard).sum() > 0.7 * (found | beard).sum()
+    chin, cheek = (np.rint(head[2][list(marks)].mean(axis=0)).astype(int)
+                   for marks in ((8, 57), (31, 2, 41)))
+    assert shown.whole[chin[1], chin[0]] > 0.9 and shown.whole[cheek[1], cheek[0]] < 0.1
+
+
+@pytest.mark.parametrize("shade", [1.0, 0.5, 0.3])
+def test_a_chin_without_a_beard_has_none_below(head, shade):
+    image, matte, _ = photo(head[2], 0, shade)
+    assert beard_of(image, matte, head[2]) is None
+
+
+def test_a_chin_half_of_which_lies_in_shade_has_no_beard(head):
+    image, matte, _ = photo(head[2], 0)
+    dark = image.copy()
+    dark[:, :int(head[2][8, 0])] = (0.25 * dark[:, :int(head[2][8, 0])]).astype(np.uint8)
+    assert beard_of(dark, matte, head[2]) is None
+
+
+def with_beard(head: tuple[Camera, MeshSamples, np.ndarray], shown: bool) -> Solid:
+    camera, samples, landmarks = head
+    _, matte, beard = photo(landmarks, LONG)
+    parts = parts_of(camera, matte, np.zeros_like(matte), 4.0, None, beard if shown else None)
+    return solid_of(parts, samples)
+
+
+def front(solid: Solid, down: float, x: float = 0.0) -> tuple[float, int]:
+    """How far ahead a solid reaches so far below its chin, and what is there."""
+    chin = solid.head.points[np.argmin(np.linalg.norm(solid.head.rest - [0, 0, 0.09], axis=1))]
+    z = np.linspace(1.2, -0.6, 400)
+    line = np.stack([np.full(400, x), np.full(400, chin[1] - down), z], axis=1)
+    away, owner = solid.distance(line, 0.5)
+    first = int(np.argmax(away < 0))
+    return float(z[first]), int(owner[first])
+
+
+def test_a_beard_hangs_from_the_chin_and_not_on_the_throat(head):
+    bearded, bare = with_beard(head, True), with_beard(head, False)
+    below = 0.5 * LONG / 600 * 4.0
+    ahead, owner = front(bearded, below)
+    throat, _ = front(bare, below)
+    assert owner == BEARD
+    assert ahead > throat + 0.1, "it lies on the throat"
+    # It begins where the chin ends, and recedes with the jaw.
+    lip, owner = front(bearded, -0.12)
+    assert owner == HEAD and abs(lip - front(bare, -0.12)[0]) < 0.01
+    assert abs(ahead - lip) < 0.15
+    assert front(bearded, below, 0.25)[0] < ahead - 0.05
+
+
+def test_what_lies_below_a_beard_does_not_color_it(head):
+    _, _, beard = photo(head[2], LONG)
+    mixed = beneath(beard, 150.0)
+    chin = np.rint(head[2][8]).astype(int)
+    assert mixed[chin[1] + 20, chin[0]] < 0.05
+    assert mixed[chin[1] + LONG + 3, chin[0]] > 0.9
