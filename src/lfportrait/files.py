@@ -189,7 +189,8 @@ def plain_json(value: Any) -> Any:
         return [plain_json(one) for one in value]
     if isinstance(value, Path):
         return str(value)
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    # Scalars of torch, too, which is not imported for that.
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def script_json(data: Any) -> str:

@@ -54,18 +54,33 @@ def _status(name: str) -> int:
     raise OSError(f"no {name} in the process's status")
 
 
+def _forget_peak() -> bool:
+    """Begin a new peak of this process's memory; False where that is not allowed."""
+    try:
+        with open("/proc/self/clear_refs", "w", encoding="utf-8") as stream:
+            stream.write("5")
+    except OSError:
+        return False
+    return True
+
+
+def _peak() -> int:
+    """The largest resident memory since the peak was forgotten, in bytes."""
+    try:
+        return _status("VmHWM")
+    except OSError:
+        return peak_memory_bytes()
+
+
 def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
     """Peak memory of a call beyond that of the process, in bytes, and its result.
 
     The peak during the call less the resident memory before it; where the system does not report
     this (other than Linux), by how much the process's largest memory so far grew.
     """
-    try:
-        before = _status("VmRSS")
-    except OSError:
-        before = peak_memory_bytes()
-    cost, result = cost_of(function)
-    return max(0, cost.peak_memory_bytes - before), result
+    before = _status("VmRSS") if _forget_peak() else _peak()
+    result = function()
+    return max(0, _peak() - before), result
 
 
 @dataclass(frozen=True)
@@ -81,15 +96,10 @@ class Cost:
 def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
     """Call ``function``; its cost and result."""
     start, on_cores = time.perf_counter(), time.process_time()
-    with suppress(OSError), open("/proc/self/clear_refs", "w", encoding="utf-8") as stream:
-        stream.write("5")  # forget the peak so far
+    _forget_peak()
     result = function()
     seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - on_cores
-    try:
-        peak = _status("VmHWM")
-    except OSError:
-        peak = peak_memory_bytes()
-    return Cost(round(seconds, 3), round(cpu_seconds, 3), peak), result
+    return Cost(round(seconds, 3), round(cpu_seconds, 3), _peak()), result
 
 
 def free_memory_bytes(system: Path = Path("/")) -> int | None:

@@ -6,7 +6,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
-from lfportrait.face.one_photo.beard import BEARD, beard_of, beneath
+from lfportrait.face.one_photo.beard import BEARD, _hung_from, beard_of, beneath
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
@@ -123,3 +123,61 @@ def test_what_lies_below_a_beard_does_not_color_it(head):
     chin = np.rint(head[2][8]).astype(int)
     assert mixed[chin[1] + 20, chin[0]] < 0.05
     assert mixed[chin[1] + LONG + 3, chin[0]] > 0.9
+
+
+def test_a_beard_hangs_down_the_head_however_the_photo_is_turned():
+    face = np.full((80, 80), np.nan)
+    face[:40] = 3.0
+    face[:40, 40:] = 3.5
+    beard = np.zeros(face.shape, bool)
+    beard[40:70, 10:70] = True
+    start, length = _hung_from(face, beard, np.array([1.0, 0.0]))
+    assert (start[40:70, 10:40] == 3.0).all() and (start[40:70, 40:70] == 3.5).all()
+    assert np.array_equal(length[40:70, 20], np.arange(1, 31))
+    turned = np.array([np.cos(0.6), np.sin(0.6)])
+    start, length = _hung_from(face, beard, turned)
+    assert start[69, 41] == 3.0, "up the head is left of it in the photo"
+    assert abs(length[60, 50] - 21 / np.cos(0.6)) < 2
+    # Up from there lies nothing.
+    narrow = np.where(np.arange(80) < 30, face, np.nan)
+    start, length = _hung_from(narrow, beard, np.array([1.0, 0.0]))
+    assert np.isnan(start[60, 50]) and length[60, 50] <= 30
+
+
+def test_a_beard_that_the_photo_cuts_off_goes_on_below_it(head):
+    camera, samples, landmarks = head
+    _, matte, beard = photo(landmarks, LONG)
+    end = int(landmarks[8, 1]) + 20
+    cut = Camera(camera.pose, camera.focal, camera.center, camera.width, np.array([end]))
+    parts = parts_of(cut, matte[:end], np.zeros((end, SIDE)), 4.0, None, beard[:end])
+    solid = solid_of(parts, samples)
+    for down in np.linspace(4, 18, 4) / 600 * 4.0:
+        assert front(solid, down)[1] == BEARD
+
+
+def test_cloth_before_a_chin_is_no_beard(head):
+    image, matte, beard = photo(head[2], LONG)
+    generator = np.random.default_rng(0)
+    for color in ([0.7, 0.1, 0.1], [0.2, 0.3, 0.7], [0.95, 0.95, 0.95]):
+        worn = image.copy()
+        lower = (image.astype(int).sum(axis=2) < 300) & (matte > 0.5)
+        cloth = np.float32(color) * generator.uniform(0.9, 1.1, (SIDE, SIDE, 1))
+        worn[lower] = np.rint(255 * np.clip(cloth, 0, 1)).astype(np.uint8)[lower]
+        assert beard_of(worn, matte, head[2]) is None
+    plain = np.where(beard[..., None] | (image.astype(int).sum(axis=2) < 300)[..., None],
+                     np.uint8([40, 40, 40]), image)
+    assert beard_of(plain, matte, head[2]) is None, "a scarf is smooth"
+
+
+def test_hair_that_hangs_beside_a_jaw_is_no_beard(head):
+    image, matte, _ = photo(head[2], 15)
+    generator = np.random.default_rng(1)
+    hair = np.zeros((SIDE, SIDE), np.float32)
+    left, right = head[2][2, 0], head[2][14, 0]
+    columns = np.arange(SIDE)
+    top, end = int(head[2][19, 1]) - 30, int(head[2][8, 1]) + 40
+    hair[top:end] = (np.abs(columns - left) < 12) | (np.abs(columns - right) < 12)
+    strands = HAIR * generator.uniform(0.4, 1.6, (SIDE, SIDE, 1))
+    long = np.where(hair[..., None] > 0, np.rint(255 * strands).astype(np.uint8), image)
+    shown = beard_of(long, np.maximum(matte, hair), head[2], hair)
+    assert shown is None or (shown.below & (hair > 0)).sum() < 0.1 * shown.below.sum()

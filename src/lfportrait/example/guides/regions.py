@@ -387,10 +387,13 @@ def _networks(image: UInt8, size: int) -> tuple[Float32 | None, Float32 | None]:
     from ... import face, models
 
     known = [not models.missing([f"{part}-segmentation"]) for part in ("person", "hair")]
-    if all(known):
-        return face.mattes(image, size=size)
-    return (face.person_matte(image) if known[0] else None,
-            face.hair_mask(image, size=size) if known[1] else None)
+    try:
+        if all(known):
+            return face.mattes(image, size=size)
+        return (face.person_matte(image) if known[0] else None,
+                face.hair_mask(image, size=size) if known[1] else None)
+    except ImportError:  # mediapipe needs system libraries that some machines lack
+        return None, None
 
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],

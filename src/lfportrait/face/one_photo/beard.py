@@ -38,6 +38,9 @@ lie in shade."""
 LENGTH, WAYS, STEPS = 0.8, 61, 60
 """How far below the jaw a beard ends, over the height of a face from eyes to chin; ways down from
 the jaw that are followed; steps of each."""
+COLORFUL, SMOOTH = 5.0, 0.01
+"""A beard is less colorful than skin and not brighter, but for so much in CIELAB; and less even, by
+octaves of lightness from place to place."""
 SPREAD = np.array([0.25, 0.08, 0.03])
 """Least deviations of lightness (octaves), redness (octaves) and fineness (octaves) of a beard and
 of skin."""
@@ -63,6 +66,8 @@ INTO = 0.02 / METRES
 """It goes on so far up within the head."""
 UNDER = 0.0015 / METRES
 """And lies so far within it there."""
+EVEN = 0.004 / METRES
+"""Over how much its front is even, portrait units."""
 SLOPE = 0.12
 """How far back it falls of its way down."""
 AHEAD, BEHIND = 0.012 / METRES, 0.035 / METRES
@@ -81,7 +86,7 @@ class Beard(NamedTuple):
 
 
 def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64,
-             ) -> Beard | None:
+             hair: NDArray[np.floating] | None = None) -> Beard | None:
     """The beard that a photo shows, or None if none goes on below the jaw.
 
     From every place of the jaw it is followed down as far as it is more like the chin's than like
@@ -92,6 +97,7 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     image : uint8 [H, W, 3].
     matte : [H, W] in [0, 1].
     landmarks : float64 [68, 2] in pixels.
+    hair : [H, W] in [0, 1]: what of it reaches up to the brows hangs down beside the jaw.
     """
     factor = min(1.0, FACE / ear_to_ear(landmarks))
     size = (max(1, round(factor * matte.shape[1])), max(1, round(factor * matte.shape[0])))
@@ -123,8 +129,16 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     if unlike[chin].mean() < BEARDED or min(one.mean() for one in halves if len(one)) < HALF:
         return None
     values = _looks(small)
-    like = _like_a_beard(values, chin & unlike, cheeks)
+    bearded = chin & unlike
+    if _is_cloth(lab, values[..., 2], bearded, cheeks):
+        return None
+    like = _like_a_beard(values, bearded, cheeks)
     like[~person] = -1
+    if hair is not None:
+        curls = cv2.resize(np.asarray(hair, np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
+        above = (rows - places[27, 1]) * down[1] + (columns - places[27, 0]) * down[0] < 0
+        pieces = ndimage.label(curls)[0]
+        like[curls & np.isin(pieces, np.setdiff1d(pieces[above], 0))] = -1
     jaw = _along(places[3:14], WAYS)
     step = LENGTH * tall / STEPS
     at = (jaw[:, None] + (np.arange(STEPS)[None, :, None] + 0.5) * step * down).astype(np.float32)
@@ -165,6 +179,14 @@ def beneath(beard: Bools, unit: float) -> Float32:
     reach = max(1, round(MIXED * unit))
     wide = cv2.dilate(below, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     return np.asarray(cv2.GaussianBlur(wide, (0, 0), 0.5 * reach), np.float32)
+
+
+def _is_cloth(lab: Float32, fine: Float32, chin: Bools, skin: Bools) -> bool:
+    """Whether what covers a chin is no hair: blue, green, bright, more colorful, or smooth."""
+    one, two = (np.median(lab[part], axis=0) for part in (chin, skin))
+    colorful = np.hypot(*one[1:]) > np.hypot(*two[1:]) + COLORFUL or one[1:].min() < -COLORFUL
+    smooth = np.median(fine[chin]) < np.median(fine[skin]) + SMOOTH
+    return bool(colorful or one[0] > two[0] + COLORFUL or smooth)
 
 
 def _looks(image: Float32) -> Float32:
@@ -241,7 +263,8 @@ def _lengths(like: Float32, edges: Float64) -> Float64:
     return np.maximum(even - FRINGE, 0)
 
 
-def beard_piece(parts: Parts, beard: Bools, face: Float64, body: Piece | None) -> Piece | None:
+def beard_piece(parts: Parts, beard: Bools, face: Float64, down: Float64, body: Piece | None,
+                ) -> Piece | None:
     """A beard as a piece that hangs down from a jaw.
 
     Parameters
@@ -249,24 +272,16 @@ def beard_piece(parts: Parts, beard: Bools, face: Float64, body: Piece | None) -
     parts : Maps [h, w] of the person.
     beard : bool [h, w], where it shows.
     face : Depth [h, w] of the head's front down to the jaw, NaN where it is not.
+    down : float64 [2], the direction (row, column) from the head's brows to its chin.
     body : What lies behind it.
     """
     cell, shown = parts.cell, np.isfinite(face)
     beard = beard & ~shown & (parts.inside > 0)
-    if not beard.any():
+    start, length = _hung_from(_foremost(face, LIP / cell), beard, down)
+    if not np.isfinite(start).any():
         return None
-    rows = np.arange(len(face))[:, None]
-    last = np.where(shown.any(axis=0), len(face) - 1 - np.argmax(shown[::-1], axis=0), -1)
-    rim = shown & (rows > last - LIP / cell)
-    start = np.where(rim, face, np.inf).min(axis=0)
-    start[~np.isfinite(start)] = np.nan
-    columns = np.where(shown.any(axis=0) & beard.any(axis=0), start, np.nan)
-    if not np.isfinite(columns).any():
-        return None
-    even = filled(np.broadcast_to(columns, (3, len(columns))).copy(), 2.0)[1]
-    even = ndimage.gaussian_filter1d(even, 0.004 / METRES / cell, mode="nearest")
-    below = np.maximum(rows - last, 0) * cell
-    front = even + SLOPE * below
+    even = cv2.GaussianBlur(filled(start, 2.0), (0, 0), EVEN / cell)
+    front = even + SLOPE * length * cell
     if body is not None:
         chest = body.middle - np.sqrt(np.maximum(body.front, 0)) - BEFORE
         front = np.where(body.front > 0, np.minimum(front, chest), front)
@@ -284,3 +299,38 @@ def beard_piece(parts: Parts, beard: Bools, face: Float64, body: Piece | None) -
     squares = ((AHEAD * thin) ** 2, (BEHIND * np.sqrt(1 - (1 - deep) ** 2)) ** 2)
     ahead, behind = (outside(np.where(domain, one, 0.0), parts, domain, 1.0) for one in squares)
     return Piece(ahead, behind, np.asarray(front + AHEAD, np.float64), domain, domain)
+
+
+def _foremost(face: Float64, reach: float) -> Float64:
+    """A face's depth [h, w], of each place the foremost one up to ``reach`` cells from it."""
+    size = 2 * max(1, round(reach)) + 1
+    near = ndimage.minimum_filter(np.where(np.isfinite(face), face, np.inf), size)
+    return np.where(np.isfinite(face), near, np.nan)
+
+
+def _hung_from(face: Float64, beard: Bools, down: Float64) -> tuple[Float64, Float64]:
+    """Depths [h, w] of the jaw that a beard hangs from, and how many cells down from it places lie.
+
+    The depths are known (not NaN) where going up from a beard meets the face.
+    """
+    start, length = np.full(face.shape, np.nan), np.zeros(face.shape)
+    height, width = face.shape
+    rows, columns = np.nonzero(beard)
+    for step in range(1, height + width):
+        row = np.rint(rows - step * down[0]).astype(int)
+        column = np.rint(columns - step * down[1]).astype(int)
+        within = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        if not within.any():
+            break
+        rows, columns, row, column = rows[within], columns[within], row[within], column[within]
+        length[rows, columns] = step
+        met = np.isfinite(face[row, column])
+        start[rows[met], columns[met]] = face[row[met], column[met]]
+        rows, columns = rows[~met], columns[~met]
+    # What no jaw lies above is as far down as what is beside it.
+    unmet = beard & np.isnan(start)
+    if unmet.any() and not unmet[beard].all():
+        nearest = ndimage.distance_transform_edt(np.isnan(start), return_distances=False,
+                                                 return_indices=True)
+        length[unmet] = length[tuple(nearest)][unmet]
+    return start, length

@@ -109,20 +109,21 @@ class Shot:
         for kind, wrong in ((HEAD, self.other), (BEARD, self.beneath)):
             if wrong is not None:
                 weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)
-        beard = np.zeros(len(points)) if self.beard is None else Parts.at(self.beard, at)
-        return Look(colors.astype(np.float64), hair.astype(np.float64), beard.astype(np.float64),
-                    weight, np.clip(cosine, 0, 1))
+        beard = None if self.beard is None else Parts.at(self.beard, at).astype(np.float64)
+        return Look(colors.astype(np.float64), hair.astype(np.float64), beard, weight,
+                    np.clip(cosine, 0, 1))
 
 
 class Look(NamedTuple):
     """What a photo shows of places [N].
 
-    Colors [N, 3], how much hair and beard, how well it is seen (0 to 1), and cosines of incidence.
+    Colors [N, 3], how much hair, and beard if that is known, how well it is seen (0 to 1), and
+    cosines of incidence.
     """
 
     colors: Float64
     hair: Float64
-    beard: Float64
+    beard: Float64 | None
     weight: Float64
     cosine: Float64
 
@@ -131,12 +132,16 @@ class _Mean:
     """Means of colors, hair and beard over photos."""
 
     def __init__(self, count: int) -> None:
-        self.total, self.weights = np.zeros((count, 5)), np.zeros(count)
+        self.total, self.weights = np.zeros((count, 4)), np.zeros(count)
+        # Beard, and how much is known of it: not every photo shows enough of a chin.
+        self.bearded = np.zeros((count, 2))
         self.best = np.zeros(count)
 
     def add(self, colors: Float64, look: Look, weight: Float64) -> None:
-        self.total += weight[:, None] * np.column_stack([colors, look.hair, look.beard])
+        self.total += weight[:, None] * np.column_stack([colors, look.hair])
         self.weights += weight
+        if look.beard is not None:
+            self.bearded += weight[:, None] * np.stack([look.beard, np.ones(len(weight))], axis=1)
         self.best = np.maximum(self.best, look.weight)
 
     @property
@@ -150,8 +155,8 @@ class _Mean:
 
     @property
     def beard(self) -> Float64:
-        """How much of what is seen is beard, [N]."""
-        return np.asarray(self.total[:, 4] / np.maximum(self.weights, 1e-9))
+        """How much of what is seen is beard, [N], as far as photos say."""
+        return np.asarray(self.bearded[:, 0] / np.maximum(self.bearded[:, 1], 1e-9))
 
     def pure(self, hair: Bools) -> Float64:
         """How well places are seen that have the material which they should have, [N]."""
@@ -214,9 +219,10 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
 
 def _bearded(shell: Shell, own: _Mean) -> Float64:
     """How much of a shell's points is beard, [N]."""
-    out = np.where(shell.owner == HEAD, own.best * own.beard, shell.owner == BEARD)
+    seen = own.best * own.bearded[:, 1] / np.maximum(own.weights, 1e-9)
+    out = np.where(shell.owner == HEAD, seen * own.beard, shell.owner == BEARD)
     # What no photo shows of a jaw goes on as what lies before it; behind a beard there is a throat.
-    face, known = shell.face, own.best[shell.face]
+    face, known = shell.face, seen[shell.face]
     around = _spread(shell.on[face], own.beard[face][:, None], known, 0)[:, 0]
     out[face] += (1 - known) * np.clip(2 * around - 0.5, 0, 1)
     return np.asarray(out, np.float64)

@@ -285,7 +285,8 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     below = None
     if beard is not None:
         share = cv2.resize(beard.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        below = np.pad(share > 0.5, ((top, pad), (pad, pad)))
+        below = np.pad(share > 0.5, ((0, pad), (0, 0)), "edge")  # a photo may cut it off, too
+        below = np.pad(below, ((top, 0), (pad, pad)))
     found = (curls > 0.5) & (inside > 0)
     return Parts(wide, cell, np.asarray(inside, np.float32),
                  found if below is None else found & ~below, float(height + top), below)

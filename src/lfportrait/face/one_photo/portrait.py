@@ -305,7 +305,7 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
 def _beard(capture: Capture, view: int, picture: Picture) -> Beard | None:
     assert capture.alphas is not None
     return beard_of(_shown(capture, view), capture.alphas[view] / np.float32(255),
-                    picture.landmarks)
+                    picture.landmarks, picture.hair)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,

@@ -197,11 +197,22 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
                           place, body, sensed)
     beard = None
     if parts.beard is not None:
-        chin = height > 0
-        beard = beard_piece(parts, parts.beard, depth_maps(samples, parts, chin)[0], body)
+        face = depth_maps(samples, parts, height > 0)[0]
+        beard = beard_piece(parts, parts.beard, face, _down(parts, samples), body)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before, beard,
                  raised if raised.any() else None)
+
+
+def _down(parts: Parts, samples: MeshSamples) -> Float64:
+    """The direction (row, column) from a face's brows to its chin in the maps, of length 1."""
+    front = (np.abs(samples.rest[:, 0]) < 0.01) & (samples.rest[:, 2] > 0.05)
+    ends = []
+    for low, high in ((0.0, 0.01), (0.09, 0.10)):
+        chosen = front & (samples.rest[:, 1] > low) & (samples.rest[:, 1] < high)
+        ends.append(parts.places(samples.points[chosen])[0].mean(axis=1))
+    down = ends[0] - ends[1]
+    return np.asarray(down / np.linalg.norm(down))
 
 
 def scalp(rest: Float64) -> Bools:
