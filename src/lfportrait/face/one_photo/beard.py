@@ -280,7 +280,7 @@ def beard_piece(parts: Parts, beard: Bools, face: Float64, down: Float64, body: 
     start, length = _hung_from(_foremost(face, LIP / cell), beard, down)
     if not np.isfinite(start).any():
         return None
-    even = cv2.GaussianBlur(filled(start, 2.0), (0, 0), EVEN / cell)
+    even = np.asarray(cv2.GaussianBlur(filled(start, 2.0), (0, 0), EVEN / cell), np.float64)
     front = even + SLOPE * length * cell
     if body is not None:
         chest = body.middle - np.sqrt(np.maximum(body.front, 0)) - BEFORE
@@ -290,7 +290,7 @@ def beard_piece(parts: Parts, beard: Bools, face: Float64, down: Float64, body: 
     domain = beard | (shown & near)
     # Within the head it is hidden.
     front = np.where(shown, np.maximum(front, face + UNDER), front)
-    front = cv2.GaussianBlur(filled(np.where(domain, front, np.nan), 2.0), (0, 0), 2.0)
+    smooth = cv2.GaussianBlur(filled(np.where(domain, front, np.nan), 2.0), (0, 0), 2.0)
     edge = ndimage.distance_transform_edt(beard | shown) * cell
     edge = np.minimum(edge, np.maximum(parts.inside * cell, 0))
     way = np.clip(edge / ROUND, 0, 1)
@@ -298,7 +298,7 @@ def beard_piece(parts: Parts, beard: Bools, face: Float64, down: Float64, body: 
     deep = np.clip(edge / BEHIND, 0, 1)
     squares = ((AHEAD * thin) ** 2, (BEHIND * np.sqrt(1 - (1 - deep) ** 2)) ** 2)
     ahead, behind = (outside(np.where(domain, one, 0.0), parts, domain, 1.0) for one in squares)
-    return Piece(ahead, behind, np.asarray(front + AHEAD, np.float64), domain, domain)
+    return Piece(ahead, behind, np.asarray(smooth + AHEAD, np.float64), domain, domain)
 
 
 def _foremost(face: Float64, reach: float) -> Float64:
