@@ -98,6 +98,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         styled, capture = loaded.result(), taken.result()
         # Worked out once, before several threads ask for it.
         styled.bricks, styled.stretches, styled.solid_extent  # noqa: B018
+        give_back_memory()
         page = threads.submit(write_page, styled, folder / "portrait.html", config.page,
                               config.encode)
         film = threads.submit(

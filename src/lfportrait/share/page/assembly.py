@@ -382,6 +382,9 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
         surface, sets, voxels.lattice_points(), 1.8 * lattice.voxel)
     view = start_view(voxels)
     picture = poster(_at_first(voxels, sets), view)
+    names = [each.name or each.kind for each in sets]
+    styles = [each.name for each in sets if each.kind in ("style", "mix")]
+    del sets, surface  # all of the colors, which lattice and texture hold as bytes now
     script, style = page_script(), _text("page.css")
     plane = PageGround.of(voxels, ground or EncodeConfig())
     tint, light = ground_style(plane.drop if plane else None)
@@ -394,7 +397,6 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     if 0 < cone < 360:
         header["start"] = {**view, "limit": np.radians(cone) / 2}
     title = config.title or "Portrait"
-    styles = [each.name for each in sets if each.kind in ("style", "mix")]
     after = config.artist or ", ".join(styles)
     about = f"{title}, a portrait in three dimensions." + (f" {after}." if after else "")
     parts = {
@@ -417,5 +419,5 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
             "stream_bytes": {name: len(data) for name, data in packed.streams.items()},
             "rows": packed.header["rows"], "shape": packed.header["shape"],
             "texture": packed.header["texture"]["shape"][::2] if texture else None,
-            "sets": [each.name or each.kind for each in sets],
+            "sets": names,
             "seconds": round(time.perf_counter() - start, 3)}
