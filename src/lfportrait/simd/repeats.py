@@ -1,13 +1,13 @@
-"""Numba compiles with less repetition: it answers anew what it has answered before.
+"""Numba compiles with less repetition: it keeps what it has answered before.
 
 Two thirds of the time to compile a kernel pass in Numba's Python, not in LLVM. It goes over all of
-a function's calls until their types stay as they are, twice at least, and finds out each time anew
+a function's calls until their types stay as they are, twice at least, and finds out again each time
 what each call means. It inspects the signature of its own code for an addition at each addition,
 has LLVM parse a module to say how large a number is, and colors messages of errors that it catches
 itself. Without this, kernels compile in four fifths of the time, to the same code.
 
-Numba's private parts are replaced here, as `lfportrait.simd.decorators` does; where a version
-lacks one, that one goes as it always did.
+Numba's private parts are replaced here, in the versions that this was tested with; all others
+compile as they always did.
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+import numba
 from numba.core import analysis, base, errors, ir, typeinfer, types
 from numba.core.typing import context as typing_context
+
+TESTED = "0.68."
+"""The versions of Numba whose private parts these are."""
 
 _Replaced = Callable[[Any], Callable[..., Any]]
 
@@ -29,7 +33,7 @@ def replace_in_numba(owner: Any, name: str) -> Callable[[_Replaced], None]:
     """
     def decorate(make: _Replaced) -> None:
         before = getattr(owner, name, None)
-        if before is not None:
+        if before is not None and numba.__version__.startswith(TESTED):
             setattr(owner, name, functools.wraps(before)(make(before)))
     return decorate
 
