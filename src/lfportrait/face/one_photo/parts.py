@@ -47,6 +47,8 @@ at the outline."""
 LONG = 0.1
 """Short hair, of which less than this part lies further within, is not seen through: what it is
 like would be known from its hairline alone, where it is mixed with skin."""
+COARSER = 3.0
+"""Pixels by which colors are blurred at most before they are halved."""
 FUZZ = 0.18
 """Hair is so thin up to here from the outline that ground may be seen through it, portrait units.
 """
@@ -231,20 +233,23 @@ def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
         sure &= ~fuzz
     if not sure.any():
         return colors
-    out, weight = np.where(sure[..., None], colors, np.float32(0)), sure.astype(np.float32)
+    sums, known = np.where(sure[..., None], colors, np.float32(0)), sure.copy()
     # From fine to coarse: each place takes the mean of the smallest window with anything in it.
-    sums, total = out.copy(), weight.copy()
-    sigma = 1.0
-    while (total <= 0).any() and sigma < max(image.shape[:2]):
-        wide = [cv2.GaussianBlur(one, (0, 0), sigma) for one in (out, weight)]
-        fresh = (total <= 0) & (wide[1] > 0.02)
-        sums[fresh], total[fresh] = (wide[0][fresh] / wide[1][fresh, None]), 1.0
+    # The wider they are, the fewer cells they need.
+    wide = np.dstack([sums, sure.astype(np.float32)])
+    size, scale, sigma = sure.shape[::-1], 1, 1.0
+    while not known.all() and sigma < min(max(size), 40):
+        if sigma > COARSER * scale and min(wide.shape[:2]) > 1:
+            wide = cv2.resize(wide, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            scale *= 2
+        around = cv2.GaussianBlur(wide, (0, 0), sigma / scale)
+        around = cv2.resize(around, size, interpolation=cv2.INTER_LINEAR)
+        fresh = ~known & (around[..., 3] > 0.02)
+        sums[fresh] = around[fresh, :3] / around[fresh, 3:]
+        known |= fresh
         sigma *= 1.6
-        if sigma > 40:
-            break
-    left = total <= 0
-    if left.any():
-        sums[left] = out[sure].mean(axis=0)
+    if not known.all():
+        sums[~known] = colors[sure].mean(axis=0)
     return np.asarray(sums, np.float32)
 
 
