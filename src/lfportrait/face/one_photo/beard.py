@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64
 from ..head_fit import ear_to_ear
 from .parts import Parts
 from .piece import METRES, Piece, filled, outside
 
 __all__ = ["BEARD", "Beard", "beard_of", "beard_piece", "beneath"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BEARD = 4
 """What a place of the surface belongs to, beside those of `solid`."""
@@ -81,7 +79,7 @@ BEFORE = 0.008 / METRES
 class Beard(NamedTuple):
     """Where a photo shows a beard."""
 
-    below: Bools  # bool [H, W], below the landmarks of the jaw.
+    below: Bool  # bool [H, W], below the landmarks of the jaw.
     whole: Float32  # float32 [H, W] in [0, 1], there and on the face.
 
 
@@ -97,69 +95,110 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     image : uint8 [H, W, 3].
     matte : [H, W] in [0, 1].
     landmarks : float64 [68, 2] in pixels.
-    hair : [H, W] in [0, 1]: what of it reaches up to the brows hangs down beside the jaw.
+    hair : [H, W] in [0, 1]: what of it reaches up to the eyes hangs down beside the jaw.
     """
     factor = min(1.0, FACE / ear_to_ear(landmarks))
     size = (max(1, round(factor * matte.shape[1])), max(1, round(factor * matte.shape[0])))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     small /= np.float32(255)
-    person = cv2.resize(np.asarray(matte, np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
-    places = landmarks * factor
-
-    def within(outline: Float64) -> Bools:
-        out = np.zeros(size[::-1], np.uint8)
-        cv2.fillPoly(out, [np.rint(outline).astype(np.int32)], 1)
-        return out > 0
-
-    mouth = places[48:60].mean(axis=0)
-    lips = mouth + 1.25 * (places[[54, 55, 56, 57, 58, 59, 48]] - mouth)
-    chin = within(np.vstack([places[4:13], lips])) & person
-    cheeks = (within(places[[31, 2, 41]]) | within(places[[35, 14, 46]])) & person
-    if not (chin.any() and cheeks.any()):
-        return None
+    masks = [one > 0.5 for one in (
+        cv2.resize(np.asarray(one, np.float32), size, interpolation=cv2.INTER_AREA)
+        for one in (matte, np.zeros_like(matte) if hair is None else hair))]
+    face = _Face.of(landmarks * factor, masks[0])
+    looks = _looks(small)
     lab = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2LAB), np.float32)
-    unlike = np.linalg.norm((lab - np.median(lab[cheeks], axis=0))
+    covered = _covered(lab, face)
+    if covered is None or _is_cloth(lab, looks[..., 2], covered, face.cheeks):
+        return None
+    like = _like_a_beard(looks, covered, face.cheeks)
+    like[~face.person | _hanging(masks[1], face)] = -1
+    found = _followed(like, looks, face)
+    whole = _one_piece((face.lower & (like > 0)) | found, face.chin) & face.person
+    shown = [cv2.resize(one.astype(np.float32), matte.shape[::-1], interpolation=cv2.INTER_LINEAR)
+             for one in (found, whole)]
+    if not (shown[0] > 0.5).any():
+        return None
+    return Beard(np.asarray(shown[0] > 0.5), np.asarray(np.clip(shown[1], 0, 1), np.float32))
+
+
+class _Face(NamedTuple):
+    """Where the parts of a face lie in a picture, bool [h, w]."""
+
+    places: Float64  # float64 [68, 2], landmarks in pixels.
+    person: Bool
+    chin: Bool  # Between lower lip and jaw.
+    cheeks: Bool
+    lower: Bool  # Below the nose, without the lips.
+    inner: Bool  # From the brows to the jaw.
+
+    @staticmethod
+    def of(places: Float64, person: Bool) -> _Face:
+        """The parts by landmarks, of a ``person``."""
+        def within(*outline: Float64) -> Bool:
+            out = np.zeros(person.shape, np.uint8)
+            cv2.fillPoly(out, [np.rint(np.vstack(outline)).astype(np.int32)], 1)
+            return out > 0
+
+        mouth = places[48:60].mean(axis=0)
+        around = mouth + 1.25 * (places[[54, 55, 56, 57, 58, 59, 48]] - mouth)
+        lips = within(mouth + 1.15 * (places[48:60] - mouth))
+        return _Face(
+            places, person, within(places[4:13], around) & person,
+            (within(places[[31, 2, 41]]) | within(places[[35, 14, 46]])) & person,
+            within(places[1:16], places[[35, 33, 31]]) & person & ~lips,
+            within(places[:17], places[26:16:-1]))
+
+    @property
+    def tall(self) -> float:
+        """From the eyes to the chin, pixels."""
+        return max(float(np.linalg.norm(self.places[8] - self.places[27])), 1e-9)
+
+    @property
+    def down(self) -> Float64:
+        """The direction (x, y) from the eyes to the chin, of length 1."""
+        return np.asarray((self.places[8] - self.places[27]) / self.tall)
+
+
+def _covered(lab: Float32, face: _Face) -> Bool | None:
+    """What of a chin is unlike skin, bool [h, w]; None if that is not enough for a beard."""
+    if not (face.chin.any() and face.cheeks.any()):
+        return None
+    unlike = np.linalg.norm((lab - np.median(lab[face.cheeks], axis=0))
                             * np.array([LIGHTNESS, 1, 1]), axis=2) > UNLIKE
-    down = places[8] - places[27]
-    tall = float(np.linalg.norm(down))
-    down = down / max(tall, 1e-9)
-    rows, columns = np.indices(chin.shape)
-    right = (columns - places[8, 0]) * down[1] - (rows - places[8, 1]) * down[0] > 0
-    halves = [unlike[chin & side] for side in (right, ~right)]
-    if unlike[chin].mean() < BEARDED or min(one.mean() for one in halves if len(one)) < HALF:
+    rows, columns = np.indices(unlike.shape)
+    (x, y), down = face.places[8], face.down
+    right = (columns - x) * down[1] - (rows - y) * down[0] > 0
+    halves = [unlike[face.chin & side] for side in (right, ~right)]
+    if unlike[face.chin].mean() < BEARDED or min(one.mean() for one in halves if len(one)) < HALF:
         return None
-    values = _looks(small)
-    bearded = chin & unlike
-    if _is_cloth(lab, values[..., 2], bearded, cheeks):
-        return None
-    like = _like_a_beard(values, bearded, cheeks)
-    like[~person] = -1
-    if hair is not None:
-        curls = cv2.resize(np.asarray(hair, np.float32), size, interpolation=cv2.INTER_AREA) > 0.5
-        above = (rows - places[27, 1]) * down[1] + (columns - places[27, 0]) * down[0] < 0
-        pieces = ndimage.label(curls)[0]
-        like[curls & np.isin(pieces, np.setdiff1d(pieces[above], 0))] = -1
-    jaw = _along(places[3:14], WAYS)
-    step = LENGTH * tall / STEPS
-    at = (jaw[:, None] + (np.arange(STEPS)[None, :, None] + 0.5) * step * down).astype(np.float32)
-    shown = within(np.vstack([places[1:16], places[[35, 33, 31]]])) & person & (like > 0)
-    shown &= ~within(mouth + 1.15 * (places[48:60] - mouth))
-    along, *looks = (cv2.remap(np.ascontiguousarray(one), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+    return np.asarray(face.chin & unlike)
+
+
+def _hanging(hair: Bool, face: _Face) -> Bool:
+    """Hair [h, w] that reaches up to the eyes."""
+    rows, columns = np.indices(hair.shape)
+    (x, y), down = face.places[27], face.down
+    pieces = ndimage.label(hair)[0]
+    above = (rows - y) * down[1] + (columns - x) * down[0] < 0
+    return hair & np.isin(pieces, np.setdiff1d(pieces[above], 0))
+
+
+def _followed(like: Float32, looks: Float32, face: _Face) -> Bool:
+    """A beard below the jaw, bool [h, w], followed down from it."""
+    jaw, step = _along(face.places[3:14], WAYS), LENGTH * face.tall / STEPS
+    steps = np.arange(STEPS)[None, :, None] + 0.5
+    at = (jaw[:, None] + steps * step * face.down).astype(np.float32)
+    along, *seen = (cv2.remap(np.ascontiguousarray(one), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
                               borderMode=cv2.BORDER_REPLICATE)
-                    for one in (like, *np.moveaxis(values, 2, 0)))
-    length = _lengths(np.asarray(along, np.float32), _edges(np.stack(looks, axis=2)))
-    outline = np.vstack([jaw, (jaw + (length * step)[:, None] * down)[::-1]])
-    face = within(np.vstack([places[:17], places[26:16:-1]]))
-    found = (within(outline) & ~face & person).astype(np.float32)
-    grown = _one_piece(shown | (found > 0), chin) & person
-    below, whole = (cv2.resize(one, matte.shape[::-1], interpolation=cv2.INTER_LINEAR)
-                    for one in (found, grown.astype(np.float32)))
-    if not (below > 0.5).any():
-        return None
-    return Beard(np.asarray(below > 0.5), np.asarray(np.clip(whole, 0, 1), np.float32))
+                    for one in (like, *np.moveaxis(looks, 2, 0)))
+    length = _lengths(np.asarray(along, np.float32), _edges(np.stack(seen, axis=2)))
+    end = jaw + (length * step)[:, None] * face.down
+    out = np.zeros(like.shape, np.uint8)
+    cv2.fillPoly(out, [np.rint(np.vstack([jaw, end[::-1]])).astype(np.int32)], 1)
+    return (out > 0) & ~face.inner & face.person
 
 
-def _one_piece(shown: Bools, chin: Bools) -> Bools:
+def _one_piece(shown: Bool, chin: Bool) -> Bool:
     """What of places [h, w] is one with those of the chin, without gaps and thin ends."""
     whole = shown.astype(np.uint8)
     for change, size in ((cv2.MORPH_CLOSE, 9), (cv2.MORPH_OPEN, 5)):
@@ -170,7 +209,7 @@ def _one_piece(shown: Bools, chin: Bools) -> Bools:
     return np.isin(pieces, kept[kept > 0])
 
 
-def beneath(beard: Bools, unit: float) -> Float32:
+def beneath(beard: Bool, unit: float) -> Float32:
     """How much a photo shows what lies below a beard, float32 [H, W]; ``unit`` is in pixels.
 
     Along its end the beard's own picture is mixed with that.
@@ -181,7 +220,7 @@ def beneath(beard: Bools, unit: float) -> Float32:
     return np.asarray(cv2.GaussianBlur(wide, (0, 0), 0.5 * reach), np.float32)
 
 
-def _is_cloth(lab: Float32, fine: Float32, chin: Bools, skin: Bools) -> bool:
+def _is_cloth(lab: Float32, fine: Float32, chin: Bool, skin: Bool) -> bool:
     """Whether what covers a chin is no hair: blue, green, bright, more colorful, or smooth."""
     one, two = (np.median(lab[part], axis=0) for part in (chin, skin))
     colorful = np.hypot(*one[1:]) > np.hypot(*two[1:]) + COLORFUL or one[1:].min() < -COLORFUL
@@ -200,9 +239,9 @@ def _looks(image: Float32) -> Float32:
     return np.asarray(np.dstack([np.log2((red + green + blue) / 3), redness, fine]), np.float32)
 
 
-def _like_a_beard(values: Float32, beard: Bools, skin: Bools) -> Float32:
+def _like_a_beard(values: Float32, beard: Bool, skin: Bool) -> Float32:
     """How much more places [h, w] look like a beard's than like skin or anything else, -1 to 1."""
-    def of(known: Bools) -> tuple[Float32, Float32]:
+    def of(known: Bool) -> tuple[Float32, Float32]:
         middle = np.median(values[known], axis=0)
         return middle, 1.48 * np.median(np.abs(values[known] - middle), axis=0) + SPREAD
 
@@ -263,7 +302,7 @@ def _lengths(like: Float32, edges: Float64) -> Float64:
     return np.maximum(even - FRINGE, 0)
 
 
-def beard_piece(parts: Parts, beard: Bools, face: Float64, down: Float64, body: Piece | None,
+def beard_piece(parts: Parts, beard: Bool, face: Float64, down: Float64, body: Piece | None,
                 ) -> Piece | None:
     """A beard as a piece that hangs down from a jaw.
 
@@ -308,7 +347,7 @@ def _foremost(face: Float64, reach: float) -> Float64:
     return np.where(np.isfinite(face), near, np.nan)
 
 
-def _hung_from(face: Float64, beard: Bools, down: Float64) -> tuple[Float64, Float64]:
+def _hung_from(face: Float64, beard: Bool, down: Float64) -> tuple[Float64, Float64]:
     """Depths [h, w] of the jaw that a beard hangs from, and how many cells down from it places lie.
 
     The depths are known (not NaN) where going up from a beard meets the face.

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from ...capture import Camera
 from ...media.depth import DepthMap
 from .parts import Parts
 
 __all__ = ["Sensed", "hair_before", "hair_squares", "middle_behind", "sensed_depth"]
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 RIM = 0.04
 """Width along the outline, in portrait units, where depth maps mix person and ground."""
@@ -151,7 +150,7 @@ def _smoothed(values: Float64, sigma: float) -> Float64:
     return np.asarray(np.where(known, total / np.maximum(weight, 1e-9), np.nan), np.float64)
 
 
-def hair_squares(sensed: Sensed, middle: Float64, hair: Bools, given: Float64, cell: float,
+def hair_squares(sensed: Sensed, middle: Float64, hair: Bool, given: Float64, cell: float,
                  ) -> Float64:
     """Squares of hair's half thicknesses in front, given where the photo's depth is known.
 
@@ -168,12 +167,12 @@ def hair_squares(sensed: Sensed, middle: Float64, hair: Bools, given: Float64, c
     return np.where(hair & inner & np.isfinite(thick), thick ** 2, given)
 
 
-def hair_before(sensed: Sensed, hair: Bools) -> Float64:
+def hair_before(sensed: Sensed, hair: Bool) -> Float64:
     """Depth [h, w] of hair where it is known, 0 elsewhere: nothing of the skull lies before it."""
     return np.where(hair & np.isfinite(sensed.depth), sensed.depth, 0.0)
 
 
-def middle_behind(sensed: Sensed, front: Float64, middle: Float64, neck: Bools, cell: float,
+def middle_behind(sensed: Sensed, front: Float64, middle: Float64, neck: Bool, cell: float,
                   ) -> Float64:
     """Depth of a body's middle for which its front lies where the photo's depth says.
 

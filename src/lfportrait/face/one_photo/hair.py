@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from .depth import Sensed, hair_squares
 from .parts import Parts, thin
 from .piece import METRES, Piece, filled, outside
@@ -23,8 +23,6 @@ from .samples import MeshSamples
 
 __all__ = ["Neck", "hair_piece", "with_rims"]
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
 """Hair stays so far outside of the skull, from so far behind the hairline on."""
@@ -93,7 +91,7 @@ class Neck(NamedTuple):
         return np.asarray(out + self.share(len(near), self.ears) * (self.depth - out), np.float64)
 
 
-def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bools, neck: Neck,
+def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bool, neck: Neck,
                body: Piece | None, sensed: Sensed | None) -> Piece:
     """Hair as a piece.
 
@@ -145,7 +143,7 @@ def _under(head: tuple[Float64, Float64], share: Float64, body: Piece | None,
     return found[0], found[1]
 
 
-def _front(parts: Parts, hair: Bools, middle: Float64, before: Float64, share: Float64,
+def _front(parts: Parts, hair: Bool, middle: Float64, before: Float64, share: Float64,
            sensed: Sensed | None) -> Float64:
     """Squares of the half thicknesses in front: what the photo shows."""
     cell, person, solid = parts.cell, parts.inside > 0, np.isfinite(before)
@@ -173,7 +171,7 @@ def _front(parts: Parts, hair: Bools, middle: Float64, before: Float64, share: F
     return np.asarray(np.where(np.isfinite(sensed.depth), thick, hung) ** 2)
 
 
-def _hung(parts: Parts, hair: Bools, middle: Float64, thick: Float64) -> Float64:
+def _hung(parts: Parts, hair: Bool, middle: Float64, thick: Float64) -> Float64:
     """Half thicknesses [h, w] in front of strands that hang down straight.
 
     What lies flush with cheeks and chin alone would follow each of their bends.
@@ -190,7 +188,7 @@ def _hung(parts: Parts, hair: Bools, middle: Float64, thick: Float64) -> Float64
     return np.where(hair, thick + way * way * (3 - 2 * way) * more, thick)
 
 
-def _falling(ahead: Float64, hair: Bools, slope: float) -> Float64:
+def _falling(ahead: Float64, hair: Bool, slope: float) -> Float64:
     """How far ahead [h, w] hair is at least that falls from what lies above, row by row."""
     out = np.where(hair, ahead, -1e3)
     for row in range(1, len(out)):
@@ -200,7 +198,7 @@ def _falling(ahead: Float64, hair: Bools, slope: float) -> Float64:
     return out
 
 
-def _back(parts: Parts, domain: Bools, middle: Float64, behind: Float64, last: float,
+def _back(parts: Parts, domain: Bool, middle: Float64, behind: Float64, last: float,
           share: Float64) -> Float64:
     """Squares of the half thicknesses behind; ``last`` is the depth of the skull's back."""
     cell, solid = parts.cell, np.isfinite(behind)
@@ -221,7 +219,7 @@ def _back(parts: Parts, domain: Bools, middle: Float64, behind: Float64, last: f
     return np.where(domain, (thick + share * (np.maximum(even, least) - thick)) ** 2, 0.0)
 
 
-def _behind(parts: Parts, hair: Bools, grown: Bools, neck: Neck) -> Bools:
+def _behind(parts: Parts, hair: Bool, grown: Bool, neck: Neck) -> Bool:
     """Where hair covers the back: where it grows, and where long hair hangs down from there."""
     person = parts.inside > 0
     scalp = grown & person
@@ -253,7 +251,7 @@ def _behind(parts: Parts, hair: Bools, grown: Bools, neck: Neck) -> Bools:
     return np.asarray(cv2.GaussianBlur(out.astype(np.float32), (0, 0), 2.0) > 0.5) & person
 
 
-def _edge(shown: Bools, start: int, end: int, last: float, right: bool) -> Float64:
+def _edge(shown: Bool, start: int, end: int, last: float, right: bool) -> Float64:
     """The outermost column of a side's hair in each row; straight on where none is shown.
 
     Below the row ``end`` it is ``last``.
@@ -266,7 +264,7 @@ def _edge(shown: Bools, start: int, end: int, last: float, right: bool) -> Float
     return np.asarray(np.interp(rows, np.append(found, end + 1), np.append(outer, last)))
 
 
-def _end(shown: Bools, first: int) -> int:
+def _end(shown: Bool, first: int) -> int:
     """The last row of a strand that begins about a row, of rows that show it."""
     last = first
     for row in np.flatnonzero(shown):

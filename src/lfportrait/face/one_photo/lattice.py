@@ -10,6 +10,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from ...arrays import Bool, Float32, Float64
 from ...field import VoxelField
 from ...measure import usable_cores
 from .beard import BEARD
@@ -18,9 +19,6 @@ from .wires import Wires
 
 __all__ = ["Shell", "shell_of"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Places = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 OUTSIDE, INSIDE = 2.0, 4.0
@@ -88,7 +86,7 @@ class Shell:
         self.face[self.face] = rest[:, 1] > CHIN
         self.scalp[self.scalp] = scalp(rest)
 
-    def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bools,
+    def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bool,
               owner: NDArray[np.int8]) -> None:
         """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``.
 
@@ -154,7 +152,7 @@ class _Distance:
     def __init__(self, solid: Solid, wires: Wires | None, voxel: float) -> None:
         self.solid, self.wires, self.voxel = solid, wires, voxel
 
-    def __call__(self, points: Float64, reach: float, near: Bools | None = None,
+    def __call__(self, points: Float64, reach: float, near: Bool | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
         """As `Solid.distance`."""
         out, owner = self.solid.distance(points, reach, near)
@@ -201,7 +199,7 @@ def _finer(distance: _Distance, first: Float64, coarse: Float32, step: float,
     return out, owner
 
 
-def _without_crumbs(distance: Float32, worn: Bools, head: Bools, away: float) -> Float32:
+def _without_crumbs(distance: Float32, worn: Bool, head: Bool, away: float) -> Float32:
     """Distances [z, y, x] of the person alone: what is small and apart lies ``away`` outside.
 
     Shreds of a matte, and of a neck beside a collar, float otherwise. What is ``worn`` stays, and
@@ -219,7 +217,7 @@ def _without_crumbs(distance: Float32, worn: Bools, head: Bools, away: float) ->
     return np.where(crumbs, np.float32(away), distance)
 
 
-def _apart(links: NDArray[np.int32], inside: Bools) -> Bools:
+def _apart(links: NDArray[np.int32], inside: Bool) -> Bool:
     """Which rows [N] of a lattice [z, y, x] lie ``inside``, in small pieces apart from the rest."""
     one, two = [], []
     for axis in range(3):
@@ -252,14 +250,14 @@ class _Collar(NamedTuple):
         radius = float(np.linalg.norm((ring - middle)[:, ::2], axis=1).max())
         return _Collar(middle, radius, solid.neck[:3])
 
-    def holds(self, points: Float64) -> Bools:
+    def holds(self, points: Float64) -> Bool:
         """Whether points [N, 3] lie beside the neck or over its end."""
         to = points - self.middle
         beside, above = np.linalg.norm(to[:, ::2], axis=1), to @ self.normal
         return np.asarray((beside < self.radius + BESIDE) & (above > -LOWER) & (above < HIGHER))
 
 
-def _without_blades(distance: Float32, body: Bools, collar: _Collar, first: Float64, step: float,
+def _without_blades(distance: Float32, body: Bool, collar: _Collar, first: Float64, step: float,
                     ) -> Float32:
     """Distances [z, y, x] without what is thin of a body around its neck.
 
@@ -299,7 +297,7 @@ def _beside(wires: Wires, rough: Float32, first: Float64, voxel: float) -> tuple
     return (z, y, x), wires.distance(_places(first, voxel, (z, y, x)), reach, voxel)
 
 
-def _closed(distance: Float32) -> tuple[Float32, Bools]:
+def _closed(distance: Float32) -> tuple[Float32, Bool]:
     """Distances [z, y, x] without cavities and what lies deep inside; where free space is near.
 
     Deep within the head no sample is near; pieces end within others, and far inside their distances
@@ -313,7 +311,7 @@ def _closed(distance: Float32) -> tuple[Float32, Bools]:
     return np.where(near, distance, min(float(distance.min()), 0.0)), near
 
 
-def _grown(values: Bools, reach: int, beyond: bool = False) -> Bools:
+def _grown(values: Bool, reach: int, beyond: bool = False) -> Bool:
     """Where a value [z, y, x] within ``reach`` points along each axis is true."""
     out = values.copy()
     for axis in range(3):

@@ -14,15 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64
 from ..head_fit import Found, HeadFit, Picture
 from ..head_prior import EYES, SOCKETS, with_normals
 
 __all__ = ["found_again"]
 
-Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 EYES_WIDE = 130.0
 """Pixels that the outer corners of the eyes are apart where photos are compared, at most."""
@@ -106,7 +104,7 @@ def _eyes(fit: HeadFit, index: int) -> float:
     return float(np.linalg.norm(corners[1] - corners[0]) * view.focal / view.shift[2])
 
 
-def _seen(fit: HeadFit, pictures: list[Picture], index: int) -> Bools:
+def _seen(fit: HeadFit, pictures: list[Picture], index: int) -> Bool:
     """The vertices [N] of skin that a photo shows."""
     view, prior, picture = fit.views[index], fit.prior, pictures[index]
     vertices = fit.vertices(index)
@@ -146,7 +144,7 @@ def _at(grey: Float32, places: NDArray[np.floating[Any]]) -> Float32:
     return np.asarray(cv2.remap(grey, x, y, cv2.INTER_LINEAR), np.float32)
 
 
-def _covered(fit: HeadFit, seen: Bools, places: Float64, size: NDArray[np.int_]) -> Bools:
+def _covered(fit: HeadFit, seen: Bool, places: Float64, size: NDArray[np.int_]) -> Bool:
     """Pixels [h, w] of the triangles whose corners are all seen."""
     triangles = fit.prior.triangles[seen[fit.prior.triangles].all(axis=1)]
     mask = np.zeros(tuple(size[::-1]), np.uint8)
@@ -155,7 +153,7 @@ def _covered(fit: HeadFit, seen: Bools, places: Float64, size: NDArray[np.int_])
     return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3))) > 0)
 
 
-def _flow(one: Float32, two: Float32, mask: Bools) -> tuple[Float32, Float32]:
+def _flow(one: Float32, two: Float32, mask: Bool) -> tuple[Float32, Float32]:
     """How far what ``one`` shows lies elsewhere in ``two``, [h, w, 2], and how like it is."""
     even = [_evened(each, mask) for each in (one, two)]
     finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
@@ -179,7 +177,7 @@ def _blurred(values: NDArray[np.floating[Any]]) -> Float32:
     return np.asarray(cv2.GaussianBlur(values, (WINDOW, WINDOW), 0), np.float32)
 
 
-def _evened(grey: Float32, mask: Bools) -> Float32:
+def _evened(grey: Float32, mask: Bool) -> Float32:
     """Grey values less their surroundings', over how much these differ; 0 outside of the mask."""
     sigma = 0.15 * EYES_WIDE
     weight = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), sigma) + np.float32(1e-4)

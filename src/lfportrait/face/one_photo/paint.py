@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
 from ...field import C0
 from .beard import BEARD
@@ -27,9 +28,6 @@ from .strands import strand_contrast, strands
 
 __all__ = ["Shot", "painted"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LEAST, FULL = 0.25, 0.45
 """Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
@@ -158,7 +156,7 @@ class _Mean:
         """How much of what is seen is beard, [N], as far as photos say."""
         return np.asarray(self.bearded[:, 0] / np.maximum(self.bearded[:, 1], 1e-9))
 
-    def pure(self, hair: Bools) -> Float64:
+    def pure(self, hair: Bool) -> Float64:
         """How well places are seen that have the material which they should have, [N]."""
         share = np.where(hair, self.share, 1 - self.share)
         return np.asarray(self.best * np.clip(2 * share - 1, 0, 1))
@@ -239,7 +237,7 @@ def _hairy(shell: Shell, own: _Mean) -> Float64:
     return np.asarray(np.maximum(hair, shell.scalp * np.maximum(unseen, shown)))
 
 
-def _fill(points: Float64, own: _Mean, other: _Mean, hair: Float64, skin: Bools) -> Float64:
+def _fill(points: Float64, own: _Mean, other: _Mean, hair: Float64, skin: Bool) -> Float64:
     """Colors [N, 3] of what the photos do not show: of hair and of all else, each by its own.
 
     ``skin`` is the head: what a body wears is seen on no cheek, but necks go on in skin.

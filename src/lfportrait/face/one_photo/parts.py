@@ -12,14 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
 
 __all__ = ["FUZZ", "Parts", "clean_colors", "clean_hair", "ground_in_hair", "opened", "parts_of",
            "signed_distance", "thin"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 CELL = 0.0075
 """Width of a cell at the head, portrait units (1.6 mm)."""
@@ -62,9 +60,9 @@ class Parts:
     cell: float  # Width of a cell at the head, portrait units.
     # float32, signed distance from the person's outline in cells, positive in the person.
     inside: Float32
-    hair: Bools  # bool, hair in front.
+    hair: Bool  # bool, hair in front.
     bottom: float  # Row at which the photo ends.
-    beard: Bools | None = None  # bool, a beard below the jaw (`beard.beard_of`).
+    beard: Bool | None = None  # bool, a beard below the jaw (`beard.beard_of`).
 
     def places(self, points: Float64) -> tuple[Float64, Float64]:
         """(row, column) of points [N, 3] for `at`, [2, N], and their depths [N]."""
@@ -133,7 +131,7 @@ FACE = 240.0
 
 
 def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Float64,
-             width: float) -> Bools:
+             width: float) -> Bool:
     """What of a mask of hair [H, W] hangs from an ear, and is unlike the hair: an earring.
 
     ``lab`` are colors [H, W, 3], ``width`` is that of the face in pixels.
@@ -168,23 +166,23 @@ def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Floa
     return out & (mask > 0) & (labels != main)
 
 
-def thin(rest: Bools, hair: Bools, reach: float) -> Bools:
+def thin(rest: Bool, hair: Bool, reach: float) -> Bool:
     """What of the rest [h, w] lies beside hair and is less than twice ``reach`` cells wide."""
     return np.asarray(rest & ~opened(rest, reach) & (_away(hair) <= 2 * reach))
 
 
-def opened(part: Bools, reach: float) -> Bools:
+def opened(part: Bool, reach: float) -> Bool:
     """What of a part [h, w] is twice ``reach`` cells wide or more."""
     return np.asarray(part & (_away(_away(~part) > reach) <= reach + 1))
 
 
-def _away(part: Bools) -> Float32:
+def _away(part: Bool) -> Float32:
     """How far cells [h, w] are from a part."""
     return np.asarray(cv2.distanceTransform((~part).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
 
 
 def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
-                   hair: NDArray[np.floating], width: float) -> Bools:
+                   hair: NDArray[np.floating], width: float) -> Bool:
     """Where ground is seen through hair that a matte takes for the person's, bool [H, W].
 
     Parameters
@@ -254,7 +252,7 @@ def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
 
 
 def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.floating],
-             distance: float, head: Float64 | None = None, beard: Bools | None = None) -> Parts:
+             distance: float, head: Float64 | None = None, beard: Bool | None = None) -> Parts:
     """The maps of a photo.
 
     Parameters
@@ -330,7 +328,7 @@ def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
     return np.asarray(person, np.float32), np.asarray(above, np.float32)
 
 
-def _run(row: Bools, column: float) -> tuple[int, int] | None:
+def _run(row: Bool, column: float) -> tuple[int, int] | None:
     """Where what a row has at a column begins and ends, or None."""
     at = int(np.clip(column, 0, len(row) - 1))
     if not row[at]:

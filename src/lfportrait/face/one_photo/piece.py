@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float64
 from .parts import Parts
 
 __all__ = ["METRES", "Piece", "filled", "outside"]
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 METRES = 0.207
 """Of a unit of the portrait frame."""
@@ -36,10 +34,10 @@ class Piece:
     middle: Float64  # float64 [h, w], depth.
     # ahead, behind: bool [h, w], where it lies before the middle and behind it; None: wherever its
     # squares are positive. Elsewhere the squares only lead its surface out of sight.
-    ahead: Bools | None = None
-    behind: Bools | None = None
+    ahead: Bool | None = None
+    behind: Bool | None = None
 
-    def covers(self, places: Float64, depth: Float64) -> Bools:
+    def covers(self, places: Float64, depth: Float64) -> Bool:
         """Whether points may belong to it, [N]: by their places, with `EDGE` cells around."""
         if self.ahead is None or self.behind is None:
             return np.ones(len(depth), bool)
@@ -99,7 +97,7 @@ def filled(values: Float64, sigma: float) -> Float64:
     return np.asarray(result)
 
 
-def outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float64:
+def outside(squares: Float64, parts: Parts, domain: Bool, dip: float) -> Float64:
     """Squares continued beyond their domain, so that their slopes stay those of a surface.
 
     Outside of the person they are negative, as steep as within: those of the place's mirror image

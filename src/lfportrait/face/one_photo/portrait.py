@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import models
+from ...arrays import Float32, Float64
 from ...capture import (
     Camera,
     Capture,
@@ -45,8 +46,6 @@ from .wires import Wires, wires_of, without_wires
 
 __all__ = ["portrait_capture", "portrait_field"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 AGREED = 3
 """How often several photos are compared and the head is fitted to what they share."""

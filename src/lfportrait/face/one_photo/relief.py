@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
 
+from ...arrays import Bool, Float64
+
 __all__ = ["inflated"]
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
-
-def inflated(domain: Bools, inside: NDArray[np.floating], cell: float, *, source: float,
+def inflated(domain: Bool, inside: NDArray[np.floating], cell: float, *, source: float,
              given: Float64 | None = None, least: Float64 | None = None,
-             free: Bools | None = None) -> Float64:
+             free: Bool | None = None) -> Float64:
     """Squares of half thicknesses, float64 [h, w], in units of ``cell`` squared.
 
     Parameters
@@ -56,8 +55,8 @@ def inflated(domain: Bools, inside: NDArray[np.floating], cell: float, *, source
     return out if least is None else np.where(domain, np.maximum(out, least), out)
 
 
-def _solved(domain: Bools, inside: NDArray[np.floating], cell: float, source: float,
-            known: Float64, loose: Bools, pinned: Float64) -> Float64:
+def _solved(domain: Bool, inside: NDArray[np.floating], cell: float, source: float,
+            known: Float64, loose: Bool, pinned: Float64) -> Float64:
     """The solution with some values held."""
     asked = domain & np.isnan(pinned)
     number = np.full(domain.shape, -1)

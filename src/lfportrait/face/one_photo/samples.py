@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from ...arrays import Bool, Float64
 from ...measure import usable_cores
 from ..head_prior import with_normals
 from .parts import Parts
 
 __all__ = ["MeshSamples", "depth_maps"]
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 STEP = 0.010
 """Distance of samples, portrait units (2 mm)."""
@@ -78,7 +77,7 @@ class MeshSamples:
         out[near] = share * away + (1 - share) * along
         return out, nearest
 
-    def _within(self, points: Float64, along: Float64, length: Float64) -> Bools:
+    def _within(self, points: Float64, along: Float64, length: Float64) -> Bool:
         """Which points lie inside, [N]; ``along`` is by the nearest sample alone.
 
         Beside the edge of a thin ear that one looks elsewhere: there all those around decide, each
@@ -111,7 +110,7 @@ def _barycentric(count: int) -> Float64:
     return np.column_stack([1 - flat.sum(axis=1), flat])
 
 
-def depth_maps(samples: MeshSamples, parts: Parts, chosen: Bools | None = None,
+def depth_maps(samples: MeshSamples, parts: Parts, chosen: Bool | None = None,
                ) -> tuple[Float64, Float64]:
     """Nearest and farthest depth [h, w] of samples in each cell of a grid; NaN where none is."""
     points = samples.points if chosen is None else samples.points[chosen]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
 from ..head_fit import ear_to_ear
 from .samples import MeshSamples
@@ -18,9 +19,6 @@ from .solid import STANDS, standing_out
 
 __all__ = ["clothes", "not_skin"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 CELL = 0.012
 """Width of a cell at the head, portrait units (2.5 mm)."""
@@ -114,7 +112,7 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     return np.asarray(np.clip(cv2.resize(soft, colors.shape[1::-1]), 0, 1), np.float32)
 
 
-def clothes(image: NDArray[np.uint8], hair: NDArray[np.floating], landmarks: Float64) -> Bools:
+def clothes(image: NDArray[np.uint8], hair: NDArray[np.floating], landmarks: Float64) -> Bool:
     """What lies below the ears and is like neither cheeks nor chin, bool [H, W].
 
     The head's outline is not drawn to that of a collar or a shoulder.
@@ -177,7 +175,7 @@ def _nearest(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:
             np.where(seen, cosine[which], np.nan))
 
 
-def _features(landmarks: Float64, shape: tuple[int, int]) -> Bools:
+def _features(landmarks: Float64, shape: tuple[int, int]) -> Bool:
     """Brows, eyes and mouth, bool [h, w]; they are not like the skin around them."""
     out = np.zeros(shape, np.uint8)
     for part, more in (((17, 22), 1.3), ((22, 27), 1.3), ((36, 42), 1.6), ((42, 48), 1.6),
@@ -189,7 +187,7 @@ def _features(landmarks: Float64, shape: tuple[int, int]) -> Bools:
     return out > 0
 
 
-def _followed(lab: Float32, sure: Bools, asked: Bools, sigma: float) -> Bools:
+def _followed(lab: Float32, sure: Bool, asked: Bool, sigma: float) -> Bool:
     """What of the asked places [h, w] continues those that are sure, place by place outwards."""
     known = sure.copy()
     left = asked.copy()
@@ -206,7 +204,7 @@ def _followed(lab: Float32, sure: Bools, asked: Bools, sigma: float) -> Bools:
     return known
 
 
-def _mean(values: Float32, known: Bools, sigma: float) -> Float32:
+def _mean(values: Float32, known: Bool, sigma: float) -> Float32:
     """Means [h, w, 3] of the known values around places, which is half as far as ``sigma``."""
     sums = cv2.GaussianBlur(np.dstack([values * known[..., None], known.astype(np.float32)]),
                             (0, 0), 0.5 * sigma)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
+from ...arrays import Bool, Float64
 from .beard import BEARD, beard_piece
 from .depth import Sensed, hair_before, middle_behind
 from .hair import Neck, hair_piece, with_rims
@@ -27,8 +28,6 @@ from .samples import MeshSamples, depth_maps
 __all__ = ["BODY", "HAIR", "HEAD", "WORN", "Solid", "ear_light", "scalp",
            "solid_of", "standing_out"]
 
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 HEAD, HAIR, BODY, WORN = range(4)
 """What a place of the surface belongs to."""
@@ -88,9 +87,9 @@ class Solid:
     # float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     before: Float64 | None = None
     beard: Piece | None = None  # Below the jaw.
-    raised: Bools | None = None  # bool [h, w], shoulders that reach higher than the neck, or None.
+    raised: Bool | None = None  # bool [h, w], shoulders that reach higher than the neck, or None.
 
-    def distance(self, points: Float64, reach: float, near: Bools | None = None,
+    def distance(self, points: Float64, reach: float, near: Bool | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
         """Signed distances of points [N, 3], positive outside, and what is nearest, uint8 [N].
 
@@ -146,7 +145,7 @@ def _joined(one: Float64, two: Float64, width: float) -> Float64:
     return out
 
 
-def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tuple[Float64, Bools]:
+def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tuple[Float64, Bool]:
     """The distance of a head whose neck goes over into a body's, and what is body's, [N].
 
     Each would end there with a ledge, as both are only about as thick as a neck: over a joint the
@@ -215,7 +214,7 @@ def _down(parts: Parts, samples: MeshSamples) -> Float64:
     return np.asarray(down / np.linalg.norm(down))
 
 
-def scalp(rest: Float64) -> Bools:
+def scalp(rest: Float64) -> Bool:
     """Where hair grows, bool [N], of places [N, 3] on the mean head (`HeadPrior.rest`)."""
     return np.asarray((rest[:, 1] > np.interp(rest[:, 2], *HAIRLINE.T)) & ~_ears(rest))
 
@@ -228,7 +227,7 @@ def standing_out(rest: Float64) -> Float64:
     return np.asarray(np.where(within, out * front, 0.0))
 
 
-def _ears(rest: Float64) -> Bools:
+def _ears(rest: Float64) -> Bool:
     """What is ear, bool [N], of places [N, 3] on the mean head."""
     return standing_out(rest) > STANDS
 
@@ -274,7 +273,7 @@ def _plane(points: Float64) -> Float64:
     return np.append(normal, normal @ middle)
 
 
-def _raised(parts: Parts, near: Float64, neck: Neck) -> Bools:
+def _raised(parts: Parts, near: Float64, neck: Neck) -> Bool:
     """Where shoulders beside a head [h, w] reach higher than its neck, at most to its ears.
 
     ``near`` is the head's depth, NaN where it is not.
@@ -289,7 +288,7 @@ def _raised(parts: Parts, near: Float64, neck: Neck) -> Bools:
     return high & np.isin(pieces, held)
 
 
-def _body(parts: Parts, near: Float64, raised: Bools, band: tuple[Float64, Float64], end: Float64,
+def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float64], end: Float64,
           sensed: Sensed | None) -> Piece | None:
     """Neck and shoulders as a piece that begins at the model's neck."""
     cell = parts.cell

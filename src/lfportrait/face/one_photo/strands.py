@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...arrays import Bool, Float32, Float64
+
 __all__ = ["WIDTHS", "strand_contrast", "strands"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 WIDTHS = (0.016, 0.032, 0.064, 0.128)
 """Widths of strands (3 to 26 mm), portrait units."""
@@ -31,7 +30,7 @@ MOST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
 
-def strand_contrast(colors: NDArray[np.floating], hair: Bools, pixels: float) -> Float64:
+def strand_contrast(colors: NDArray[np.floating], hair: Bool, pixels: float) -> Float64:
     """Standard deviations of the logarithm of hair's luminance by octaves of `WIDTHS`, [4].
 
     Parameters

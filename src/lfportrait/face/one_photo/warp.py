@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from ...arrays import Float64
 from ..head_fit import (
     Found,
     HeadFit,
@@ -27,7 +28,6 @@ from .solid import STANDS, standing_out
 
 __all__ = ["warped", "warped_together"]
 
-Float64 = NDArray[np.float64]
 
 OUTLINES = 110
 """Places of the outline, at most, that are moved to the matte's."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
+from ...arrays import Float64
 from ...measure import usable_cores
 from ..glasses import IN_PHOTOS, Spectacles, drawn_spectacles, find_spectacles
 from ..head_fit import View
@@ -25,8 +26,6 @@ from .samples import MeshSamples
 __all__ = ["Wires", "wires_of", "without_wires"]
 
 Bytes = NDArray[np.uint8]
-Float64 = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BEFORE, BENT = 0.013, 1.7
 """How far before the lids lenses are worn, and how much they are bent round the face: metres of
