@@ -93,7 +93,7 @@ class Shot:
         pixels, far = pixels[0], far[0]
         size = np.array(self.colors.shape[1::-1])
         at = pixels[:, ::-1].T - 0.5
-        colors = np.stack([Parts.at(self.colors[..., k], at) for k in range(3)], axis=1)
+        colors = Parts.at(self.colors, at)
         hair = np.zeros(len(points)) if self.hair is None else Parts.at(self.hair, at)
         to_eye = self.camera.position[0] - points
         to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
@@ -242,21 +242,26 @@ def _fill(points: Float64, own: _Mean, other: _Mean, hair: Float64, skin: Bool) 
 
     ``skin`` is the head: what a body wears is seen on no cheek, but necks go on in skin.
     """
-    fills = np.zeros((2, *points.shape))
-    for kind, place in enumerate((hair < 1, hair > 0)):
+    def filled(hairy: bool) -> Float64:
+        out, place = np.zeros_like(points), hair > 0 if hairy else hair < 1
         if not place.any():
-            continue
-        weight, known = (mean.pure(np.full(len(points), bool(kind)))[place]
+            return out
+        weight, known = (mean.pure(np.full(len(points), hairy))[place]
                          for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight), 0, 1)
         found = _filled(at, photo, weight, matched, known)
         bare = skin[place]
-        if not kind and bare.any():
+        if not hairy and bare.any():
             found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
-        fills[kind, place] = found
-    return np.asarray(hair[:, None] * fills[1] + (1 - hair[:, None]) * fills[0])
+        out[place] = found
+        return out
+
+    with ThreadPoolExecutor(2) as pool:
+        coming = pool.submit(filled, True)
+        rest = filled(False)
+        return np.asarray(hair[:, None] * coming.result() + (1 - hair[:, None]) * rest)
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,

@@ -71,14 +71,14 @@ class Parts:
 
     @staticmethod
     def at(values: NDArray[np.floating], places: Float64) -> Float32:
-        """Values [h, w] at places [2, N], between four cells; the border's beyond it."""
+        """Values [h, w] or [h, w, C] at places [2, N], between cells; the border's beyond it."""
+        values, count = np.ascontiguousarray(values, np.float32), places.shape[1]
         rows = 16384  # OpenCV takes at most 32767
-        count = places.shape[1]
         padded = np.pad(places.astype(np.float32), ((0, 0), (0, -count % rows)))
-        out = [cv2.remap(np.asarray(values, np.float32), part[1][:, None], part[0][:, None],
-                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
+        out = [cv2.remap(values, part[1][:, None], part[0][:, None], cv2.INTER_LINEAR,
+                         borderMode=cv2.BORDER_REPLICATE)[:, 0]
                for part in np.split(padded, padded.shape[1] // rows, axis=1)] if count else []
-        whole = np.concatenate(out)[:count] if out else np.zeros(0)
+        whole = np.concatenate(out)[:count] if out else np.zeros((0, *values.shape[2:]))
         return np.asarray(whole, np.float32)
 
 
