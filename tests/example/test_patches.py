@@ -28,6 +28,7 @@ from lfportrait.example.patches import (
     PatchSource,
     PatchTarget,
     occupancy,
+    start_levels,
     synthesise_patches,
 )
 from tests.example.owners import random_owners
@@ -312,7 +313,9 @@ def test_copies_hold_their_owners_color_and_place():
     colors, places = synthesise_patches(target, source, CONFIG)
     assert np.array_equal(colors[:, 20:], colors[:, :20])
     assert np.array_equal(places[:, 20:], places[:, :20])
-    levels = replace(target, guides=GuideLevels.of(target.guides, source, CONFIG))
+    begin = start_levels(target.start, source, CONFIG)
+    levels = replace(target, guides=GuideLevels.of(target.guides, source, CONFIG), start=begin,
+                     guided=begin)
     again = synthesise_patches(levels, source, CONFIG)
     assert np.array_equal(again[0], colors) and np.array_equal(again[1], places)
     assert np.abs(colors - wanted)[:, 2:18].mean() < 0.05

@@ -30,7 +30,8 @@ class Problem:
         scales = np.ones(one.shape[2])
         scales[3:5] = self.trust[y, x]
         away = ((np.array([u, v]) + 0.5 - self.wanted[y, x]) ** 2).sum()
-        return ((one - two) ** 2 * scales).sum() + self.weight[y, x] * min(away, self.limit)
+        astray = (2 * radius + 1) ** 2 * self.weight[y, x] * min(away, self.limit)
+        return ((one - two) ** 2 * scales).sum() + astray
 
     def errors(self, field, radius):
         """Of all pixels, float64 [H, W]; 0 outside."""

@@ -111,8 +111,9 @@ class PatchTarget:
 
     # float32 [H, W, G] as the source's; or their levels, which take half of the memory.
     guides: Float32 | GuideLevels
-    start: Float32  # float32 [H, W, 2], exemplar places (x, y) where the search begins.
-    guided: Float32  # float32 [H, W, 2], places that the search always tries.
+    # Exemplar places (x, y) where the search begins, float32 [H, W, 2]; or `start_levels`.
+    start: Float32 | list[Int32]
+    guided: Float32 | list[Int32]  # Places that the search always tries, likewise.
     # wanted, weight, limit: float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the
     # weight times the squared distance from the wanted place, at most ``limit`` (squared pixels),
     # for each pixel of the patch; no weights: everywhere alike.
@@ -211,12 +212,12 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
         engines = [aside.submit(_Level, target, source, guides,
                                 None if fixed is None else fixed[level], level, config)
                    for level in levels]
+        if guides.shape[0] * guides.shape[1] > _LARGE:
+            aside.submit(give_back_memory)  # that of the target's planes
         # Each level has laid out its own: the planes of the finest one are hundreds of MB.
         del target, guides, fixed
         for level in levels:
             engine = engines.pop(0).result()
-            if level == 0 and engine.shape[0] * engine.shape[1] > _LARGE:
-                give_back_memory()  # that of the target's planes
             places = engine.first_places(places)
             votes = config.last_votes if level == 0 and config.last_votes else config.votes
             radii = [MARGIN] * votes + [1] * (config.final_3x3 and level == 0)
@@ -228,6 +229,22 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchSe
                                         seed * 1000003 + 1000 * level + 10 * turn, widest)
     assert places is not None
     return colors, places
+
+
+def start_levels(places: Float32, source: PatchSource, config: PatchSearch) -> list[Int32]:
+    """Exemplar places [H, W, 2] as flat indices int32 [h, w] on each level, from fine to coarse."""
+    shapes = [(places.shape[0], places.shape[1])]
+    while len(shapes) < _count(source, config):
+        shapes.append((-(-shapes[-1][0] // 2), -(-shapes[-1][1] // 2)))
+    return [_flat(places, level, (picture.shape[0], picture.shape[1]), shape)
+            for level, (picture, shape) in enumerate(zip(source.pictures, shapes))]
+
+
+def _flat(places: Float32, level: int, size: tuple[int, int], shape: tuple[int, int]) -> Int32:
+    """Places [H, W, 2] of the finest level as a level's flat indices, int32 of its ``shape``."""
+    out = np.empty(shape, np.int32)
+    level_places(np.ascontiguousarray(places), 2 ** level, size, out)
+    return out
 
 
 def _count(source: PatchSource, config: PatchSearch) -> int:
@@ -299,11 +316,10 @@ class _Level:
         # What is not wanted at all is dear, but not beyond measure.
         return np.maximum(target.even[np.ix_(y, x)], np.float32(0.3 * overall)) * CELL ** 2
 
-    def _flat(self, places: Float32) -> Int32:
-        """Places [H, W, 2] of the finest level as this one's flat indices."""
-        out = np.empty(self.shape, np.int32)
-        level_places(np.ascontiguousarray(places), 2 ** self.level, self.size, out)
-        return out
+    def _flat(self, places: Float32 | list[Int32]) -> Int32:
+        """Places of a target as this level's flat indices."""
+        return (places[self.level] if isinstance(places, list)
+                else _flat(places, self.level, self.size, self.shape))
 
     def first_places(self, coarser: Int32 | None) -> Int32:
         """Where the search begins: what the coarser level found, or the given start."""
@@ -329,7 +345,7 @@ class _Level:
         error = self.error
         self._show(self.voted)
         area = np.float32((2 * radius + 1) ** 2)
-        want = (self.trust, self.wanted, self.weight * area, self.limit)
+        want = (self.trust, self.wanted, self.weight, self.limit)
         patch_errors(radius)(self.target, self.patches, self.size[1], self.state, *want, places,
                              error)
         # The uniformity is meant for a patch of 5 x 5 pixels and for even use of the exemplar.

@@ -262,6 +262,7 @@ def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exem
     """How the style came onto the head: on its surface, or by painted views."""
     if capture.landmarks is None or not config.stylize.on_skin:
         return _guides(field, capture, exemplar, config.stylize.transfer)
+    give_back_memory()
     skin = kept_skin(file, field, capture, config.stylize.pixels)
     labels, names = skin.labels
     palette = np.array([_PALETTE[name] for name in names], np.float32)

@@ -33,6 +33,7 @@ from ..errors import UserError
 from ..example import Exemplar, Painting, Skin, SurfaceGuide, Transfer, rehearse_painting
 from ..field import VoxelField
 from ..files import write_image
+from ..measure import give_back_memory
 from ..progress import Progress
 from .config import StylizeConfig
 from .fit import ColorModel, StyleView, prepare_view, style_cameras
@@ -194,9 +195,13 @@ class Refinement:
             model.pulled_back(view, np.ascontiguousarray(picture), gradient)
             rate = config.rate * 0.1 ** (step / max(1, config.refinements))
             adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
+            style = float(terms["style"].detach())
+            # The next view is of another size: what this one took lies in pieces too small for it.
+            del image, terms, loss, slope, picture
+            give_back_memory()
             if progress is not None:
                 progress.update(progress.done + 1, f"refine {step + 1} of {config.refinements}: "
-                                f"style {float(terms['style'].detach()):.4f}")
+                                f"style {style:.4f}")
         with torch.no_grad():
             after = self._terms(self.probe, self._tensor(model.picture(self.probe)))
         return {"networks": self.names, "device": device_name(self.device),

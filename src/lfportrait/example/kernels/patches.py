@@ -95,13 +95,13 @@ def _plain_scales(side):
 
 
 @numba.njit(inline="always")
-def _astray(wanted, weight, limit, y, x, v, u):
-    """What it costs pixel (x, y) to come from (u, v), away from its wanted place."""
+def _astray(wanted, weight, area, limit, y, x, v, u):
+    """What it costs a patch of ``area`` pixels around (x, y) to come from (u, v), not as wanted."""
     if weight[y, x] == 0:
         return np.float32(0)
     across = np.float32(u) + np.float32(0.5) - wanted[y, x, 0]
     down = np.float32(v) + np.float32(0.5) - wanted[y, x, 1]
-    return weight[y, x] * min(across * across + down * down, limit)
+    return weight[y, x] * area * min(across * across + down * down, limit)
 
 
 @functools.cache
@@ -110,12 +110,12 @@ def patch_errors(radius: int) -> Any:
 
     Arguments: ``target`` flat float16 bits (uint16) of [H + 2 MARGIN, W + 2 MARGIN, CHANNELS],
     ``source`` those of [h, w, CHANNELS], both with 16 values more at the end, ``across`` = w,
-    ``state`` uint8 [H, W], ``trust`` float32 [H, W, 2], factors of the weights of
-    the first two guides in a pixel's patch, ``wanted`` float32 [H, W, 2] places (x, y) with their
-    ``weight`` float32 [H, W] and ``limit`` (squared distance), ``field`` int32 [H, W] (flat index
-    v w + u), ``error`` float32 [H, W], filled, 0 outside.
+    ``state`` uint8 [H, W], ``trust`` float32 [H, W, 2], factors of the weights of the first two
+    guides in a pixel's patch, ``wanted`` float32 [H, W, 2] places (x, y) with their ``weight``
+    float32 [H, W], for each pixel of a patch, and ``limit`` (squared distance), ``field`` int32
+    [H, W] (flat index v w + u), ``error`` float32 [H, W], filled, 0 outside.
     """
-    distance = _distance(radius)
+    distance, area = _distance(radius), np.float32((2 * radius + 1) ** 2)
 
     @shared("error")
     @identified("patch errors", radius)
@@ -137,7 +137,7 @@ def patch_errors(radius: int) -> Any:
                 other = np.uintp(((v - radius) * across + u - radius) * CHANNELS)
                 error[y, x] = (distance(target, first, np.uintp(pitch), source, other,
                                         np.uintp(across * CHANNELS), scales, np.float32(np.inf))
-                               + _astray(wanted, weight, limit, y, x, v, u))
+                               + _astray(wanted, weight, area, limit, y, x, v, u))
 
     return errors
 
@@ -162,7 +162,7 @@ def search_pass(radius: int) -> Any:
     of the field; ``field`` and ``error``, improved in place; ``reach``, the widest step of the
     random search, halved down to 1; ``forward``, direction of the scan; ``seed``.
     """
-    distance = _distance(radius)
+    distance, area = _distance(radius), np.float32((2 * radius + 1) ** 2)
 
     @shared("field", per=BAND)
     @identified("patch search", radius)
@@ -227,7 +227,7 @@ def search_pass(radius: int) -> Any:
                         fine = crowd[q // CELL, p // CELL]
                         if q // CELL != v // CELL or p // CELL != u // CELL:
                             fine += penalty[q // CELL, p // CELL]
-                        fixed = fine + _astray(wanted, weight, limit, y, x, q, p)
+                        fixed = fine + _astray(wanted, weight, area, limit, y, x, q, p)
                         if fixed >= best:
                             continue
                         other = np.uintp(((q - radius) * across + p - radius) * CHANNELS)

@@ -17,7 +17,14 @@ import numpy as np
 from ...arrays import Float32, Int32, UInt8
 from ..exemplar import Exemplar
 from ..kernels.patches import ACTIVE
-from ..patches import GuideLevels, PatchSearch, PatchSource, PatchTarget, synthesise_patches
+from ..patches import (
+    GuideLevels,
+    PatchSearch,
+    PatchSource,
+    PatchTarget,
+    start_levels,
+    synthesise_patches,
+)
 from .materials import ROAM, ExemplarMaterials, even_uses, material_guides, resized_materials
 from .picture_materials import EARS, NECK, SKIN
 
@@ -150,8 +157,9 @@ class PatchPainter:
         # First, as the planes that these are made of are the largest of all.
         guides = GuideLevels.of(atlas.spread(self._guides(
             request.shares, request.tone, request.detail)), source, self.search)
-        asked, start, weight, sure = (atlas.spread(values) for values in (
-            request.wanted, request.begin, request.weight[:, None], request.sure))
+        start = start_levels(atlas.spread(request.begin), source, self.search)
+        asked, weight, sure = (atlas.spread(values) for values in (
+            request.wanted, request.weight[:, None], request.sure))
         return PatchTarget(guides, start, start, asked,
                            np.ascontiguousarray(weight[..., 0]),
                            float((ROAM * self.unit(size)) ** 2), even, sure, request.state,
