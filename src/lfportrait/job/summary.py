@@ -12,17 +12,17 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..arrays import Float32, Float64, UInt8
+from ..arrays import Bool, Float32, Float64, UInt8
 from ..capture import Camera, Capture
 from ..color import to_uint8
 from ..device import used_device
-from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
+from ..example import Exemplar, Skin, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
 from ..files import write_image
 from ..lightfield import Display, ViewMask, read_coded, render_views, simulate
@@ -51,8 +51,6 @@ _COLUMN = 448
 """The same in one of three columns."""
 _SHOWN = 640
 """Width in pixels, about, at which the report shows a picture."""
-_TOGETHER = 1 << 16
-"""Places of a surface that are colored together."""
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
 """Colors of places seen from none, one, two and more directions, which people with color
 blindness can distinguish."""
@@ -107,7 +105,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
                          background=config.encode.background, ground=config.encode),
             preset="veryfast")
         report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,
-                                figures, capture, field, styled)
+                                figures, capture, field, styled, kept.get("charts"))
         film.result()
         say("report")
         give_back_memory()
@@ -118,10 +116,10 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
 
 def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exemplar: Exemplar,
             figures: dict[str, Any], capture: Capture, field: VoxelField, styled: VoxelField,
-            ) -> tuple[Report, float]:
+            charts: list[Chart] | None) -> tuple[Report, float]:
     """The report, and the share of the head that photos show well; writes ``hero.png``.
 
-    ``file`` is the field's.
+    ``file`` is the field's; ``charts`` are those of its skin, where they are known.
     """
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
@@ -139,7 +137,7 @@ def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exem
             _inputs(capture, exemplar),
             _field_section(field, capture),
             covered,
-            _style_section(field, styled, capture, exemplar, file, config),
+            _style_section(field, styled, capture, exemplar, file, config, charts),
             Section("Stylised views", "The optimised field; every view shows the same strokes.",
                     [Picture(image, f"{angle:+d} degrees", width=480)
                      for image, angle in zip(strip, (-45, -22, 0, 22, 45))], layout="strip"),
@@ -257,45 +255,61 @@ def _turned(field: VoxelField, size: int = 448) -> Camera:
                       width=size, height=size, focal=float(first.focal[0, 0]))
 
 
-def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exemplar: Exemplar,
-                   file: Path, config: MakeConfig) -> Section:
-    """How the style came onto the head: on its surface, or by painted views."""
-    if capture.landmarks is None or not config.stylize.on_skin:
-        return _guides(field, capture, exemplar, config.stylize.transfer)
-    give_back_memory()
-    skin = kept_skin(file, field, capture, config.stylize.pixels)
+class Chart(NamedTuple):
+    """What a report shows of one chart of a skin."""
+
+    yaw: int  # From where the chart is seen, degrees.
+    camera: Camera  # Its pixels, reduced to those that are shown.
+    there: Bool  # bool [h, w], where it shows something.
+    photo: Float32  # float32 [h, w, 3], photographed colors.
+    regions: Float32  # float32 [h, w, 3], labels in their colors.
+
+
+def charts_of(skin: Skin) -> list[Chart]:
+    """The charts of a skin that a report shows."""
     labels, names = skin.labels
     palette = np.array([_PALETTE[name] for name in names], np.float32)
-    shown = np.ones((len(labels) + 1, 3), np.float32)
-    for since in range(0, len(labels), _TOGETHER):  # at once they would take 100 MB
-        part = labels[since:since + _TOGETHER]
-        shown[since:since + len(part)] = part.astype(np.float32) / 255 @ palette
     atlas = skin.atlas
     yaw = np.degrees(np.arctan2(-atlas.cameras.pose[:, 0, 2], -atlas.cameras.pose[:, 2, 2]))
     level = np.abs(atlas.cameras.pose[:, 1, 2]) < 0.5
-    pictures = []
+    charts = []
     for angle in _ANGLES:
         chart = int(np.argmin(np.where(level, np.abs(yaw - angle), np.inf)))
         x0, y0, x1, y1, dx, dy = (int(value) for value in atlas.boxes[chart])
         # Of a chart that is larger than it is shown, every so many pixels.
         step = -(-(x1 - x0) // _COLUMN)
         pixels = slice(y0 + dy, y1 + dy, step), slice(x0 + dx, x1 + dx, step)
-        there = np.isfinite(atlas.depth[pixels])[..., None]
-        height, width = there.shape[:2]
+        there = np.isfinite(atlas.depth[pixels])
+        height, width = there.shape
         whole = atlas.cameras[chart]
         camera = Camera(whole.pose, whole.focal / step,
                         0.5 - (np.array([x0, y0]) + 0.5 - whole.center) / step,
                         np.array([width]), np.array([height]))
-        painted = np.clip(next(render_views(styled, camera, background=1.0)).color, 0, 1)
-        slots = skin.slots_of(atlas.owner[pixels])
         photo = cv2.resize(atlas.color_of(np.s_[y0 + dy:y1 + dy, x0 + dx:x1 + dx]), (width, height),
                            interpolation=cv2.INTER_AREA)
+        slots = skin.slots_of(atlas.owner[pixels])
+        shown = labels[slots].astype(np.float32) / 255 @ palette
+        regions = np.where((slots >= 0)[..., None], shown, photo.mean(axis=-1, keepdims=True))
+        charts.append(Chart(round(float(yaw[chart])), camera, there, np.asarray(photo, np.float32),
+                            np.asarray(regions, np.float32)))
+    return charts
+
+
+def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exemplar: Exemplar,
+                   file: Path, config: MakeConfig, charts: list[Chart] | None) -> Section:
+    """How the style came onto the head: on its surface, or by painted views."""
+    if capture.landmarks is None or not config.stylize.on_skin:
+        return _guides(field, capture, exemplar, config.stylize.transfer)
+    if charts is None:
+        charts = charts_of(kept_skin(file, field, capture, config.stylize.pixels))
+    pictures = []
+    for chart in charts:
+        painted = np.clip(next(render_views(styled, chart.camera, background=1.0)).color, 0, 1)
         for picture, words in (
-                (photo, f"from {round(float(yaw[chart]))} degrees, photographed"),
-                (np.where((slots >= 0)[..., None], shown[slots], photo.mean(
-                    axis=-1, keepdims=True)), "its regions"),
-                (painted, "painted")):
-            pictures.append(Picture(np.where(there, picture, 1.0).astype(np.float32), words))
+                (chart.photo, f"from {chart.yaw} degrees, photographed"),
+                (chart.regions, "its regions"), (painted, "painted")):
+            pictures.append(Picture(np.where(chart.there[..., None], picture, 1.0).astype(
+                np.float32), words))
     return Section("Painted on the surface", "The head's surface is laid out in charts and painted "
                    "once for all views: the face by guides, look-up table and StyleBlit, the rest "
                    "by patches of like material ("
@@ -332,6 +346,7 @@ def _guides(field: VoxelField, capture: Capture, exemplar: Exemplar,
 
 
 def _lightfield(coded: UInt8, display: Display) -> Section:
+    give_back_memory()  # The page is being packed beside.
     height, width = coded.shape[:2]
     y, x = int(height * 0.42), int(width * 0.5)
     crop = coded[y:y + 200, x - 150:x + 150]

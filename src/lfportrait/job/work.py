@@ -71,7 +71,8 @@ class Tools:
     look: FirstLook | None = None  # The first look that is taken while a field is made.
     outlook: Outlook | None = None  # Knows the time that is left of the whole job.
     # What a job's stages have read and written, for those after them in the same process, as these
-    # would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that are coded.
+    # would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that are coded;
+    # and what the report shows of the skin, ``charts``.
     kept: dict[str, Any] = field(default_factory=dict)
 
     @contextmanager
@@ -174,6 +175,10 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
     figures, tools.kept["styled"] = write_styled(
         real, capture, [tools.painting(task), *tools.others], target / task.outputs[0],
         task.config, task.seed, progress, device=tools.device, skin=skin)
+    if skin is not None:
+        from .summary import charts_of
+
+        tools.kept["charts"] = charts_of(skin)
     for name in task.outputs[1:]:
         styled = load_styled(target / task.outputs[0])
         cameras: Camera = sweep_cameras(0.0, 1, _THUMBNAIL, styled)
