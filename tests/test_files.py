@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
@@ -18,7 +19,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from lfportrait.errors import UserError
-from lfportrait.files import lock, map_arrays, read_json, write_json, write_mappable
+from lfportrait.files import load_arrays, lock, map_arrays, read_json, write_json, write_mappable
 
 ARRAYS = {"shares": np.linspace(0, 1, 7, dtype=np.float16), "words": np.array(["skin", "häir"]),
           "one": np.float64(3.5), "none": np.zeros((0, 3), np.int32),
@@ -54,6 +55,38 @@ def test_numbers_are_aligned(tmp_path_factory, named):
     for name, array in mapped.items():
         assert array.flags.aligned and array.ctypes.data % 64 == 0
         assert array.tobytes() == named[name].tobytes()
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_what_is_loaded_is_what_numpy_loads(tmp_path, save):
+    save(tmp_path / "a.npz", **ARRAYS, large=np.arange(400_000.0))
+    loaded = load_arrays(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as data:
+        assert list(loaded) == data.files
+        for name, array in loaded.items():
+            assert array.dtype == data[name].dtype and np.array_equal(array, data[name])
+            assert array.flags.writeable and array.flags.fnc == data[name].flags.fnc
+
+
+def test_no_two_threads_parse_at_once(tmp_path, monkeypatch):
+    """CPython 3.11 would fail now and then."""
+    alone, parse, met = threading.Lock(), np.lib.format.read_array_header_1_0, []
+
+    def watched(stream):
+        met.append(alone.acquire(blocking=False))
+        try:
+            time.sleep(0.002)
+            return parse(stream)
+        finally:
+            if met[-1]:
+                alone.release()
+
+    monkeypatch.setattr(np.lib.format, "read_array_header_1_0", watched)
+    paths = [written(tmp_path / f"{number}.npz", ARRAYS) for number in range(4)]
+    with ThreadPoolExecutor(8) as threads:
+        list(threads.map(lambda read: read[0](read[1]),
+                         [(read, path) for read in (load_arrays, map_arrays) for path in paths]))
+    assert len(met) == 8 * len(ARRAYS) and all(met)
 
 
 def test_what_is_written_to_an_array_stays_in_memory(tmp_path):

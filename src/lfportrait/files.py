@@ -26,7 +26,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,11 @@ UNREADABLE_ARRAYS = (
     OverflowError, MemoryError, RuntimeError, struct.error, tokenize.TokenError,
     zipfile.BadZipFile, zlib.error)
 """What NumPy and the modules below it raise for damaged ``.npy`` and ``.npz`` files."""
+_PARSING = threading.Lock()
+"""Held while a literal is parsed: CPython 3.11 fails where two threads do (its issue 106905)."""
 
+_PIECE = 1 << 20
+"""Bytes of an array that are read at a time."""
 _ALIGNED = 64
 """Alignment of mapped numbers in bytes."""
 _HEADER, _ZIP64 = 30, 20
@@ -338,14 +342,49 @@ def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> NDAr
     name, extra = struct.unpack("<HH", stream.read(_HEADER)[-4:])
     begin = member.header_offset + _HEADER + name + extra
     stream.seek(begin)
-    if np.lib.format.read_magic(stream) != (1, 0):
-        raise ValueError(f"{member.filename} is of another version")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    if dtype.hasobject:
-        raise ValueError(f"{member.filename} holds objects")
+    shape, order, dtype = array_header(stream)
     if stream.tell() - begin + int(np.prod(shape)) * dtype.itemsize != member.file_size:
         raise ValueError(f"{member.filename} is cut off")
-    return np.ndarray(shape, dtype, memory, stream.tell(), order="F" if fortran else "C")
+    return np.ndarray(shape, dtype, memory, stream.tell(), order=order)
+
+
+def array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], Literal["C", "F"], np.dtype[Any]]:
+    """Shape, order and type of the ``.npy`` file that a stream is at; it goes on to the numbers.
+
+    Several threads may ask at once. Raises `UNREADABLE_ARRAYS` if it is damaged or holds objects.
+    """
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array is of another version")
+    with _PARSING:
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    if dtype.hasobject:
+        raise ValueError("an array holds objects")
+    return shape, "F" if fortran else "C", dtype
+
+
+def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """An array of an ``.npz``, as `numpy.load` reads it; see `array_header`."""
+    with archive.open(member) as content:
+        shape, order, dtype = array_header(content)
+        array = np.empty(shape, dtype, order)
+        whole = array.reshape(-1, order="A").view(np.uint8)
+        for start in range(0, len(whole), _PIECE):
+            part = whole[start:start + _PIECE]
+            data = content.read(len(part))
+            if len(data) < len(part):
+                raise ValueError("an array is cut off")
+            part[:] = np.frombuffer(data, np.uint8)
+    return array
+
+
+def load_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of an ``.npz`` by name, which several threads may read at once.
+
+    Raises `UNREADABLE_ARRAYS` if there is no such file, or it is damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        return {member.filename.removesuffix(".npy"): read_member(archive, member)
+                for member in archive.infolist()}
 
 
 _CARD = 10_000_000
