@@ -179,7 +179,8 @@ def test_every_sub_pixel_is_the_ray_of_its_view(field):
         assert abs(float(image[y, x, k]) - wanted) <= 0.5 + 0.1
 
 
-@pytest.mark.parametrize(("order", "basis"), [("RGB", 9), ("BGR", 4), ("RGB", 1)])
+@pytest.mark.parametrize(("order", "basis"), [
+    ("RGB", 9), pytest.param("BGR", 4, marks=pytest.mark.slow), ("BGR", 1)])
 def test_deinterlacing_gives_back_the_rendered_views(order, basis):
     field = shell_field(basis=basis, size=20, density=40.0)
     display = dataclasses.replace(SMALL, subpixels=order)
