@@ -154,7 +154,7 @@ def test_slices_show_what_direct_casting_shows(options, basis, panel):
 
 
 def test_one_view_is_what_that_view_has_in_the_coded_picture():
-    field = smooth_field(4, 32)
+    field = smooth_field(9, 32)
     image = coded(field, SMALL)
     rows, columns = np.ogrid[:40, :60]
     config = EncodeConfig(method="slices")
@@ -167,7 +167,7 @@ def test_one_view_is_what_that_view_has_in_the_coded_picture():
 
 
 def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
-    field = smooth_field(4, 32)
+    field = smooth_field(9, 32)
     for loaded in (False, True):
         mask = ViewMask.build(SMALL, cache=tmp_path)
         assert mask.loaded == loaded
@@ -175,7 +175,7 @@ def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
     render_view(field, SMALL, 3, EncodeConfig(method="slices"))
     # Of each width of the mask's numbers there is one kernel: Numba tells arrays that can't be
     # written to from others.
-    kinds = [signature[12].dtype for signature in slice_kernel(4).kernel.signatures]
+    kinds = [signature[12].dtype for signature in slice_kernel(9).kernel.signatures]
     assert len(kinds) == len(set(kinds))
 
 
