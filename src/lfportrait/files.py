@@ -15,6 +15,7 @@ import io
 import json
 import mmap
 import os
+import re
 import stat
 import struct
 import sys
@@ -46,8 +47,9 @@ UNREADABLE_ARRAYS = (
     OverflowError, MemoryError, RuntimeError, struct.error, tokenize.TokenError,
     zipfile.BadZipFile, zlib.error)
 """What NumPy and the modules below it raise for damaged ``.npy`` and ``.npz`` files."""
-_PARSING = threading.Lock()
-"""Held while a literal is parsed: CPython 3.11 fails where two threads do (its issue 106905)."""
+_ARRAY = re.compile(r"\{'descr': '([^']+)', 'fortran_order': (True|False), "
+                    r"'shape': \(([0-9, ]*)\), \} *\n?")
+"""The head of an array, as NumPy writes it."""
 
 _PIECE = 1 << 20
 """Bytes of an array that are read at a time."""
@@ -351,15 +353,20 @@ def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> NDAr
 def array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], Literal["C", "F"], np.dtype[Any]]:
     """Shape, order and type of the ``.npy`` file that a stream is at; it goes on to the numbers.
 
-    Several threads may ask at once. Raises `UNREADABLE_ARRAYS` if it is damaged or holds objects.
+    NumPy has Python parse the head, and CPython 3.11 fails now and then where several threads parse
+    at once (its issue 106905). Raises `UNREADABLE_ARRAYS` if it is damaged or holds objects.
     """
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("an array is of another version")
-    with _PARSING:
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    length, = struct.unpack("<H", stream.read(2))
+    found = _ARRAY.fullmatch(stream.read(length).decode("latin1"))
+    if found is None:
+        raise ValueError("an array has no head as NumPy writes it")
+    dtype = np.dtype(found[1])
     if dtype.hasobject:
         raise ValueError("an array holds objects")
-    return shape, "F" if fortran else "C", dtype
+    shape = tuple(int(size) for size in found[3].split(",") if size.strip())
+    return shape, "F" if found[2] == "True" else "C", dtype
 
 
 def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
