@@ -14,9 +14,9 @@ from PIL import Image, ImageDraw
 
 import lfportrait as lf
 from draw_gallery import folders, seen, strip, write_all
-from lfportrait.capture import GOOD, INK, PAPER
 from lfportrait.demo import demo_exemplar
 from lfportrait.field import Rendering
+from lfportrait.job.photo_check import GOOD, INK, PAPER
 from lfportrait.media.pictures import read_image
 
 HEIGHT = 320

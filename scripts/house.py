@@ -23,9 +23,9 @@ LABORATORY = ROOT / "src" / "lfportrait_eval"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("arrays", "browsing", "cache", "color", "device", "download", "errors",
+GROUND = ("arrays", "browsing", "cache", "color", "device", "errors",
           "files", "gpu", "graphics", "health", "labels", "measure",
-          "media", "metrics", "models", "packed", "plugins", "png", "progress",
+          "media", "metrics", "models", "plugins", "png", "progress",
           "runner", "simd", "stages", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("markdown", "metrics", "baselines", "bench", "study", "tables", "commands")

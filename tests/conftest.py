@@ -170,11 +170,11 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(autouse=True, scope="session")
 def no_pauses():
     """What is asked for in vain is asked again at once."""
-    from lfportrait import download
+    from lfportrait import models
 
-    before, download.PAUSE = download.PAUSE, 0.0
+    before, models.PAUSE = models.PAUSE, 0.0
     yield
-    download.PAUSE = before
+    models.PAUSE = before
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,6 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from lfportrait import download as downloads
 from lfportrait import models
 from lfportrait.cli.doctor import Models, ModelsFetch
 from lfportrait.errors import UserError
@@ -87,7 +86,7 @@ class Server:
 
 @pytest.fixture
 def server(monkeypatch):
-    monkeypatch.setattr(downloads, "PAUSE", 0.01)
+    monkeypatch.setattr(models, "PAUSE", 0.01)
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
     running = Server()
     running.files["net.bin"] = CONTENT
@@ -114,7 +113,7 @@ def shelf(server, tmp_path, monkeypatch):
 
 def get(server, target, name="net.bin", **changes):
     wanted = {"sha256": DIGEST, "size": len(CONTENT), "quiet": True, **changes}
-    return downloads.download(f"{server.address}/{name}", target, **wanted)
+    return models.fetch_file(f"{server.address}/{name}", target, **wanted)
 
 
 def test_a_file_comes_whole(server, tmp_path):
@@ -138,7 +137,7 @@ def test_a_file_comes_whole(server, tmp_path):
 def test_each_failure_is_one_line_and_leaves_nothing(server, tmp_path, monkeypatch, fault, message,
                                                      asked):
     if fault in ("silent", "stalled"):
-        monkeypatch.setattr(downloads, "TIMEOUT", 0.3)
+        monkeypatch.setattr(models, "TIMEOUT", 0.3)
     server.faults["net.bin"] = fault
     begin = time.monotonic()
     with pytest.raises(UserError, match=message) as caught:
@@ -173,13 +172,13 @@ def test_a_closed_port_is_told(server, tmp_path):
 def test_what_is_no_address_is_told(tmp_path):
     for url in ("studio/models/net.bin", "ftp://127.0.0.1/net.bin"):
         with pytest.raises(UserError, match="not a web address"):
-            downloads.download(url, tmp_path / "net.bin", DIGEST, quiet=True)
+            models.fetch_file(url, tmp_path / "net.bin", DIGEST, quiet=True)
 
 
 @pytest.mark.parametrize("fault", ["cut", "short", "error", "stalled"])
 def test_a_second_try_may_succeed(server, tmp_path, monkeypatch, fault):
     if fault == "stalled":
-        monkeypatch.setattr(downloads, "TIMEOUT", 1.0)
+        monkeypatch.setattr(models, "TIMEOUT", 1.0)
     server.faults["net.bin"] = f"{fault} then fine"
     assert get(server, tmp_path / "net.bin").read_bytes() == CONTENT
     assert len(server.asked) == 2
@@ -189,9 +188,9 @@ def test_a_server_that_trickles_is_left(server, tmp_path, monkeypatch):
     """It would never be silent for long enough."""
     server.faults["net.bin"] = "trickling"
     # Half a minute passes between two pieces, by a clock that this machine's pace does not change.
-    clock = SimpleNamespace(monotonic=count(0.0, 0.9 * downloads.TIMEOUT).__next__,
+    clock = SimpleNamespace(monotonic=count(0.0, 0.9 * models.TIMEOUT).__next__,
                             sleep=time.sleep)
-    monkeypatch.setattr(downloads, "time", clock)
+    monkeypatch.setattr(models, "time", clock)
     with pytest.raises(UserError, match=r"the server is too slow, \d{4,5} bytes in \d\d s; try "
                                         r"again"):
         get(server, tmp_path / "net.bin")
@@ -204,7 +203,7 @@ def test_an_interrupted_download_leaves_nothing(server, tmp_path, monkeypatch):
     def interrupt(self, done, note=""):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(downloads.Progress, "update", interrupt)
+    monkeypatch.setattr(models.Progress, "update", interrupt)
     with pytest.raises(KeyboardInterrupt):
         get(server, tmp_path / "net.bin")
     assert [path.name for path in tmp_path.iterdir()] == ["net.bin"]
@@ -220,7 +219,7 @@ def test_a_folder_that_can_not_be_made_is_told(server, tmp_path):
 def test_the_progress_line_names_file_and_size(server, tmp_path, capsys):
     get(server, tmp_path / "net.bin", quiet=False)
     assert "net.bin (0.1 MB): " in capsys.readouterr().err
-    assert [downloads.megabytes(size) for size in (4_788_208, 249_024, 7_289, 553_433_881)] == [
+    assert [models.megabytes(size) for size in (4_788_208, 249_024, 7_289, 553_433_881)] == [
         "5 MB", "0.2 MB", "0.1 MB", "553 MB"]
 
 

@@ -1,5 +1,6 @@
 """Files that appear whole or not at all; arrays that are mapped rather than read."""
 
+import ast
 import contextlib
 import errno
 import os
@@ -18,7 +19,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from lfportrait.errors import UserError
-from lfportrait.files import lock, map_arrays, read_json, write_json, write_mappable
+from lfportrait.files import load_arrays, lock, map_arrays, read_json, write_json, write_mappable
 
 ARRAYS = {"shares": np.linspace(0, 1, 7, dtype=np.float16), "words": np.array(["skin", "häir"]),
           "one": np.float64(3.5), "none": np.zeros((0, 3), np.int32),
@@ -54,6 +55,26 @@ def test_numbers_are_aligned(tmp_path_factory, named):
     for name, array in mapped.items():
         assert array.flags.aligned and array.ctypes.data % 64 == 0
         assert array.tobytes() == named[name].tobytes()
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_what_is_loaded_is_what_numpy_loads(tmp_path, save):
+    save(tmp_path / "a.npz", **ARRAYS, large=np.arange(400_000.0))
+    loaded = load_arrays(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as data:
+        assert list(loaded) == data.files
+        for name, array in loaded.items():
+            assert array.dtype == data[name].dtype and np.array_equal(array, data[name])
+            assert array.flags.writeable and array.flags.fnc == data[name].flags.fnc
+
+
+def test_nothing_is_parsed_as_python(tmp_path, monkeypatch):
+    """CPython 3.11 fails now and then where two threads parse at once."""
+    path = written(tmp_path / "a.npz", ARRAYS)
+    monkeypatch.setattr(ast, "literal_eval", lambda text: pytest.fail(f"{text} is parsed"))
+    for read in (load_arrays, map_arrays):
+        assert {name: array.shape for name, array in read(path).items()} == {
+            name: array.shape for name, array in ARRAYS.items()}
 
 
 def test_what_is_written_to_an_array_stays_in_memory(tmp_path):

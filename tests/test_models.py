@@ -137,7 +137,7 @@ def test_the_networks_at_hand_pass_the_check(shared_weights, monkeypatch):
 def test_an_offline_process_downloads_nothing(monkeypatch, tmp_path):
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(tmp_path))
     monkeypatch.setattr(models, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(models, "_download", lambda *_, **__: pytest.fail("it was asked for"))
+    monkeypatch.setattr(models, "fetch_file", lambda *_, **__: pytest.fail("it was asked for"))
     monkeypatch.setenv(models.OFFLINE, "1")
     with pytest.raises(UserError, match=r"face-landmarker.*missing"):
         models.fetch("face-landmarker")

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UserError
-from .files import UNREADABLE_ARRAYS, atomic_write, file_state, temporary_home
+from .files import UNREADABLE_ARRAYS, atomic_write, file_state, load_arrays, temporary_home
 
 MOST = 100
 """Files that are kept of a kind: those that were used last."""
@@ -192,8 +192,7 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
     folder = folder or user_cache(kind)
     file = folder / f"{key}.npz"
     with suppress(*UNREADABLE_ARRAYS):
-        with np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
+        arrays = load_arrays(file)
         with suppress(OSError):
             file.touch()
         _TRIES.seen(file, written=False)

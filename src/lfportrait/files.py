@@ -15,6 +15,7 @@ import io
 import json
 import mmap
 import os
+import re
 import stat
 import struct
 import sys
@@ -26,7 +27,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,12 @@ UNREADABLE_ARRAYS = (
     OverflowError, MemoryError, RuntimeError, struct.error, tokenize.TokenError,
     zipfile.BadZipFile, zlib.error)
 """What NumPy and the modules below it raise for damaged ``.npy`` and ``.npz`` files."""
+_ARRAY = re.compile(r"\{'descr': '([^']+)', 'fortran_order': (True|False), "
+                    r"'shape': \(([0-9, ]*)\), \} *\n?")
+"""The head of an array, as NumPy writes it."""
 
+_PIECE = 1 << 20
+"""Bytes of an array that are read at a time."""
 _ALIGNED = 64
 """Alignment of mapped numbers in bytes."""
 _HEADER, _ZIP64 = 30, 20
@@ -338,14 +344,54 @@ def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> NDAr
     name, extra = struct.unpack("<HH", stream.read(_HEADER)[-4:])
     begin = member.header_offset + _HEADER + name + extra
     stream.seek(begin)
-    if np.lib.format.read_magic(stream) != (1, 0):
-        raise ValueError(f"{member.filename} is of another version")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    if dtype.hasobject:
-        raise ValueError(f"{member.filename} holds objects")
+    shape, order, dtype = array_header(stream)
     if stream.tell() - begin + int(np.prod(shape)) * dtype.itemsize != member.file_size:
         raise ValueError(f"{member.filename} is cut off")
-    return np.ndarray(shape, dtype, memory, stream.tell(), order="F" if fortran else "C")
+    return np.ndarray(shape, dtype, memory, stream.tell(), order=order)
+
+
+def array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], Literal["C", "F"], np.dtype[Any]]:
+    """Shape, order and type of the ``.npy`` file that a stream is at; it goes on to the numbers.
+
+    NumPy has Python parse the head, and CPython 3.11 fails now and then where several threads parse
+    at once (its issue 106905). Raises `UNREADABLE_ARRAYS` if it is damaged or holds objects.
+    """
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array is of another version")
+    length, = struct.unpack("<H", stream.read(2))
+    found = _ARRAY.fullmatch(stream.read(length).decode("latin1"))
+    if found is None:
+        raise ValueError("an array has no head as NumPy writes it")
+    dtype = np.dtype(found[1])
+    if dtype.hasobject:
+        raise ValueError("an array holds objects")
+    shape = tuple(int(size) for size in found[3].split(",") if size.strip())
+    return shape, "F" if found[2] == "True" else "C", dtype
+
+
+def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """An array of an ``.npz``, as `numpy.load` reads it; see `array_header`."""
+    with archive.open(member) as content:
+        shape, order, dtype = array_header(content)
+        array = np.empty(shape, dtype, order)
+        whole = array.reshape(-1, order="A").view(np.uint8)
+        for start in range(0, len(whole), _PIECE):
+            part = whole[start:start + _PIECE]
+            data = content.read(len(part))
+            if len(data) < len(part):
+                raise ValueError("an array is cut off")
+            part[:] = np.frombuffer(data, np.uint8)
+    return array
+
+
+def load_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of an ``.npz`` by name, which several threads may read at once.
+
+    Raises `UNREADABLE_ARRAYS` if there is no such file, or it is damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        return {member.filename.removesuffix(".npy"): read_member(archive, member)
+                for member in archive.infolist()}
 
 
 _CARD = 10_000_000

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from . import models
 from .device import device_name, gpu_adapter
-from .download import megabytes
 from .graphics import gpu_in_sight, lacking, loads
 from .measure import free_disk_bytes, free_memory_bytes, machine
 from .version import __version__
@@ -97,7 +96,7 @@ def _kernels(cache: KernelCache) -> Fact:
     if cache.folder is None:
         return Fact("machine", "kernels", "no folder to keep them: each run compiles them, minutes",
                     "bad", "export NUMBA_CACHE_DIR=FOLDER", {"folder": None, "functions": 0})
-    found = (f"{cache.functions} compiled, {megabytes(cache.bytes)}" if cache.functions
+    found = (f"{cache.functions} compiled, {models.megabytes(cache.bytes)}" if cache.functions
              else "none compiled yet: the first run takes minutes longer, its kernels are kept")
     return Fact("machine", "kernels", f"{found} in {cache.folder}",
                 value={"folder": str(cache.folder), "functions": cache.functions,

@@ -79,7 +79,7 @@ def no_networks(monkeypatch, tmp_path):
     monkeypatch.delenv("LFPORTRAIT_MODELS", raising=False)
     monkeypatch.setenv("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
     monkeypatch.setattr("lfportrait.models.cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr("lfportrait.download.PAUSE", 0.0)
+    monkeypatch.setattr("lfportrait.models.PAUSE", 0.0)
 
 
 def test_missing_folder(tmp_path, style, capsys):

@@ -5,21 +5,19 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Capture
-from lfportrait.demo import demo_exemplar
+from lfportrait.demo import demo_capture, demo_exemplar, demo_head, demo_landmarks
 from lfportrait.example import Skin
 from lfportrait.face import face_pose
 from lfportrait.stylize import StylizeConfig, stylize
 from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
-from modelled_head import SITTER, head_field, landmarks, painted_exemplar, studio_cameras
+from tests.recordings import painting
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
 STYLE, SIZE, PIXELS = "impression", 144, 120.0
 
 
 @pytest.fixture(scope="module")
 def head():
-    cameras, points = studio_cameras(96, 12), landmarks(SITTER)
-    field = head_field(step=1, cameras=cameras)
+    cameras, points, field = demo_capture(96, 12).cameras, demo_landmarks(), demo_head()
     images = [np.zeros((96, 96, 3), np.uint8)] * 12
     capture = Capture(cameras, images, None, [str(n) for n in range(12)], np.zeros(12, bool),
                       np.eye(4), points)
@@ -28,7 +26,7 @@ def head():
 
 def painted(head, turn):
     field, capture, skin = head
-    exemplar = (painted_exemplar(STYLE, 180, 240, turn=turn) if turn
+    exemplar = (painting(STYLE, 180, 240, turn) if turn
                 else demo_exemplar(STYLE, 180, 240))
     config = StylizeConfig(preview=True, pixels=PIXELS)
     return exemplar, stylize(field, capture, exemplar, config, skin=skin)
@@ -48,7 +46,7 @@ def test_the_visible_side_is_painted_as_from_the_front(head, frontal):
     assert abs(face_pose(exemplar.landmarks).yaw - turn) < 6
     cameras = arc_cameras(styled, (0.0,), SIZE)
     seen, wanted = (one.render(cameras, 0) for one in (styled, straight))
-    points, marks = wanted.points(cameras, 0).reshape(SIZE, SIZE, 3), landmarks(SITTER)
+    points, marks = wanted.points(cameras, 0).reshape(SIZE, SIZE, 3), demo_landmarks()
     face = (np.abs(points[..., 0]) < 0.3) & (points[..., 1] > marks[8, 1])
     face &= (points[..., 1] < marks[19, 1]) & (points[..., 2] > 0)
     visible = face & (points[..., 0] < 0)
@@ -58,7 +56,7 @@ def test_the_visible_side_is_painted_as_from_the_front(head, frontal):
 
 
 def test_a_painting_seen_from_the_side_is_seen_from_there():
-    exemplars = [painted_exemplar("charcoal", 120, 160, turn=turn) for turn in (-30.0, 30.0)]
+    exemplars = [painting("charcoal", 120, 160, turn) for turn in (-30.0, 30.0)]
     yaws = [face_pose(one.landmarks).yaw for one in exemplars]
     assert yaws[0] < -24 and yaws[1] > 24 and abs(yaws[0] + yaws[1]) < 1
     masks = [cv2.flip(one.mask, 1) if n else one.mask for n, one in enumerate(exemplars)]

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from lfportrait.demo import demo_landmarks
 from lfportrait.example.guides import regions as scalp
 from lfportrait.example.guides.regions import Regions, find_regions, is_scalp, photo_regions
 from lfportrait.face.landmarks import GENERIC_LANDMARKS
 from lfportrait_eval.metrics import head_cameras
-from modelled_head import SITTER, landmarks, photograph
 from tests.example.test_turned import posed
+from tests.recordings import photographs
 
 SIZE = 400
 SKIN = np.array([0.85, 0.66, 0.58], np.float32)
@@ -120,19 +121,18 @@ def test_a_head_seen_from_the_side_is_a_person(monkeypatch, yaw):
     assert found.person.mean() < 0.9
 
 
-@pytest.mark.usefixtures("coarse_heads")
 @pytest.mark.parametrize("yaw", [-70.0, 70.0])
 def test_the_ear_of_a_head_in_profile_is_no_hair(yaw):
-    marks = landmarks(SITTER)
+    marks = demo_landmarks()
     cameras = head_cameras(marks, (yaw,), SIZE, room=1.25, back=0.25)
-    picture = photograph(SITTER, cameras)
+    picture = photographs(f"profile_{yaw:.0f}", cameras, "surface")[0]
     person = picture.image[..., 3] / np.float32(255)
     found = find_regions(picture.image[..., :3], cameras.project(marks)[0][0], person,
                          networks=False)
     behind, down = found.frame.local((SIZE, SIZE))
     behind = -np.sign(found.frame.turn(found.landmarks)) * behind
     head = (person > 0.99) & (down < 1)
-    ear = head & (picture.surface == 0) & (behind > 0.7) & (down < 0.5)
-    hair = head & (picture.surface == 1)
+    ear = head & (picture.more == 0) & (behind > 0.7) & (down < 0.5)
+    hair = head & (picture.more == 1)
     assert ear.sum() > 200
     assert found.hair[ear].mean() < 0.3 and found.hair[hair].mean() > 0.9

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from lfportrait.face.generic_head import generic_face
-from lfportrait.face.head_prior import FACE, generic_prior, with_normals
+from lfportrait.face.head_prior import FACE, generic_face, generic_prior, with_normals
 from lfportrait.face.landmarks import MIRRORED
 
 

@@ -8,8 +8,7 @@ import pytest
 from lfportrait.capture import Camera, Capture, matte_agreement
 from lfportrait.cli import reconstruction
 from lfportrait.errors import UserError
-from lfportrait.field.geometry.fused_depth import Solid, backing_planes
-from lfportrait.field.geometry.mattes import _cut, cut_out, trim
+from lfportrait.field.geometry.mattes import Solid, _cut, backing_planes, cut_out, trim
 from lfportrait.field.kernels.depth_maps import confirm_depth, fuse_distance, outline_distance
 from lfportrait.job.prepare import cut_person
 

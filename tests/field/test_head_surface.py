@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from lfportrait.capture import Camera, Capture
+from lfportrait.demo import demo_landmarks
 from lfportrait.face.capture_head import fit_in_space
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
@@ -23,9 +24,8 @@ from lfportrait.field.geometry.head_surface import (
     is_narrow,
     span_of,
 )
-from modelled_head import SITTER, landmarks, photograph
+from tests.recordings import photographs
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
 SIDE = 112
 
 
@@ -35,18 +35,14 @@ def cameras(angles, pitch=0.0):
                       pitch=pitch)
 
 
-def filmed(angles, model=SITTER):
-    found = cameras(angles)
-    shots = [photograph(model, found, view).image for view in range(len(found))]
+@pytest.fixture(scope="module")
+def arc():
+    found = cameras(np.linspace(-16, 16, 14))
+    shots = [shot.image for shot in photographs("arc", found)]
     return Capture(found, [np.ascontiguousarray(shot[..., :3]) for shot in shots],
                    [np.ascontiguousarray(shot[..., 3]) for shot in shots],
                    [f"{k}.png" for k in range(len(shots))], np.arange(len(shots)) % 6 == 3,
-                   np.eye(4), landmarks(model))
-
-
-@pytest.fixture(scope="module")
-def arc():
-    return filmed(np.linspace(-16, 16, 14))
+                   np.eye(4), demo_landmarks())
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +99,7 @@ def test_an_arc_is_told_from_a_way_around(angles, narrow):
     blank = [np.zeros((SIDE, SIDE, 3), np.uint8)] * len(found)
     capture = Capture(found, blank, [image[..., 0] for image in blank],
                       [str(k) for k in range(len(found))], np.zeros(len(found), bool), np.eye(4),
-                      landmarks(SITTER))
+                      demo_landmarks())
     assert span_of(found) == pytest.approx(np.ptp(angles), abs=0.1)
     assert is_narrow(capture) == narrow
     assert not is_narrow(replace(capture, alphas=None))
@@ -132,11 +128,11 @@ def test_hair_goes_on_behind_and_above_but_not_over_the_face():
 
 def test_the_surface_lies_where_the_face_is(surface):
     camera = cameras([0.0])
-    truth = photograph(SITTER, camera)
+    truth = photographs("before", camera, "depth")[0]
     _, directions = camera.rays(0)
-    points = camera.position[0] + directions * truth.depth[..., None].reshape(
+    points = camera.position[0] + directions * truth.more[..., None].reshape(
         *directions.shape[:-1], 1)
-    inside = (truth.surface >= 0).reshape(directions.shape[:-1])
+    inside = (truth.more > 0).reshape(directions.shape[:-1])
     face = points[inside]
     face = face[(np.abs(face[:, 0]) < 0.3) & (face[:, 1] > -0.5) & (face[:, 1] < 0.4)]
     places, away = surface.chart.places(face)
@@ -218,8 +214,8 @@ def test_a_face_holds_beyond_the_arc(whole):
     assert figures["geometry"]["span_degrees"] == pytest.approx(32, abs=1)
     assert 0.2 < figures["geometry"]["head_shown"] < 0.6
     beyond = cameras([-40, 40])
-    for view in range(2):
-        truth = photograph(SITTER, beyond, view).image[..., 3] > 127
+    for view, shot in enumerate(photographs("beyond", beyond)):
+        truth = shot.image[..., 3] > 127
         shown = field.render(beyond, view).alpha > 0.5
         # The lower end is trimmed, the rest of the outline must be there.
         high = np.arange(SIDE)[:, None] < 0.62 * SIDE

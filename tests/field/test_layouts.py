@@ -44,7 +44,7 @@ def test_a_lattice_is_laid_out_once_for_all_its_colors(monkeypatch):
 
     for module, name, key in ((bricks, "_occupied", "bricks"), (bricks, "_count", "stretches")):
         monkeypatch.setattr(module, name, counted(getattr(module, name), key))
-    real = shell_field(shape=(20, 20, 20), basis=4)
+    real = shell_field(shape=(20, 20, 20), basis=9)
     first, second = painted(real, 0), painted(real, 1)
     mixed = second.mix(strength=0.5)
     found = [(field, pictures(field), field.solid_extent)

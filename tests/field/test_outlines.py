@@ -10,7 +10,7 @@ from scipy import ndimage
 from lfportrait.capture import Capture
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.field.geometry.mattes import refined_mattes
-from lfportrait.field.training import level, trainer
+from lfportrait.field.training import trainer
 from lfportrait.field.training.trainer import Trainer
 from tests.field.test_field import ball_capture
 
@@ -117,9 +117,8 @@ def test_a_stopped_run_goes_on_with_the_mattes_it_had(step, left, mended, tmp_pa
             reconstruct_with_figures(capture, SMALL, checkpoint=checkpoint)
     laid = []
     with monkeypatch.context() as patch:
-        for module in (trainer, level):  # between levels, and on the way
-            patch.setattr(module, "refined_mattes",
-                          lambda *given: (laid.append(1), refined_mattes(*given))[1])
+        patch.setattr(trainer, "refined_mattes",
+                      lambda *given: (laid.append(1), refined_mattes(*given))[1])
         second, _ = reconstruct_with_figures(capture, SMALL, checkpoint=checkpoint)
     assert len(laid) == left
     assert np.array_equal(first.links, second.links)

@@ -7,9 +7,8 @@ import pytest
 
 from lfportrait.capture import Capture
 from lfportrait.field import ReconstructConfig
-from lfportrait.field.training.level import settled
 from lfportrait.field.training.meter import held_out_quality
-from lfportrait.field.training.trainer import Trainer
+from lfportrait.field.training.trainer import Trainer, settled
 from tests.field.test_field import ball_capture
 
 

@@ -20,11 +20,10 @@ from lfportrait.job.first_look import KERNELS, FirstLook, LookTaken, painted_rou
 from lfportrait.job.pipeline import make
 from lfportrait.progress import Progress
 from lfportrait.stylize import StyledField, StylizeConfig
-from modelled_head import SITTER, photograph
 from tests.job import test_pipeline
 from tests.job.test_pipeline import FILES, PANEL
+from tests.recordings import photographs
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
 CONFIG = replace(test_pipeline.CONFIG, stylize=replace(test_pipeline.CONFIG.stylize, steps=0))
 """Without refinement nothing imports torch."""
 LOOK = b"a first look"
@@ -174,7 +173,7 @@ def test_one_photo_is_looked_at_before_its_field_is_made(painting, looks, tmp_pa
                                                          capsys):
     monkeypatch.setattr(portrait, "ROUGH", 48)
     camera = Camera.arc(np.zeros(1), distance=4.4, width=440, height=440, focal=860.0)
-    Image.fromarray(photograph(SITTER, camera).image).save(tmp_path / "her.png")
+    Image.fromarray(photographs("front", camera)[0].image).save(tmp_path / "her.png")
     fine = replace(CONFIG, reconstruct=replace(CONFIG.reconstruct, resolution=64))
     out = tmp_path / "out"
     run = make(tmp_path / "her.png", painting, out, PANEL, fine, offline=True, device="cpu",

@@ -9,7 +9,7 @@ from lfportrait import models
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
-from lfportrait.job.networks import get_networks, networks_of
+from lfportrait.job.pipeline import get_networks, networks_of
 from lfportrait.job.warmup import ball_capture
 from tests.portraits import drawn_face
 
@@ -22,8 +22,7 @@ def empty(tmp_path, monkeypatch):
     monkeypatch.delenv("LFPORTRAIT_MODELS", raising=False)
     monkeypatch.setenv("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
     monkeypatch.setattr(models, "cache_folder", lambda: tmp_path / "cache")
-    from lfportrait import download
-    monkeypatch.setattr(download, "PAUSE", 0.0)
+    monkeypatch.setattr(models, "PAUSE", 0.0)
 
 
 @pytest.fixture

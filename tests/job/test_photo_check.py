@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFilter
 
-from lfportrait.capture import Camera, contact_sheet
+from lfportrait.capture import Camera
 from lfportrait.cli import main
 from lfportrait.face import face_pose
 from lfportrait.files import own_output, write_image
 from lfportrait.job import check_photos, check_picture
 from lfportrait.job.graph import source_files
-from lfportrait.job.photo_check import problem_sheet
+from lfportrait.job.photo_check import contact_sheet, problem_sheet
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,12 @@ from lfportrait.errors import UserError
 from lfportrait.face import detect_faces, read_landmarks, write_landmarks
 from lfportrait.job import add_style, check_style, style_picture
 from lfportrait.stylize import StylizeConfig
-from modelled_head import painted_exemplar
-
-pytestmark = pytest.mark.usefixtures("coarse_heads")
+from tests.recordings import painting
 
 
 @pytest.fixture(scope="module")
 def exemplar():
-    return painted_exemplar("impression", 240, 320, turn=30.0)
+    return painting("impression", 240, 320, 30.0)
 
 
 @pytest.fixture
@@ -33,7 +31,7 @@ def picture(exemplar, tmp_path):
 def drawing(tmp_path):
     """Draws a face turned by so many degrees."""
     def draw(turn):
-        drawn = painted_exemplar("charcoal", 240, 320, turn=turn)
+        drawn = painting("charcoal", 240, 320, turn)
         path = tmp_path / "drawn.png"
         Image.fromarray(drawn.image).save(path)
         Image.fromarray(np.uint8(drawn.mask * 255)).save(tmp_path / "drawn.mask.png")

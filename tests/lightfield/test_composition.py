@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
+from lfportrait.demo import demo_head, demo_landmarks
 from lfportrait.lightfield import (
     DepthReport,
     Display,
@@ -15,18 +16,15 @@ from lfportrait.lightfield import (
     encode,
     simulate,
 )
-from modelled_head import PEOPLE, SITTER, head_field, landmarks, studio_cameras
 from tests.fields import head_field as ball
+from tests.recordings import form
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
 SHAPES = {"16:9": (3840, 2160), "9:16": (2160, 3840), "3:4": (1536, 2048)}
-COARSE = studio_cameras(64, 4)
-"""Cameras that give heads coarse colors: their forms alone are looked at."""
 
 
 @pytest.fixture(scope="module")
 def field():
-    return head_field(SITTER, 2, COARSE)
+    return demo_head()
 
 
 def panel_of(shape):
@@ -48,7 +46,7 @@ def test_the_eyes_lie_in_the_middle_third_from_everywhere(field, shape):
     config = composed(field, panel, EncodeConfig(compose=True))
     assert not config.compose
     placement = Placement.of(panel, config)
-    points = landmarks(SITTER)
+    points = demo_landmarks()
     eyes = np.stack([points[36:42].mean(axis=0), points[42:48].mean(axis=0)])
     for eye in panel.eyes()[[0, 15, 30, 45, 59]]:
         seen = on_panel(eyes, panel, placement, eye)
@@ -113,8 +111,8 @@ def test_options_change_what_is_composed():
 
 def test_people_of_all_kinds_fit():
     panel = panel_of("3:4")
-    for person in [PEOPLE[name] for name in list(PEOPLE)[2:4]]:
-        field = head_field(person, 2, COARSE)
+    for person in ("girl", "curly"):
+        field = form(person)
         placement = Placement.of(panel, composed(field, panel, EncodeConfig(compose=True)))
         points = field.lattice_points()[field.density > 10]
         assert on_panel(points, panel, placement, 0.0)[:, 1].max() < 0.99

@@ -42,13 +42,17 @@ def coded(field, display, **options):
 
 
 # Four coefficients have terms of their own (`make_build`). Kernels for them take seconds to
-# compile: of the tests of coding only these have any.
+# compile, and who reconstructs has one or nine: of the tests of coding only these have any.
 CASES = [
     ({}, {}, {}),
-    ({"basis": 4, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3}),
+    pytest.param({"basis": 4, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3},
+                 marks=pytest.mark.slow),
+    ({"basis": 1, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3}),
     ({"basis": 1, "shape": (20, 14, 31)}, {"eye_height": 0.7}, {"background": 0.2}),
     ({"box": (0.8, 1.1, 0.9), "center": (0.1, -0.05, 0.2)}, {}, {"turn": 25.0}),
-    ({"basis": 4, "size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0}),
+    pytest.param({"basis": 4, "size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0},
+                 marks=pytest.mark.slow),
+    ({"size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0}),
     ({"size": 40}, {}, {"draft": True}),
     ({"size": 5, "density": 4.0}, {"cone": 20}, {"size": 1.1, "shift_x": 0.4, "shift_y": 0.3}),
     ({"shape": (3, 2, 2), "density": 3.0}, {}, {}),
@@ -150,7 +154,7 @@ def test_slices_show_what_direct_casting_shows(options, basis, panel):
 
 
 def test_one_view_is_what_that_view_has_in_the_coded_picture():
-    field = smooth_field(4, 32)
+    field = smooth_field(9, 32)
     image = coded(field, SMALL)
     rows, columns = np.ogrid[:40, :60]
     config = EncodeConfig(method="slices")
@@ -163,7 +167,7 @@ def test_one_view_is_what_that_view_has_in_the_coded_picture():
 
 
 def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
-    field = smooth_field(4, 32)
+    field = smooth_field(9, 32)
     for loaded in (False, True):
         mask = ViewMask.build(SMALL, cache=tmp_path)
         assert mask.loaded == loaded
@@ -171,7 +175,7 @@ def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
     render_view(field, SMALL, 3, EncodeConfig(method="slices"))
     # Of each width of the mask's numbers there is one kernel: Numba tells arrays that can't be
     # written to from others.
-    kinds = [signature[12].dtype for signature in slice_kernel(4).kernel.signatures]
+    kinds = [signature[12].dtype for signature in slice_kernel(9).kernel.signatures]
     assert len(kinds) == len(set(kinds))
 
 

@@ -6,7 +6,8 @@ from scipy import ndimage
 
 from modelled_head import SITTER, head_field, landmarks, photograph, studio_cameras
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
+# Slow: tests and users have what was made of it.
+pytestmark = [pytest.mark.usefixtures("coarse_heads"), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

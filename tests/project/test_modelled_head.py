@@ -1,4 +1,4 @@
-"""The embedded capture: the modelled head, its landmarks and its photographs."""
+"""The embedded capture: the modelled head, its landmarks and its photographs; what tests keep."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,10 @@ from modelled_head import (
     studio_capture,
 )
 from modelled_head.kernels.head import surfaces
+from tests import recordings
 from tests.reference import head as reference
+
+pytestmark = pytest.mark.slow  # users have pictures of them, tests too
 
 EVERYONE = [pytest.param(model, id=name) for name, model in PEOPLE.items()]
 # Pairs of landmarks that mirror each other.
@@ -70,7 +73,6 @@ def test_landmarks_are_a_face(model):
     assert 0.30 < np.hypot(x[42:48].mean() - x[36:42].mean(), 0) < 0.45
 
 
-@pytest.mark.slow
 def test_silhouette_agrees_with_the_reference(capture):
     for view in (0, 3, 7):
         origins, directions = capture.cameras.rays(view)
@@ -87,7 +89,6 @@ def test_silhouette_agrees_with_the_reference(capture):
         assert (nearest < -0.03).sum() > 20
 
 
-@pytest.mark.slow
 def test_capture_is_complete_and_deterministic(capture):
     again = studio_capture(size=72, views=8)
     for one, other in zip(capture.images + capture.alphas, again.images + again.alphas):
@@ -131,3 +132,27 @@ def test_every_surface_is_seen_and_lit():
     assert (skin[:, 0] > skin[:, 2]).mean() > 0.99, "skin is warm"
     assert (skin == 255).mean() < 0.01
     assert (picture.normal[..., 2][inside] > -0.1).mean() > 0.995, "normals face the camera"
+
+
+@pytest.mark.parametrize("path", sorted(recordings.FOLDER.glob("*.npz")), ids=lambda one: one.stem)
+def test_what_tests_keep_is_what_the_model_gives(path):
+    """Else the model changed: tests with ``LFPORTRAIT_RECORD=1`` record it again."""
+    with np.load(path) as data:
+        kept = {name: data[name] for name in data.files}
+    if "person" in kept:
+        made, least = recordings.make_form(str(kept["person"])), 40
+    elif "style" in kept:
+        height, width = kept["image"].shape[:2]
+        made = recordings.make_painting(str(kept["style"]), width, height, float(kept["turn"]))
+        least = 25  # a stroke more or less changes those that follow
+        np.testing.assert_allclose(kept["landmarks"], made["landmarks"], atol=1e-6)
+    else:
+        cameras = Camera(**{name: kept[name] for name in ("pose", "focal", "center", "width",
+                                                          "height")})
+        made = recordings.make_photographs(cameras, *{"surface", "depth"} & set(kept))
+        least = 40
+    assert set(kept) == set(made)
+    for name in {"image", "mask", "density", "depth", "surface"} & set(kept):
+        one, other = (np.asarray(side[name], np.float64) for side in (kept, made))
+        error = max(float(((one - other) ** 2).mean()), 1e-9)
+        assert 20 * np.log10(max(np.abs(one).max(), 1) / np.sqrt(error)) > least, name

@@ -11,7 +11,6 @@ from .camera import (
     without_drift,
 )
 from .capture import Capture, LatePictures
-from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .facts import (
     DataSetFacts,
     DepthFacts,
@@ -55,15 +54,14 @@ from .photos import (
 from .video import read_source, read_video, video_frames
 
 __all__ = [
-    "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",
-    "Capture", "CaptureFormat", "DataSet", "DataSetFacts", "DepthFacts", "HeadMotion",
-    "LatePictures", "Lens", "Photo", "PhotosError", "PictureFacts", "Shot", "VideoFacts",
-    "Views", "calibrate", "capture_formats", "color_likelihood", "consistent_mattes",
-    "contact_sheet", "data_set_facts", "fineness", "focus_point", "follow_head", "font",
-    "held_out_views", "holes_of", "is_calibrated", "is_video", "laid_over", "lattice_votes",
-    "looks_normalised", "matte_agreement", "mattes_share", "photo_listing", "picture_facts",
-    "picture_files", "place_by_head", "portrait_frame_from_cameras",
-    "portrait_frame_from_landmarks", "pose_corrections", "read_photos", "read_source",
-    "read_video", "refine_changes", "refine_matte", "relative_sharpness", "some_depth",
-    "undistort", "video_facts", "video_frames", "views_share", "without_drift",
+    "USUAL_FOCAL", "CalibrateConfig", "Camera", "Capture", "CaptureFormat", "DataSet",
+    "DataSetFacts", "DepthFacts", "HeadMotion", "LatePictures", "Lens", "Photo", "PhotosError",
+    "PictureFacts", "Shot", "VideoFacts", "Views", "calibrate", "capture_formats",
+    "color_likelihood", "consistent_mattes", "data_set_facts", "fineness", "focus_point",
+    "follow_head", "held_out_views", "holes_of", "is_calibrated", "is_video", "laid_over",
+    "lattice_votes", "looks_normalised", "matte_agreement", "mattes_share", "photo_listing",
+    "picture_facts", "picture_files", "place_by_head", "portrait_frame_from_cameras",
+    "portrait_frame_from_landmarks", "pose_corrections", "read_photos", "read_source", "read_video",
+    "refine_changes", "refine_matte", "relative_sharpness", "some_depth", "undistort",
+    "video_facts", "video_frames", "views_share", "without_drift",
 ]

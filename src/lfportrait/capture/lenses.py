@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bool, Float32, Float64
-from ..files import UNREADABLE_ARRAYS
+from ..files import UNREADABLE_ARRAYS, load_arrays
 from ..media.colors import premultiplied, straight
 from ..media.depth import DepthMap
 
@@ -259,8 +259,8 @@ def load_depth(folder: Path, entry: Any) -> DepthMap | None:
     if entry is None:
         return None
     try:
-        with np.load(folder / entry["file_path"], allow_pickle=False) as file:
-            arrays = {name: np.asarray(file[name], np.float32) for name in file.files}
+        arrays = {name: np.asarray(values, np.float32)
+                  for name, values in load_arrays(folder / entry["file_path"]).items()}
         return DepthMap(arrays["values"], confidence=arrays.get("confidence"),
                         **{key: entry[key] for key in _TOLD})
     except UNREADABLE_ARRAYS as error:

@@ -48,7 +48,7 @@ _LOWEST = -0.105
 _EAR = ((0.060, 0.120), (-0.0225, 0.0365), (-0.0185, 0.0175))
 """Where ICT-FaceKit's mean head has its ears: |x|, y and z in metres."""
 LONG = 1.27
-"""Length of a skull over its breadth, that of the generic head (`lfportrait.face.generic_head`)."""
+"""Length of a skull over its breadth, that of the generic head (`lfportrait.face.head_prior`)."""
 _BROW, _ABOVE_BROWS = slice(19, 25), 0.005
 """Landmarks of the brows, and metres above them from which on a skull is measured."""
 ROUNDS = 12

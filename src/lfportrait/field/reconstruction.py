@@ -40,11 +40,10 @@ from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import Cut, VoxelField
 from .kernels.descent import descend
 from .training.gpu_stepping import GpuSteps
-from .training.level import settled
 from .training.meter import CurveFile, Meter, held_out_quality
 from .training.pixels import Batches
 from .training.stepping import Caster, Plan
-from .training.trainer import Trainer
+from .training.trainer import Trainer, settled
 from .trimming import find_cut, kept_pixels, trim
 
 

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, UInt8
 from ..errors import UserError
-from ..files import UNREADABLE_ARRAYS, atomic_write
+from ..files import UNREADABLE_ARRAYS, array_header, atomic_write, read_member
 from ..measure import usable_cores
 from ..simd.threads import share_out, side_by_side
 from ..stages import check_writable
@@ -377,8 +377,7 @@ def read_array(path: Path, name: str) -> NDArray[Any]:
             lengths = struct.unpack("<HH", stream.read(_HEADER)[-4:])
             stream.seek(member.header_offset + _HEADER + sum(lengths))
             return _array(_joined(stream.read(member.compress_size), pieces))
-    with np.load(path, allow_pickle=False) as data:
-        return np.asarray(data[name])
+        return read_member(archive, member)
 
 
 def _pieces(member: zipfile.ZipInfo) -> list[_Piece]:
@@ -412,10 +411,5 @@ def _joined(data: bytes, pieces: list[_Piece]) -> UInt8:
 def _array(data: UInt8) -> NDArray[Any]:
     """The array of an ``.npy`` file."""
     head = io.BytesIO(data[:_PIECE].tobytes())
-    version = np.lib.format.read_magic(head)
-    if version != (1, 0):
-        raise ValueError(f"an array has the unknown version {version}")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(head)
-    if dtype.hasobject:
-        raise ValueError("an array holds objects")
-    return np.ndarray(shape, dtype, data[head.tell():], order="F" if fortran else "C")
+    shape, order, dtype = array_header(head)
+    return np.ndarray(shape, dtype, data[head.tell():], order=order)

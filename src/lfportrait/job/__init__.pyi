@@ -18,8 +18,9 @@ from .graph import (
     style_key,
 )
 from .inspection import Inspection, inspect, inspection_lines
-from .networks import get_networks
 from .photo_check import (
+    FAIR,
+    GOOD,
     MadeFrom,
     PhotoCheck,
     PhotoFacts,
@@ -28,18 +29,18 @@ from .photo_check import (
     head_way,
     is_few,
 )
-from .pipeline import MakeConfig, Source, TimeLeft, make, run_figures
+from .pipeline import MakeConfig, Source, TimeLeft, get_networks, make, run_figures
 from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session
 from .style_check import StyleCheck, add_style, check_style, chosen_face, style_picture
 from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
-__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MadeFrom", "MakeConfig",
-           "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
-           "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
+__all__ = ["FAIR", "FULL", "GOOD", "QUICK", "STAGES", "FirstLook", "Inspection", "MadeFrom",
+           "MakeConfig", "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck",
+           "Task", "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
-           "do_stage", "field_key", "find_face", "fitted", "get_networks",
-           "head_kernels", "head_way", "inspect", "inspection_lines", "is_few", "look_at", "make",
-           "painting_key", "portrait_tasks", "prepare_capture", "run_figures", "share_key",
-           "source_key", "stage_key", "style_key", "style_picture"]
+           "do_stage", "field_key", "find_face", "fitted", "get_networks", "head_kernels",
+           "head_way", "inspect", "inspection_lines", "is_few", "look_at", "make", "painting_key",
+           "portrait_tasks", "prepare_capture", "run_figures", "share_key", "source_key",
+           "stage_key", "style_key", "style_picture"]

@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw
 from scipy import ndimage
 
 from ..arrays import Float32, Float64, UInt8
-from ..capture import BAD, FAIR, GOOD, INK, PAPER, Camera, font
+from ..capture import Camera
 from ..demo import demo_landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, Regions, frontal_view, head_mesh, shut_eyes
@@ -28,7 +28,7 @@ from ..files import write_image
 from ..lightfield import Display, EncodeConfig
 from ..media.pictures import read_image
 from ..stylize import PARTED, StylizeConfig, mouth_opening, stylize_with_figures
-from .photo_check import hand_at_face, wrapped
+from .photo_check import BAD, FAIR, GOOD, INK, PAPER, font, hand_at_face, wrapped
 from .session import preview_head
 
 SMALL = 300

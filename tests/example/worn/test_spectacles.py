@@ -12,15 +12,14 @@ from lfportrait.example import Exemplar
 from lfportrait.face import face_pose
 from lfportrait.face.glasses import find_spectacles, spectacles
 from lfportrait.face.landmarks import MIRRORED
-from modelled_head import painted_exemplar
 from tests.example.worn.drawn_spectacles import KINDS, put_on
+from tests.recordings import painting
 
-pytestmark = pytest.mark.usefixtures("coarse_heads")
 SIZE = 480, 640
 ASIDE = 300, 400
-"""Of what is painted turned: that is not made yet, and takes as long as all tests of it."""
+"""Of what is painted turned."""
 TURN = 35.0
-"""One is enough, as a mirrored picture has the mirrored mask: each is painted for this file."""
+"""One is enough, as a mirrored picture has the mirrored mask."""
 BARE = [*((style, 0.0) for style in demo_styles()), ("impression", TURN),
         pytest.param("charcoal", TURN, marks=pytest.mark.slow)]
 """Styles and turns of sitters without spectacles."""
@@ -36,7 +35,7 @@ SKIN = ((646, 635), (665, 616), (593, 532), (781, 660), (603, 735), (712, 703), 
 @cache
 def painted(style, turn):
     # From the front as the demo has it: made already.
-    return painted_exemplar(style, *ASIDE, turn=turn) if turn else demo_exemplar(style, *SIZE)
+    return painting(style, *ASIDE, turn) if turn else demo_exemplar(style, *SIZE)
 
 
 def sitter(style, turn=0.0):

@@ -14,7 +14,7 @@ from lfportrait.face import is_portrait, portrait_capture, portrait_field
 from lfportrait.face.one_photo import portrait
 from lfportrait.field import ReconstructConfig
 from lfportrait.progress import Progress
-from modelled_head import SITTER, photograph
+from tests.recordings import photographs
 
 pytestmark = pytest.mark.skipif(models.missing(["face-landmarker"]) != [],
                                 reason="the network for landmarks is not here")
@@ -25,7 +25,7 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The modelled head from the front, cut out."""
     camera = Camera.arc(np.zeros(1), distance=4.4, width=440, height=440, focal=860.0)
     path = tmp_path_factory.mktemp("photo") / "her.png"
-    Image.fromarray(photograph(SITTER, camera).image).save(path)
+    Image.fromarray(photographs("front", camera)[0].image).save(path)
     return path
 
 

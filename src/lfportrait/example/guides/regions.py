@@ -100,8 +100,9 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     out = np.empty((*person.shape, 2), np.int32)
     # Paint of the outline lies outside the mask too: labels that fall off gently hold it there.
     soft = broad_blur(np.ascontiguousarray(person, np.float32), OUTLINE_BLUR * frame.height)
-    soft_labels(soft, np.ascontiguousarray(hair, np.float32),
-                planes, factor, "hair" in like, "body" in like, out)
+    # A mask that Pillow resized is read-only: the kernel would be compiled once more for it.
+    soft_labels(soft, np.require(hair, np.float32, ("C", "W")), planes, factor, "hair" in like,
+                "body" in like, out)
     return out.view(np.uint8)
 
 

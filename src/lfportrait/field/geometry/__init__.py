@@ -1,8 +1,8 @@
 """Geometry from photos before training: hulls, depth, solids.
 
-`sweep` finds depth maps, `fused_depth` makes a solid of them, `mattes` follows its outlines and the
-field's; `clean_plates` shows what is behind the person; `exposure` compares the photos' brightness;
-`head_surface` begins with the usual proportions of a bust; `start` makes the first lattice.
+`sweep` finds depth maps, `mattes` makes a solid of them and follows its outlines and the field's;
+`clean_plates` shows what is behind the person; `head_surface` begins with the usual proportions of
+a bust; `start` compares the photos' brightness and makes the first lattice.
 """
 
 import lazy_loader

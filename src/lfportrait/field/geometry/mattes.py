@@ -7,30 +7,40 @@ edges say the rest (`refined_mattes`, `lfportrait.capture.refine_matte`). Held-o
 mattes erred alike, get theirs in the same way, from a field that never saw them.
 
 Where a network's mattes contradict each other, the photos themselves define the object: a solid
-from the depth of the training photos (`fused_depth`) is outlined in every photo, and each outline
-is laid along that photo's own edges (`cut_out`). Held-out photos are cut in the same way; no depth
-is taken from them, and no field is asked. Where the mattes agree, the same solid shows what in them
+from the depth of the training photos (`find_solid`) is outlined in every photo, and each outline is
+laid along that photo's own edges (`cut_out`). Held-out photos are cut in the same way; no depth is
+taken from them, and no field is asked. Where the mattes agree, the same solid shows what in them
 lies far from the person (`trim`).
+
+The solid: depth maps are fused to signed distances on a lattice (Curless and Levoy 1996). The
+planes that the object stands on or before - a table, a wall - have the object and all cameras on
+one side and little on the other; they are found by RANSAC and cut off. What then hangs together
+about the origin is the object, less those parts that hardly any matte of the network calls person,
+if most mattes call the rest so. No single photo decides: a matte that fails in a third of the
+photos does no harm.
 """
 
 from __future__ import annotations
 
+import functools
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from ...arrays import Float32, UInt8
-from ...capture import Capture, holes_of, refine_matte
+from ...arrays import Float32, Float64, UInt8
+from ...capture import Camera, Capture, holes_of, mattes_share, refine_matte, views_share
 from ...progress import Progress
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
-from .fused_depth import REACH, Solid, find_solid
-from .sweep import sweep_depth
+from ..kernels.depth_maps import fuse_distance, outline_distance
+from .sweep import DepthMap, stacked, sweep_depth
 
 Plane = Float32
 
@@ -182,3 +192,173 @@ def _coarse(capture: Capture, view: int, solid: Solid) -> Plane:
 def _cut(image: UInt8, coarse: Plane) -> tuple[Plane, bool]:
     """The matte laid along the photo's edges, and whether these agree with the outline."""
     return along_edges(image, coarse, max(2, round(max(coarse.shape) / 256)))
+
+
+REACH = 1.8
+"""Half of the lattice's edge in world units: a head is about one in radius, shoulders reach on."""
+
+_SIZE, _THICK = 144, 3.0
+_FOCUS = 0.6  # radius about the origin in which the object is looked for
+_PERSON = 0.4  # share of the votes below which what stands at the origin is no person
+_DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
+_HIDDEN = 0.85  # and above which a point without depth is inside
+
+Points = Float64
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Signed distances to an object on a cubic lattice about the origin."""
+
+    # first, spacing: Coordinate of the first point along x, y and z, distance of the points, in
+    # world units.
+    first: float
+    spacing: float
+    # float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero inside.
+    distance: Float32
+
+    @functools.cached_property
+    def _clear(self) -> UInt8:
+        return _clearance(self.distance)
+
+    def outline(self, camera: Camera) -> Float32:
+        """The least distance along the ray of each pixel of one view.
+
+        float32 [H, W] in world units, negative where the object is, at most three spacings.
+        """
+        height, width = int(camera.height[0]), int(camera.width[0])
+        least = outline_distance(self.distance, self._clear, self.first, self.spacing,
+                                 camera.row(0), height, width)
+        return np.asarray(least * np.float32(_THICK * self.spacing), np.float32)
+
+
+def _clearance(distance: Float32) -> UInt8:
+    """For each cell, how many cells away the nearest one is that is not empty, at most 255."""
+    empty = distance >= 1.0
+    cells = ndimage.minimum_filter(empty, size=2, origin=-1, mode="nearest")
+    steps = ndimage.distance_transform_cdt(cells, "chessboard")
+    return np.minimum(steps, 255).astype(np.uint8)
+
+
+def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float,
+                   most: int = 3) -> Float64:
+    """Planes that have the object and the cameras before them, float64 [P, 4], ``most`` at most.
+
+    They are unit normals and offsets: ``normal . x > offset`` before the plane. Of points of
+    surfaces, float64 [K, 3], ``persons`` says how much the mattes call each of them the person, and
+    ``usual`` how much they call the object so: a plane that they call so nearly as much is part of
+    it (a back, a chest).
+    """
+    random = np.random.default_rng(0)
+    near = np.linalg.norm(points, axis=1) < REACH + 0.2
+    points, persons = points[near], persons[near]
+    found: list[Float64] = []
+    while len(found) < most and len(points) >= 500:
+        chosen = random.permutation(len(points))[:6000]
+        sample = points[chosen]
+        corners = sample[random.integers(0, len(sample), (1500, 3))]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normals, axis=1)
+        normals = normals[length > 1e-3] / length[length > 1e-3, None]
+        offsets = np.einsum("ij,ij->i", normals, corners[length > 1e-3, 0])
+        turned = offsets > 0
+        normals[turned], offsets[turned] = -normals[turned], -offsets[turned]
+        ahead = np.einsum("ij,kj->ik", cameras, normals) > offsets
+        usable = (ahead.mean(axis=0) > 0.95) & (offsets < -0.25)
+        for plane in found:  # the thickness of a table is no second table
+            usable &= normals @ plane[:3] < 0.8
+        normals, offsets = normals[usable], offsets[usable]
+        if not len(normals):
+            break
+        support = np.zeros(len(normals))
+        for index, (normal, offset) in enumerate(zip(normals, offsets)):
+            height = sample @ normal - offset
+            behind = np.mean(height < -0.06)
+            support[index] = np.mean(abs(height) < 0.03) if behind < 0.1 else 0.0
+        best = int(support.argmax())
+        height = points @ normals[best] - offsets[best]
+        on = abs(height) < 0.03
+        middle = points[on].mean(axis=0)
+        # What an object stands on reaches beyond it, other than its own base.
+        reach = np.quantile(np.linalg.norm(points[on] - height[on, None] * normals[best]
+                                           - offsets[best] * normals[best], axis=1), 0.9)
+        if support[best] < 0.04 or reach < 1.0 or persons[on].mean() > 0.8 * usual:
+            break
+        normal = np.linalg.svd(points[on] - middle, full_matrices=False)[2][2]
+        normal = normal if normal @ middle < 0 else -normal
+        found.append(np.append(normal, normal @ middle))
+        keep = points @ normal - normal @ middle > 0.06
+        points, persons = points[keep], persons[keep]
+    return np.array(found).reshape(-1, 4)
+
+
+def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
+    """The object at the origin, by depth maps of V views and mattes of their size in [0, 1].
+
+    None if nothing of known depth is near the origin, or if most mattes see no person in what is.
+    """
+    if not maps:
+        return None
+    spacing = 2.0 * REACH / _SIZE
+    axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)
+    depths, sizes = stacked([np.nan_to_num(item.depth, posinf=0.0) for item in maps])
+    total, count, person, seen = fuse_distance(
+        axis, np.stack([item.camera.row(0) for item in maps]), depths, stacked(mattes)[0], sizes,
+        _THICK * spacing)
+    known = count >= 2
+    mean = total / np.maximum(count, 1)
+    shell = known & (mean < 0) & (seen > 0)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)
+    radius = np.sqrt(x * x + y * y + z * z)
+    if (shell & (radius < 2 * _FOCUS)).sum() < 200:
+        return None
+    vote = _smooth_vote(person, seen)
+    usual = float(np.median(vote[shell & (radius < 1.0)]))
+    if usual < _PERSON:
+        return None
+    surface = known & (seen > 0) & (abs(mean) < 1.0 / _THICK)
+    planes = backing_planes(axis[np.argwhere(surface)[:, ::-1]], vote[surface],
+                            np.concatenate([item.camera.position for item in maps]), usual)
+    before = np.full(shell.shape, np.inf)
+    for a, b, c, offset in planes:
+        before = np.minimum(before, a * x + b * y + c * z - offset)
+    ahead = before > 1.5 * spacing
+    own = shell & ahead & (vote >= _DOUBT * usual)
+    # Depth gives nothing hidden inside, nor on textureless surfaces. There the mattes vote as for a
+    # visual hull: the views before which the point lies in the person's place.
+    share = _hull_share(maps, mattes)
+    hidden = ~known & ahead & (share >= _HIDDEN * np.median(share[shell & (radius < 1.0)]))
+    parts, _ = ndimage.label(own | hidden)
+    sizes = np.bincount(parts[own & (radius < 2 * _FOCUS)], minlength=1)
+    if len(sizes) < 2 or not sizes[1:].any():
+        return None
+    whole = parts == sizes[1:].argmax() + 1
+    near = ndimage.binary_dilation(whole, iterations=3) & (before > 0.5 * spacing)
+    value = np.where(known, mean, np.where(whole, -1.0, 1.0))
+    return Solid(float(axis[0]), spacing, np.where(near, value, 1.0).astype(np.float32))
+
+
+def _hull_share(maps: list[DepthMap], mattes: list[Float32]) -> Float32:
+    """The mean matte over the views that have a point in the picture, on every second point.
+
+    0 where fewer than a quarter of the views have.
+    """
+    cameras = Camera.concatenate([item.camera for item in maps])
+    share = mattes_share(cameras, mattes, REACH, _SIZE // 2)
+    # Every eighth point is enough to know what the pictures show.
+    inside = views_share(cameras, REACH, _SIZE // 8)
+    return np.asarray(np.where(_larger(inside, 8) < 0.25, 0.0, _larger(share, 2)), np.float32)
+
+
+def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
+    """Each point repeated along z, y and x."""
+    for axis in range(3):
+        lattice = np.repeat(lattice, factor, axis)
+    return lattice
+
+
+def _smooth_vote(person: Float32, seen: Float32) -> Float32:
+    """How much the mattes call a place of the surface the person, over its surroundings."""
+    votes = ndimage.gaussian_filter(person, 2.0)
+    voters = ndimage.gaussian_filter(seen, 2.0)
+    return np.asarray(votes / np.maximum(voters, 1e-4), np.float32)

@@ -1,6 +1,5 @@
 """Training a field on photos: level by level, with cameras refined on the way, and resumable.
 
-`trainer` runs the levels (`level`); `pixels` says which rays, `stepping` casts them and says how
-far a step goes; `lattice` refines and prunes, `poses` moves cameras; `checkpoint` keeps the state,
-`meter` the curves.
+`trainer` runs the levels and keeps the state; `pixels` says which rays, `stepping` casts them and
+says how far a step goes; `lattice` refines and prunes, `poses` moves cameras; `meter` keeps curves.
 """

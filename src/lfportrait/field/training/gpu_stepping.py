@@ -19,7 +19,7 @@ from ...progress import Progress
 from ..background import BackgroundTrainer
 from ..config import Settings
 from ..gpu.training.steps import STEP
-from ..kernels.rows import put_means
+from ..kernels.bricks import put_means
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 from .stepping import DECAY, Plan, Taken, color_gains, variation_of

@@ -17,9 +17,15 @@ import numpy as np
 from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int32
-from ..kernels.bricks import brick_table
+from ..kernels.bricks import (
+    add_rows,
+    brick_table,
+    fill_neighbours,
+    mark_points,
+    put_means,
+    refine_rows,
+)
 from ..kernels.march import lattice_of_world
-from ..kernels.rows import add_rows, fill_neighbours, mark_points, put_means, refine_rows
 
 
 def _box(points: Bool, margin: int = 0) -> tuple[slice, slice, slice] | None:

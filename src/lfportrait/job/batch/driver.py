@@ -27,8 +27,8 @@ from ...simd.host import compiling_progress
 from ...stages import check_writable
 from ...version import __version__
 from ..graph import Task, painting_key, source_key
-from ..networks import get_networks, networks_of
 from ..photo_check import MadeFrom
+from ..pipeline import get_networks, networks_of
 from ..warmup import Warmup
 from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked

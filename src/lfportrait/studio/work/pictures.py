@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from ...arrays import UInt8
-from ...capture import Camera, Capture, font
+from ...capture import Camera, Capture
 from ...color import to_uint8
 from ...field import VoxelField
 from ...files import write_image
@@ -191,7 +191,8 @@ def cameras_picture(capture: Capture, size: int = 480) -> UInt8:
                             y + length * (ahead[1] + s * 0.4 * side[1])) for s in (-1, 1))]
         draw.polygon(wedge, outline=_BLUE)
         draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=_BLUE)
-    draw.text((10, size - 24), f"{len(capture)} cameras, from above", fill=_INK, font=font(14))
+    draw.text((10, size - 24), f"{len(capture)} cameras, from above", fill=_INK,
+              font=ImageFont.load_default(14))
     _photos(sheet, capture, size)
     return np.asarray(sheet, np.uint8)
 

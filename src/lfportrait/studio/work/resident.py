@@ -21,13 +21,12 @@ from PIL import Image
 from ... import models
 from ...arrays import Float64, UInt8
 from ...cache import hash_of, tried
-from ...capture import FAIR, GOOD
 from ...errors import UserError
 from ...example import Exemplar, known_ground
 from ...face import GENERIC_LANDMARKS, detect_faces, write_landmarks
 from ...field import Backdrop, VoxelField, head_points
 from ...files import atomic_path, file_state, write_image, write_json
-from ...job import Session, check_style, chosen_face
+from ...job import FAIR, GOOD, Session, check_style, chosen_face
 from ...labels import BY_HAND
 from ...lightfield import (
     DepthReport,

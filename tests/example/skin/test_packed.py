@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from lfportrait.packed import check, pack, unpack
+from lfportrait.example.skin.storage import check, pack, unpack
 
 KINDS = (np.bool_, np.uint8, np.int32, np.uint16, np.float16, np.float32, np.float64)
 
