@@ -8,11 +8,12 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.hair import grown_out
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import HIDDEN, Shot, _hairy, painted
 from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, METRES, filled
-from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
 from lfportrait.face.one_photo.strands import WIDTHS, strand_contrast, strands
 
@@ -186,3 +187,30 @@ def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):
     assert max(blurred) <= BROAD
     assert np.isfinite(filled(np.where(np.arange(90000).reshape(900, 100) < 40, 2.0, np.nan), 6.0)
                       ).all()
+
+
+def test_hair_stands_off_the_skull_as_far_as_its_outline():
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] -= points[:, 2].mean()
+    samples = MeshSamples.of(points, prior.outer, prior.rest)
+    camera = Camera.arc(np.zeros(1), distance=40.0, width=SIDE, height=SIDE, focal=5600.0,
+                        target=(0, -0.25, 0), pitch=0.0)
+    head, hair = np.zeros((2, SIDE, SIDE), np.uint8)
+    line = np.quantile(points[:, 1], 0.85)
+    for out, off in ((head, 0.0), (hair, 0.15)):
+        raised = points + np.array([0, off, 0])
+        for corners in np.rint(camera.project(raised)[0][0][prior.triangles]).astype(np.int32):
+            cv2.fillConvexPoly(out, corners, 1)
+    height = float(camera.project(np.array([[0, line, 0.5]]))[0][0, 0, 1])
+    hair[int(height):] = 0
+    parts = parts_of(camera, (head | hair).astype(np.float32), hair.astype(np.float32), 40.0)
+    near = depth_maps(samples, parts)[0]
+    scalp = samples.rest[:, 1] > 0.19
+    moved = np.linalg.norm(grown_out(parts, samples, near, scalp).points - samples.points, axis=1)
+    top = samples.points[:, 1] > samples.points[:, 1].max() - 0.01
+    assert moved[top & scalp].mean() == pytest.approx(0.15, abs=0.03)
+    front = (samples.points[:, 2] > 0.2) & (np.abs(samples.points[:, 0]) < 0.1)
+    assert moved[front & (samples.points[:, 1] < line - 0.03)].max() == 0
+    rising = front & (samples.points[:, 1] > line) & (samples.points[:, 1] < line + 0.05)
+    assert 0 < moved[rising].mean() < 0.1

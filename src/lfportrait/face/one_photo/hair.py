@@ -1,6 +1,7 @@
 """Hair as an inflated piece: on the head, before the body, and down the back.
 
-Hair begins flush with the skin at the hairline and stays clear of the skull. Below the jaw it lies
+Hair begins flush with the skin at the hairline and stays clear of the skull: in front by as much as
+the outline shows it to stand off in the same direction. Below the jaw it lies
 on the neck and on the body, in front as thick as a lock is. Behind it covers what is scalp; where
 it hangs down beside the neck, also what lies between its strands, which no photo shows.
 """
@@ -21,7 +22,7 @@ from .piece import METRES, Piece, filled, outside
 from .relief import inflated
 from .samples import MeshSamples
 
-__all__ = ["Neck", "hair_piece", "with_rims"]
+__all__ = ["Neck", "grown_out", "hair_piece", "with_rims"]
 
 
 CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
@@ -48,6 +49,18 @@ FALL = 0.45
 """How much farther back, of the way down, hair hangs at most."""
 CURVE = 0.10
 """How much farther down the middle hair behind ends than at the sides, portrait units."""
+
+
+FRONT = 0.03
+"""What lies no farther behind the nearest place is in front, portrait units."""
+RISE = 0.2
+"""From so far behind its line on hair is as thick as it gets, portrait units."""
+CROWN = 0.13
+"""Height (metres, `HeadPrior.rest`) from which on hair is as thick as the outline says."""
+SECTORS, EVENLY = 36, 1.5
+"""Of the half circle above that; how many of them share a thickness."""
+MOST = 0.25
+"""Hair stands off the skull by no more, portrait units."""
 
 
 class Neck(NamedTuple):
@@ -92,7 +105,8 @@ class Neck(NamedTuple):
 
 
 def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bool, neck: Neck,
-               body: Piece | None, sensed: Sensed | None) -> Piece:
+               body: Piece | None, sensed: Sensed | None,
+               outer: tuple[Float64, Float64]) -> Piece:
     """Hair as a piece.
 
     Parameters
@@ -103,18 +117,65 @@ def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bool, neck: N
     neck : Where it is in the maps.
     body : What hair lies on below the neck.
     sensed : The photo's own depth, where it has one.
+    outer : The same depths of the head with its hair (`grown_out`).
     """
     near, far = head
     share = neck.share(len(near))
-    middle = neck.middle(near, far)
+    # What stands up in front is not behind the skull's middle.
+    middle = np.minimum(neck.middle(near, far), neck.middle(*outer))
     person = parts.inside > 0
     hair = parts.hair & person
     before, behind = _under(head, share, body)
-    front = _front(parts, hair, middle, before, share, sensed)
+    front = _front(parts, hair, middle, before, share, sensed, outer[0])
     domain = _behind(parts, hair, grown, neck)
     back = _back(parts, domain, middle, behind, float(np.nanmax(far)), share)
     return Piece(outside(front, parts, hair, 1.0), outside(back, parts, domain, 1.0), middle,
                  hair, domain)
+
+
+def grown_out(parts: Parts, samples: MeshSamples, near: Float64, scalp: Bool) -> MeshSamples:
+    """Samples of a head with its hair, as thick everywhere as the photo's outline shows it.
+
+    Seen from the front the outline tells how far hair stands off the skull at the top and at the
+    sides.
+
+    Parameters
+    ----------
+    parts : Maps [h, w] of the person.
+    near : float64 [h, w], the head's depth, NaN where it is not.
+    scalp : bool [N], where hair grows: it has all of its thickness where no photo shows it.
+    """
+    places, depth = parts.places(samples.points)
+    row, column = np.rint(places).astype(int)
+    row, column = (np.clip(one, 0, end - 1) for one, end in zip((row, column), near.shape,
+                                                               strict=True))
+    ahead = depth < near[row, column] + FRONT
+    skin = (parts.inside > 0) & ~parts.hair
+    # From its line hair rises steeply at first.
+    way = np.clip(ndimage.distance_transform_edt(~skin) * parts.cell / RISE, 0, 1)
+    shown = np.where(parts.hair, way * (2 - way), 0.0)
+    share = np.where(ahead, shown[row, column], scalp)
+    share *= np.clip((samples.rest[:, 1] - EARS) / (CROWN - EARS), 0, 1)
+    thick = share * _stands_off(parts, samples, places)
+    return replace(samples, points=samples.points + thick[:, None] * samples.normals)
+
+
+def _stands_off(parts: Parts, samples: MeshSamples, places: Float64) -> Float64:
+    """How far hair stands off the skull in the direction of each sample in the picture, [N]."""
+    level = np.abs(samples.rest[:, 1] - CROWN) < 0.002
+    middle = 0.5 * (places[:, level].min(axis=1) + places[:, level].max(axis=1))
+    up, right = middle[0] - places[0], places[1] - middle[1]
+    sector = np.clip(np.rint(np.arctan2(up, right) / np.pi * SECTORS), 0, SECTORS).astype(int)
+    high = np.flatnonzero(up > 0)
+    high = high[np.argsort(np.hypot(up, right)[high])]
+    outer = np.full(SECTORS + 1, -1)
+    outer[sector[high]] = high  # the outermost one stays
+    known = np.flatnonzero(outer >= 0)
+    found = np.clip(parts.at(parts.inside, places[:, outer[known]]) * parts.cell, 0, MOST)
+    even = ndimage.gaussian_filter1d(np.interp(np.arange(SECTORS + 1), known, found), EVENLY,
+                                     mode="nearest")
+    angle = np.clip(np.arctan2(np.maximum(up, 0), right) / np.pi * SECTORS, 0, SECTORS)
+    return np.interp(angle, np.arange(SECTORS + 1), even)
 
 
 def with_rims(parts: Parts, near: Float64) -> Parts:
@@ -144,15 +205,19 @@ def _under(head: tuple[Float64, Float64], share: Float64, body: Piece | None,
 
 
 def _front(parts: Parts, hair: Bool, middle: Float64, before: Float64, share: Float64,
-           sensed: Sensed | None) -> Float64:
-    """Squares of the half thicknesses in front: what the photo shows."""
+           sensed: Sensed | None, outer: Float64) -> Float64:
+    """Squares of the half thicknesses in front: what the photo shows.
+
+    ``outer`` is the front's depth of the head with its hair.
+    """
     cell, person, solid = parts.cell, parts.inside > 0, np.isfinite(before)
     # At the hairline it begins on the skin; further in it lies clear of the skull.
     skin = person & ~hair
     low = np.maximum(middle - before, 0)
     given = np.where(skin & solid, low ** 2, np.nan)
     ramp = np.clip(ndimage.distance_transform_edt(~skin) * cell / RAMP, 0, 1) * CLEAR
-    least = np.where(solid, low + ramp, 0.0) ** 2
+    least = np.where(solid, low + ramp, 0.0)
+    least = np.fmax(least, middle - outer) ** 2
     least *= np.clip(parts.inside * cell / CLEAR, 0, 1) ** 2
     if sensed is not None:
         given = hair_squares(sensed, middle, hair, given, cell)

@@ -1,9 +1,9 @@
 """The solid of a person behind one photo: head, hair and body, each inflated apart and joined.
 
-The head is the fitted model. Hair and body are pieces of the matte, inflated to both sides of a
-middle depth (`relief`); the distance from such a piece is that of q - (z - middle)^2 to zero, which
-is smooth across its outline. Hair begins flush with the skin at the hairline and stays clear of the
-skull; the body begins at the model's neck.
+The head is the fitted model. Hair, a knot of it and body are pieces of the matte, inflated to both
+sides of a middle depth (`relief`); the distance from such a piece is that of q - (z - middle)^2 to
+zero, which is smooth across its outline. Hair begins flush with the skin at the hairline and stays
+clear of the skull; a knot stands behind the crown (`knot`); the body begins at the model's neck.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from skimage.morphology import convex_hull_image
 from ...arrays import Bool, Float64
 from .beard import BEARD, beard_piece
 from .depth import Sensed, hair_before, middle_behind
-from .hair import Neck, hair_piece, with_rims
+from .hair import Neck, grown_out, hair_piece, with_rims
+from .knot import knot_of, knot_piece, without_knot
 from .parts import Parts, opened
 from .piece import METRES, Piece, outside
 from .relief import inflated
@@ -87,6 +88,7 @@ class Solid:
     # float64 [h, w], depth before which nothing of the head lies (`hair_before`), or None.
     before: Float64 | None = None
     beard: Piece | None = None  # Below the jaw.
+    knot: Piece | None = None  # Of hair, above the head.
     raised: Bool | None = None  # bool [h, w], shoulders that reach higher than the neck, or None.
 
     def distance(self, points: Float64, reach: float, near: Bool | None = None,
@@ -125,10 +127,11 @@ class Solid:
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
         out = head
-        if self.hair is not None:
-            hair = self.hair.distance(self.parts, places, depth)
-            owner[(hair < out) & self.hair.covers(places, depth)] = HAIR
-            out = _joined(out, hair, SOFT_HAIR)
+        for piece in (self.hair, self.knot):
+            if piece is not None:
+                hair = piece.distance(self.parts, places, depth)
+                owner[(hair < out) & piece.covers(places, depth)] = HAIR
+                out = _joined(out, hair, SOFT_HAIR)
         if self.beard is not None:
             beard = self.beard.distance(self.parts, places, depth)
             owner[(beard < out) & self.beard.covers(places, depth)] = BEARD
@@ -178,8 +181,13 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     sensed : The photo's own depth, where it has one.
     """
     near, far = depth_maps(samples, parts)
+    knot = None
     if parts.hair.any():
         parts = with_rims(parts, near)
+        found = knot_of(parts, near)
+        if found is not None:
+            knot = knot_piece(parts, found, samples)
+            parts = without_knot(parts, found)
     height = samples.rest[:, 1]
     band = (height < NECK_TOP) & (height > NECK_END - 1.2 * JOINT)
     end = samples.points[np.abs(height - NECK_END) < 0.0015]
@@ -191,16 +199,17 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     if parts.hair.any():
         grown = depth_maps(samples, parts, scalp(samples.rest))[1]
         ears = np.isfinite(depth_maps(samples, parts, _ears(samples.rest))[0])
+        outer = depth_maps(grown_out(parts, samples, near, scalp(samples.rest)), parts)
         # Where the back of the head, or what lies just before it, is scalp.
         hair = hair_piece(parts, (near, far), (grown > far - BACK) & ~ears,
-                          place, body, sensed)
+                          place, body, sensed, outer)
     beard = None
     if parts.beard is not None:
         face = depth_maps(samples, parts, height > 0)[0]
         beard = beard_piece(parts, parts.beard, face, _down(parts, samples), body)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before, beard,
-                 raised if raised.any() else None)
+                 knot, raised if raised.any() else None)
 
 
 def _down(parts: Parts, samples: MeshSamples) -> Float64:
