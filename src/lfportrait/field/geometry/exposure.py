@@ -3,10 +3,15 @@
 A phone meters every photo separately. Colors of points that a plane sweep found are compared
 between neighbouring photos; the medians of their log ratios, pair by pair, are solved for one gain
 a photo and channel (least squares, mean zero). A gain in linear light is one in sRGB's power law,
-too. Photos with mattes are compared with a field that was trained roughly instead.
+too. Photos with mattes are compared with a field that was trained roughly instead, or, before there
+is one, with each other over a surface that was found first (`surface_gains`): in a field that is
+trained on photos of a narrow arc that are exposed otherwise each, brightness that changes from
+photo to photo becomes matter before the face.
 """
 
 from __future__ import annotations
+
+import warnings
 
 import cv2
 import numpy as np
@@ -16,9 +21,15 @@ from ...arrays import Bool, Float32, Float64, Int64
 from ...capture import Capture
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
+from .chart import normals_of
+from .head_surface import HeadSurface
 from .sweep import DepthMap
 
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
+_ALIKE = 0.02
+"""Photos whose gains differ by less, as a standard deviation, are exposed alike."""
+_FACED = 0.5
+"""Cosine to a photo from which on it shows a surface well."""
 _SMALL = 160
 """Height or width of the small copies that photos with mattes are compared in."""
 
@@ -81,7 +92,7 @@ def _ratio(points: Float64, colors: Float32, other: DepthMap) -> Float64 | None:
     return np.asarray(np.median(np.log((there + _DARK) / (colors[seen] + _DARK)), axis=0))
 
 
-def matte_gains(field: VoxelField, capture: Capture, views: Int64, least: float = 0.02,
+def matte_gains(field: VoxelField, capture: Capture, views: Int64, least: float = _ALIKE,
                 ) -> Float64 | None:
     """Gains of photos with mattes by comparison with the field that is being trained on them.
 
@@ -97,6 +108,67 @@ def matte_gains(field: VoxelField, capture: Capture, views: Int64, least: float 
     if least > 0:
         least = max(least, float(np.median(spreads)))
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
+
+
+def surface_gains(surface: HeadSurface, capture: Capture, views: Int64, tests: Int64,
+                  ) -> tuple[Float64, Float64] | None:
+    """Gains of photos with mattes by comparison with each other over a person's surface.
+
+    Parameters
+    ----------
+    surface : The person's.
+    capture : The photos.
+    views, tests : Those that are compared with each other, and those that are compared with them.
+
+    Returns
+    -------
+    gains : float64 [V, 3] and [T, 3], the first one on the mean; None where `matte_gains` would
+        give none, either.
+    """
+    chart = surface.chart
+    well = (surface.facing > _FACED) & (surface.knots == 0)
+    points = chart.points(surface.distance)[well]
+    normals = normals_of(chart, surface.distance)[well]
+    part = (np.argwhere(well) // max(4, len(well) // 10)) @ np.array([1000, 1])
+
+    def seen(view: int) -> Float64:
+        return _logarithms(capture, view, points, normals)
+
+    def gain(colors: Float64, usual: Float64) -> Float64:
+        known = np.isfinite(colors).all(axis=1) & np.isfinite(usual).all(axis=1)
+        return (np.median((colors - usual)[known], axis=0) if known.sum() >= _FEW
+                else np.zeros(3))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # places that no photo shows
+        colors = np.stack(side_by_side(seen, views.tolist()))
+        usual = np.nanmedian(colors, axis=0)
+        gains = np.array([gain(one, usual) for one in colors])
+        left = (colors - gains[:, None] - usual).mean(axis=-1)
+        spread = [np.nanmedian(left[:, part == one], axis=1) for one in np.unique(part)
+                  if (part == one).sum() > 8]
+        apart = 1.4826 * float(np.nanmedian(np.abs(spread))) if spread else np.inf
+    mean = gains.mean(axis=0)
+    if gains.mean(axis=1).std() < max(_ALIKE, apart):
+        return None
+    found = np.array([gain(one, usual) for one in side_by_side(seen, tests.tolist())])
+    return np.exp(gains - mean), np.exp(found.reshape(-1, 3) - mean)
+
+
+def _logarithms(capture: Capture, view: int, points: Float64, normals: Float64) -> Float64:
+    """Logarithms of a photo's colors at places of a surface, [N, 3]; NaN where it shows none."""
+    assert capture.alphas is not None
+    camera = capture.cameras[view]
+    camera = camera.scaled(min(1.0, _SMALL / float(max(camera.width[0], camera.height[0]))))
+    size = int(camera.width[0]), int(camera.height[0])
+    photo, matte = (cv2.resize(picture[view], size, interpolation=cv2.INTER_AREA)
+                    for picture in (capture.images, capture.alphas))
+    x, y = (camera.project(points)[0][0].astype(np.float32) - 0.5).T
+    colors, inside = (cv2.remap(of.astype(np.float32) / 255, x[:, None], y[:, None],
+                                cv2.INTER_LINEAR, borderValue=0)[:, 0] for of in (photo, matte))
+    way = camera.position[0] - points
+    faced = (way * normals).sum(axis=1) > _FACED * np.linalg.norm(way, axis=1)
+    return np.where((faced & (inside > 0.98))[:, None], np.log(colors + _DARK), np.nan)
 
 
 def _matte_gain(field: VoxelField, capture: Capture, view: int) -> tuple[Float64, float]:
