@@ -7,7 +7,7 @@ field that has no room there smears that edge over the crown.
 Outlines tell where it is. The space that most mattes show beside the surface, and none rules out,
 is a spindle along the middle direction of the arc; photos from the left and from the right cut it
 off before and behind the knot, so it is widest where that is. What is seen of it is taken for the
-top of a ball, as large as the mattes allow.
+top of a ball, whose rows tell its radius.
 """
 
 from __future__ import annotations
