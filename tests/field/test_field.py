@@ -29,7 +29,8 @@ from lfportrait.field import (
 )
 from lfportrait.field.background import Background
 from lfportrait.field.config import _ROOM
-from lfportrait.field.geometry.start import hull_box, matte_gains, ruled_out, visual_hull
+from lfportrait.field.geometry.exposure import matte_gains
+from lfportrait.field.geometry.start import hull_box, ruled_out, visual_hull
 from lfportrait.field.storage import check_field_path, save_checkpoint, save_field
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.meter import CurveFile

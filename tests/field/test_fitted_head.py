@@ -72,7 +72,7 @@ def surface_of(facing, rows=None):
     chart = bust_chart(0.05)
     distance = bust_distance(chart)
     return HeadSurface(chart, distance, np.ones(distance.shape), np.full(distance.shape, facing),
-                       28.0)
+                       28.0, np.zeros(distance.shape))
 
 
 def led(facing, away):

@@ -16,6 +16,7 @@ from lfportrait.field.closing import FittedHead, close_sides
 from lfportrait.field.closing.colors import usual_hair
 from lfportrait.field.closing.photos import Coverage
 from lfportrait.field.geometry.chart import continued, fitted_plate
+from lfportrait.field.geometry.exposure import surface_gains
 from lfportrait.field.geometry.head_surface import (
     bust_chart,
     bust_distance,
@@ -207,6 +208,40 @@ def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole)
     plain, _ = close_sides(field, surface, arc, None, lambda *parts: None)
     same, _ = close_sides(field, surface, arc)
     assert np.array_equal(plain.density, same.density) and np.array_equal(plain.sh, same.sh)
+
+
+def test_a_knot_is_closed_as_it_was_found(arc, surface, whole):
+    field, _ = whole
+    chart = surface.chart
+    behind = np.abs(chart.angle) > np.radians(165)
+    middle = (chart.axis[:, 1] > -0.05) & (chart.elevation == 0)
+    knots = np.where(middle[:, None] & behind, 1.25 * surface.distance, 0.0)
+    assert not surface.knots[knots > 0].any()
+
+    def matter(field, at):
+        places = chart.points(at * surface.distance)[knots > 0]
+        cells = np.floor((places - field.bounds[0]) / field.spacing).astype(int)
+        inside = ((cells >= 0) & (cells < field.links.shape[::-1])).all(axis=1)
+        rows = field.links[tuple(cells[inside].T[::-1])]
+        return (np.where(rows >= 0, field.density[rows], 0) > 0).sum() / len(places)
+
+    plain, _ = close_sides(field, surface, arc)
+    knotted, _ = close_sides(field, replace(surface, knots=knots), arc)
+    assert matter(plain, 1.2) < 0.05 and matter(knotted, 1.2) > 0.8
+    assert matter(knotted, 1.4) < 0.05
+
+
+def test_exposures_are_read_from_the_surface_that_was_found(arc, surface):
+    views, tests = arc.training(), arc.testing()
+    assert surface_gains(surface, arc, views, tests) is None
+    gains = np.exp(0.08 * np.sin(np.arange(len(arc.images)))[:, None] * [1.0, 0.8, 1.2])
+    images = [np.clip(image * 0.8 * gain + 0.5, 0, 255).astype(np.uint8)
+              for image, gain in zip(arc.images, gains)]
+    found = surface_gains(surface, replace(arc, images=images), views, tests)
+    assert found is not None
+    mean = np.log(gains[views]).mean(axis=0)
+    for one, some_views in zip(found, (views, tests)):
+        assert np.abs(np.log(one) - np.log(gains[some_views]) + mean).max() < 0.02
 
 
 def test_a_face_holds_beyond_the_arc(whole):

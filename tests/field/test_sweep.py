@@ -6,7 +6,7 @@ import pytest
 from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.field.geometry.start import exposure_gains
+from lfportrait.field.geometry.exposure import exposure_gains
 from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
 from lfportrait.field.kernels.depth_maps import (
     facing_cosines,

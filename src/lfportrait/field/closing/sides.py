@@ -162,6 +162,8 @@ NARROW_FRINGE = -0.75
 ON, SURELY = 3.0, 0.5
 """Voxels beside the closed surface up to which what was trained is that surface, and the share of
 the photos' own colors from which on closed colors begin at them."""
+KNOT = 3
+"""Cells around a knot that are part of it."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
@@ -194,8 +196,10 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     known = large_pieces(known, np.ones(known.shape), LEAST * known.size)
     if not known.any():
         return field, None
-    head = None if fit_head is None else _fitted(fit_head, surface, capture,
-                                                 np.where(known, distance, np.nan))
+    # A knot stands by itself: no head is fitted to it, and nothing goes on from it.
+    knotted = _widened(surface.knots > 0, KNOT)
+    head = None if fit_head is None else _fitted(
+        fit_head, surface, capture, np.where(known & ~knotted, distance, np.nan))
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
     # At the outlines photos look along the surface: each locates it badly, all together well.
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
@@ -207,10 +211,12 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
         ears = ears_of(head, chart, photos)
         guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
     base, known = guess.base, guess.known
-    shown = (guess.trust > 0) & finite
+    shown = (guess.trust > 0) & finite & ~knotted
     ratio = np.asarray(np.log(np.where(shown, distance, base) / base), np.float64)
-    whole = base * np.exp(fitted_plate(ratio, guess.trust, 0.5, 0.01, guess.tension))
+    whole = base * np.exp(fitted_plate(ratio, np.where(knotted, 0.0, guess.trust), 0.5, 0.01,
+                                        guess.tension))
     gap = ~known
+    whole = np.maximum(whole, surface.knots)
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
     whole = behind_what_is_seen(chart, whole, gap, photos, nearly=False)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
@@ -306,5 +312,10 @@ def _ear_cells(chart: Chart, ears: Ears) -> Bool:
     row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
     inside = (row >= 0) & (row < len(found))
     found[row[inside], column[inside] % found.shape[1]] = True
-    return np.asarray(ndimage.binary_dilation(np.pad(found, ((0, 0), (2, 2)), mode="wrap"),
-                                              np.ones((3, 3)))[:, 2:-2])
+    return _widened(found, 1)
+
+
+def _widened(cells: Bool, by: int) -> Bool:
+    """Cells [V, U] and those up to so many beside them; columns go around."""
+    around = np.pad(cells, ((0, 0), (by, by)), mode="wrap")
+    return np.asarray(ndimage.binary_dilation(around, np.ones((2 * by + 1,) * 2))[:, by:-by])

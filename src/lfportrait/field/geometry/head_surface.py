@@ -35,6 +35,7 @@ from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import facing_cosines, hull_along_rays, surface_agreement
 from .chart import Chart, fitted_plate, normals_of, rays_around, roughly_fitted_plate, smoothed
+from .knots import knots_behind
 from .sweep import stacked
 
 _BLOCKS = 200
@@ -221,6 +222,7 @@ class HeadSurface:
     # the fifth of the photos that see it best.
     facing: Float64
     span: float  # Degrees about the vertical axis that the cameras are spread over.
+    knots: Float64  # float64 [V, U], what stands out of the head (`knots_behind`); 0 elsewhere.
 
     def shown_of_head(self) -> float:
         """Share of the head's surface (from the chin upwards) that photos see well, 0 to 1."""
@@ -282,8 +284,10 @@ def find_surface(capture: Capture) -> HeadSurface:
             found = prior * np.exp(fit(target, trust * outlier * body, stiff, 0.02 * stiff, 1e-5))
             outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
         distance = _tapered(chart, np.minimum(found, limit), generic, chin, shown)
+    knots = knots_behind(chart, distance, limit, cameras, mattes)
+    distance = np.maximum(distance, knots)
     return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras),
-                       span_of(capture.cameras[capture.training()].transformed(frame)))
+                       span_of(capture.cameras[capture.training()].transformed(frame)), knots)
 
 
 def _shown_below_chin(chart: Chart, start: Float64, limit: Float64, chin: float,

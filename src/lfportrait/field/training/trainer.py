@@ -34,9 +34,10 @@ from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..background import Background, BackgroundTrainer
 from ..config import Settings
+from ..geometry.exposure import matte_gains, surface_gains
 from ..geometry.head_surface import HeadSurface, find_surface, is_narrow
 from ..geometry.mattes import refined_mattes
-from ..geometry.start import matte_gains, ruled_out, start_person, start_room
+from ..geometry.start import ruled_out, start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
 from .gpu_stepping import GpuSteps, fits_gpu, largest_on_gpu, prepare, warn
@@ -252,6 +253,10 @@ class Trainer:
                 self.config = replace(self.config, lr_sigma=min(self.config.lr_sigma, 0.3))
         self.lattice, self.background = start.lattice, start.background
         self.gains, self.test_gains = start.gains, start.test_gains
+        if self.surface is not None and self.config.exposure:
+            found = surface_gains(self.surface, self.capture, self.views, self.capture.testing())
+            if found is not None:
+                self.gains, self.test_gains = found
 
     def _refine(self, resolution: int) -> None:
         """Prune what no training ray sees, and interpolate the rest on a finer lattice."""

@@ -1,0 +1,86 @@
+"""A knot of hair behind a head, of which photos show an edge above the crown."""
+
+import cv2
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.field.geometry.chart import at_places
+from lfportrait.field.geometry.head_surface import bust_chart, bust_distance
+from lfportrait.field.geometry.knots import _run, knots_behind
+
+SIDE, FOCAL = 320, 470.0
+MIDDLE, RADIUS = np.array([0.03, 0.60, -0.33]), 0.13
+
+
+@pytest.fixture(scope="module")
+def bust():
+    chart = bust_chart(0.02)
+    return chart, bust_distance(chart)
+
+
+def cameras(side=0.0):
+    return Camera.arc(np.linspace(-14, 14, 9) + side, distance=2.4, width=SIDE, height=SIDE,
+                      focal=FOCAL, target=(0.0, 0.1, 0.0))
+
+
+def mattes(chart, distance, views, ball=None, shown=None):
+    """What the views show of a bust and a ball, uint8 [H, W] each."""
+    halves = chart.halves
+    points = chart.finer().points(at_places(distance, halves.reshape(2, -1))
+                                  .reshape(halves.shape[1:])).reshape(-1, 3)
+    found = []
+    for view in range(len(views)):
+        matte = np.zeros((SIDE, SIDE), np.uint8)
+        x, y = np.clip(views[view].project(points)[0][0].astype(int), 0, SIDE - 1).T
+        matte[y, x] = 255
+        matte = cv2.morphologyEx(matte, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+        if ball is not None and (shown is None or view in shown):
+            middle, radius = ball
+            (pixel,), (depth,) = (part[0] for part in views[view].project(middle[None]))
+            cv2.circle(matte, np.rint(pixel).astype(int).tolist(), round(FOCAL * radius / depth),
+                       255, -1)
+        found.append(matte)
+    return found
+
+
+def knots(chart, distance, views, *more):
+    limit = np.full(distance.shape, np.inf)
+    return knots_behind(chart, distance, limit, views, mattes(chart, distance, views, *more))
+
+
+@pytest.mark.parametrize("side", [0.0, 8.0])
+def test_a_knot_is_found_where_it_is(bust, side):
+    chart, distance = bust
+    found = knots(chart, distance, cameras(side), (MIDDLE, RADIUS))
+    assert found.any()
+    points = chart.points(found)[found > 0]
+    assert np.abs(np.linalg.norm(points - MIDDLE, axis=1) - RADIUS).mean() < 0.03
+    assert abs(points[:, 1].max() - MIDDLE[1] - RADIUS) < 0.03
+    assert (found[found > 0] > distance[found > 0]).all()
+
+
+def test_no_knot_is_found_where_there_is_none(bust):
+    assert not knots(*bust, cameras()).any()
+
+
+def test_single_photos_make_no_knot(bust):
+    assert not knots(*bust, cameras(), (MIDDLE, RADIUS), (2, 6)).any()
+
+
+def test_what_stands_out_beside_the_face_is_no_knot(bust):
+    assert not knots(*bust, cameras(), (np.array([0.42, -0.1, -0.05]), 0.12)).any()
+
+
+def test_a_knot_stays_within_the_mattes(bust):
+    chart, distance = bust
+    views = cameras()
+    limit = distance + 0.02
+    found = knots_behind(chart, distance, limit, views,
+                         mattes(chart, distance, views, (MIDDLE, RADIUS)))
+    assert found.any() and (found <= limit).all()
+
+
+def test_a_run_ends_beside_its_column():
+    rows, left, right = _run(np.array([[0, 1, 1, 0, 1], [1, 0, 0, 1, 1], [1, 1, 1, 1, 1]], bool), 2)
+    assert rows.tolist() == [0, 2] and left.tolist() == [1, 0] and right.tolist() == [2, 4]
