@@ -29,8 +29,8 @@ from PIL import Image
 from lfportrait.capture import Camera, Capture, read_photos
 from lfportrait.face.head_prior import HeadPrior, generic_prior, head_prior
 from lfportrait.face.one_photo.parts import clean_colors, signed_distance
+from lfportrait.face.one_photo.piece import inflated
 from lfportrait.face.one_photo.portrait import portrait_capture, portrait_field
-from lfportrait.face.one_photo.relief import inflated
 from lfportrait.field import ReconstructConfig
 from modelled_head import PAINTED, SITTER, landmarks, photograph
 

@@ -10,12 +10,19 @@ from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.hair import grown_out
 from lfportrait.face.one_photo.lattice import shell_of
-from lfportrait.face.one_photo.paint import HIDDEN, Shot, _hairy, painted
+from lfportrait.face.one_photo.paint import (
+    HIDDEN,
+    WIDTHS,
+    Shot,
+    _hairy,
+    painted,
+    strand_contrast,
+    strands,
+)
 from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, METRES, filled
 from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
-from lfportrait.face.one_photo.strands import WIDTHS, strand_contrast, strands
 
 SIDE = 320
 

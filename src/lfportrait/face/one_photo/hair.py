@@ -18,8 +18,7 @@ from scipy import ndimage
 from ...arrays import Bool, Float64
 from .depth import Sensed, hair_squares
 from .parts import Parts, thin
-from .piece import METRES, Piece, filled, outside
-from .relief import inflated
+from .piece import METRES, Piece, filled, inflated, outside
 from .samples import MeshSamples
 
 __all__ = ["Neck", "grown_out", "hair_piece", "with_rims"]

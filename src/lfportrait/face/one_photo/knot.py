@@ -15,8 +15,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float64
 from .parts import Parts, opened, signed_distance
-from .piece import Piece, outside
-from .relief import inflated
+from .piece import Piece, inflated, outside
 from .samples import MeshSamples
 
 __all__ = ["Knot", "knot_of", "knot_piece", "without_knot"]

@@ -22,8 +22,7 @@ from .depth import Sensed, hair_before, middle_behind
 from .hair import Neck, grown_out, hair_piece, with_rims
 from .knot import knot_of, knot_piece, without_knot
 from .parts import Parts, opened
-from .piece import METRES, Piece, outside
-from .relief import inflated
+from .piece import METRES, Piece, inflated, outside
 from .samples import MeshSamples, depth_maps
 
 __all__ = ["BODY", "HAIR", "HEAD", "WORN", "Solid", "ear_light", "scalp",

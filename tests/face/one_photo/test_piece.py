@@ -3,7 +3,7 @@
 import numpy as np
 
 from lfportrait.face.one_photo.parts import signed_distance
-from lfportrait.face.one_photo.relief import inflated
+from lfportrait.face.one_photo.piece import inflated
 
 
 def _disc(radius: float, size: int = 61) -> np.ndarray:
