@@ -56,7 +56,7 @@ def test_a_knot_is_found_by_its_outline(middle):
 def test_no_knot_is_seen_in_other_heads():
     points, samples = head()
     for parts in (drawn(points, None), drawn(points, -0.14), drawn(points, 0.1, 0.45),
-                  drawn(points, 0.1, tall=3.0)):
+                  drawn(points, 0.1, tall=3.0), drawn(points, -0.2, 0.32)):
         assert knot_of(parts, depth_maps(samples, parts)[0]) is None
 
 
