@@ -347,7 +347,7 @@ class _Meter:
 
 
 def fetch_file(url: str, target: str | Path, sha256: str, size: int = 0, *,
-             quiet: bool = False) -> Path:
+               quiet: bool = False) -> Path:
     """Download a file from an address, http or https, and check it by its SHA-256 in hex.
 
     ``sha256`` may be the first digits of it; ``size`` in bytes, or 0, is for the progress line and

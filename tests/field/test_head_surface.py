@@ -244,6 +244,25 @@ def test_exposures_are_read_from_the_surface_that_was_found(arc, surface):
         assert np.abs(np.log(one) - np.log(gains[some_views]) + mean).max() < 0.02
 
 
+def test_exposures_that_drift_along_a_wide_arc_are_found_whole(arc, surface):
+    found = cameras(np.linspace(-65, 65, 14))
+    drift = np.linspace(-0.3, 0.3, 14)
+    pictures = [np.full((SIDE, SIDE, 3), np.rint(110 * np.exp(gain)), np.uint8) for gain in drift]
+    wide = replace(arc, cameras=found, images=pictures,
+                   alphas=[np.full((SIDE, SIDE), 255, np.uint8)] * 14)
+    around = replace(surface, facing=np.ones_like(surface.facing))
+    gains = surface_gains(around, wide, np.arange(14), np.arange(0))
+    assert gains is not None
+    # Somewhat less than all of it, as dark colors count less.
+    slope = np.polyfit(drift, np.log(gains[0]).mean(axis=1), 1)[0]
+    assert slope == pytest.approx(1, abs=0.08) and gains[1].shape == (0, 3)
+
+
+def test_a_surface_that_no_photo_faces_tells_no_exposures(arc, surface):
+    aside = replace(surface, facing=np.zeros_like(surface.facing))
+    assert surface_gains(aside, arc, arc.training(), arc.testing()) is None
+
+
 def test_a_face_holds_beyond_the_arc(whole):
     field, figures = whole
     assert figures["geometry"]["span_degrees"] == pytest.approx(32, abs=1)

@@ -424,7 +424,7 @@ class _Job:
         self.config, self.seed = config, seed
         self.tasks = _tasks(photos, exemplar, display, config, seed)
         self.stages = StageFolder(out, self._say)
-        self.tools = Tools(shown=not quiet, device=device, exemplar=exemplar,
+        self.tools = Tools(shown=not quiet, device=device, exemplar=exemplar, report=True,
                            capture=photos if isinstance(photos, Capture) else None,
                            sheet=out.with_name(f"{out.name}-photos.jpg"))
 

@@ -64,6 +64,7 @@ class Tools:
     # source.
     capture: Capture | None = None
     exemplar: Exemplar | None = None
+    report: bool = False  # Whether the report is written in this process, too.
     # Further paintings that the head is painted in, for mixes of them.
     others: Sequence[Exemplar] = ()
     # Picture of the photos that were left out; by default in the task's folder.
@@ -175,7 +176,7 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
     figures, tools.kept["styled"] = write_styled(
         real, capture, [tools.painting(task), *tools.others], target / task.outputs[0],
         task.config, task.seed, progress, device=tools.device, skin=skin)
-    if skin is not None:
+    if skin is not None and tools.report:
         from .summary import charts_of
 
         tools.kept["charts"] = charts_of(skin)

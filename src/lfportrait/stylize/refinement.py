@@ -196,7 +196,7 @@ class Refinement:
             rate = config.rate * 0.1 ** (step / max(1, config.refinements))
             adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
             style = float(terms["style"].detach())
-            # The next view is of another size: what this one took lies in pieces too small for it.
+            # The next view is of another size: this one's memory is in pieces that are too small.
             del image, terms, loss, slope, picture
             give_back_memory()
             if progress is not None:

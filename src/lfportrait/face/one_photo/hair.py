@@ -120,7 +120,7 @@ def hair_piece(parts: Parts, head: tuple[Float64, Float64], grown: Bool, neck: N
     """
     near, far = head
     share = neck.share(len(near))
-    # What stands up in front is not behind the skull's middle.
+    # Hair that stands up in front must not draw the middle behind the skull's.
     middle = np.minimum(neck.middle(near, far), neck.middle(*outer))
     person = parts.inside > 0
     hair = parts.hair & person

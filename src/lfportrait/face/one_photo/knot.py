@@ -22,7 +22,7 @@ __all__ = ["Knot", "knot_of", "knot_piece", "without_knot"]
 
 
 NARROW = 0.3
-"""What is less than twice so wide above a head may be a knot, portrait units."""
+"""Half of the width below which what stands above a head may be a knot, portrait units."""
 LEAST, MOST = 0.08, 0.26
 """Radii of knots, portrait units."""
 STANDS = 0.4
@@ -90,6 +90,8 @@ def without_knot(parts: Parts, knot: Knot) -> Parts:
     """The maps of a person without a knot."""
     rest = signed_distance(((parts.inside > 0) & ~knot.shown).astype(np.float32))
     inside = np.minimum(parts.inside, cv2.GaussianBlur(rest, (0, 0), 1.0))
+    around = ndimage.binary_dilation(knot.shown, iterations=round(knot.radius))
+    inside = np.where(around, inside, parts.inside)  # which is finer than whole cells
     return replace(parts, inside=inside, hair=parts.hair & ~knot.shown)
 
 
@@ -97,8 +99,10 @@ def knot_piece(parts: Parts, knot: Knot, samples: MeshSamples) -> Piece:
     """A knot as a piece behind the crown of a head, whose samples are given."""
     row, column = np.indices(knot.shown.shape)
     away = np.hypot(row - knot.row, column - knot.column)
-    domain = knot.shown | (away < knot.radius)
-    inside = np.where(knot.shown, np.maximum(parts.inside, knot.radius - away), knot.radius - away)
+    person = parts.inside > 0
+    domain = knot.shown | ((away < knot.radius) & person)
+    rest = np.minimum(knot.radius - away, np.where(person, np.inf, parts.inside))
+    inside = np.where(knot.shown, np.maximum(parts.inside, knot.radius - away), rest)
     maps = replace(parts, inside=np.asarray(inside, np.float32))
     squares = inflated(domain, maps.inside, parts.cell, source=4.0)
     found = outside(squares, maps, domain, 0.0)
@@ -113,6 +117,6 @@ def _depth(parts: Parts, knot: Knot, samples: MeshSamples) -> float:
     crown = float(depth[samples.points[:, 1].argmax()])
     tried = np.linspace(crown, float(depth.max()), STEPS)
     length = samples.tree.query(origin + ray * tried[:, None])[0]
-    # Whatever it is deeper in than that, it lies farther back.
+    # The first place, seen from the front, where it does not lie deeper in the hair than that.
     rests = np.flatnonzero(length > ROOT + SUNK * knot.radius * parts.cell)
     return float(tried[rests[0] if len(rests) else -1])

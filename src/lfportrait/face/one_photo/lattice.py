@@ -46,8 +46,9 @@ STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 CHIN = 0.01
 """Height above the model's chin (metres) below which there is throat and neck."""
-_MANY = 50_000
-"""Points from which on it pays to ask for them on another core."""
+_MANY, _THREADS = 50_000, 4
+"""Points from which on it pays to ask for them on another core, and how many cores are asked at
+most: each goes through the maps of all pieces."""
 REACH = np.array([1.35, 1.45, 1.15])
 """Half edges of the box that may hold something, portrait units."""
 
@@ -158,7 +159,7 @@ class _Distance:
     def __call__(self, points: Float64, reach: float, near: Bool | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
         """As `Solid.distance`, on all cores."""
-        cores = max(1, min(usable_cores(), len(points) // _MANY))
+        cores = max(1, min(_THREADS, usable_cores(), len(points) // _MANY))
         bounds = [len(points) * n // cores for n in range(cores + 1)]
         with ThreadPoolExecutor(cores) as pool:
             found = list(pool.map(lambda since, until: self.solid.distance(

@@ -1,7 +1,7 @@
 """The solid of a person behind one photo: head, hair and body, each inflated apart and joined.
 
 The head is the fitted model. Hair, a knot of it and body are pieces of the matte, inflated to both
-sides of a middle depth (`relief`); the distance from such a piece is that of q - (z - middle)^2 to
+sides of a middle depth (`piece`); the distance from such a piece is that of q - (z - middle)^2 to
 zero, which is smooth across its outline. Hair begins flush with the skin at the hairline and stays
 clear of the skull; a knot stands behind the crown (`knot`); the body begins at the model's neck.
 """

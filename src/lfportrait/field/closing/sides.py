@@ -196,7 +196,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     known = large_pieces(known, np.ones(known.shape), LEAST * known.size)
     if not known.any():
         return field, None
-    # A knot stands by itself: no head is fitted to it, and nothing goes on from it.
+    # A knot stands by itself: no head is fitted to it, and the closed sides do not begin at it.
     knotted = _widened(surface.knots > 0, KNOT)
     head = None if fit_head is None else _fitted(
         fit_head, surface, capture, np.where(known & ~knotted, distance, np.nan))

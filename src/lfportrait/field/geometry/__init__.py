@@ -2,7 +2,8 @@
 
 `sweep` finds depth maps, `mattes` makes a solid of them and follows its outlines and the field's;
 `clean_plates` shows what is behind the person; `head_surface` begins with the usual proportions of
-a bust; `start` compares the photos' brightness and makes the first lattice.
+a bust, `knots` finds what stands out behind it; `exposure` compares the photos' brightness, and
+`start` makes the first lattice.
 """
 
 import lazy_loader

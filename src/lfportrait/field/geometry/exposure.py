@@ -12,6 +12,7 @@ photo to photo becomes matter before the face.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -43,23 +44,7 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float6
     position = np.stack([item.camera.position[0] for item in maps])
     points = [item.points() for item in maps]
     colors = [item.image[np.isfinite(item.depth)] for item in maps]
-    rows: list[Float64] = []
-    ratios: list[Float64] = []
-    for a in range(len(maps)):
-        away = np.linalg.norm(position - position[a], axis=1)
-        for b in np.argsort(away)[1:_NEAREST + 1]:
-            ratio = _ratio(points[a], colors[a], maps[b])
-            if ratio is not None:
-                row = np.zeros(len(maps))
-                row[a], row[b] = -1.0, 1.0
-                rows.append(row)
-                ratios.append(ratio)
-    gains = np.zeros((len(maps), 3))
-    if rows:
-        # A weak prior towards one determines gains without pairs.
-        matrix = np.concatenate([np.array(rows), 0.01 * np.eye(len(maps))])
-        gains = np.linalg.lstsq(matrix, np.concatenate([np.array(ratios), gains]), rcond=None)[0]
-        gains -= gains.mean(axis=0)
+    gains = _solved(position, lambda a, b: _ratio(points[a], colors[a], maps[b]))
     found = np.zeros((len(others), 3))
     for index, item in enumerate(others):
         away = np.linalg.norm(position - item.camera.position[0], axis=1)
@@ -68,6 +53,33 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float6
         if votes:
             found[index] = np.median(votes, axis=0)
     return np.exp(gains), np.exp(found)
+
+
+def _solved(position: Float64, ratio: Callable[[int, int], Float64 | None]) -> Float64:
+    """Logarithms of gains, float64 [V, 3], mean zero, by the ratios of neighbouring photos.
+
+    ``position`` [V, 3] are the photos'; ``ratio`` gives the logarithm of the second one's colors
+    over the first one's, [3], or None. A drift along an arc is found whole in this way, where
+    photos of its ends share nothing.
+    """
+    count = len(position)
+    rows, ratios = [], []
+    for a in range(count):
+        away = np.linalg.norm(position - position[a], axis=1)
+        for b in np.argsort(away)[1:_NEAREST + 1]:
+            found = ratio(a, int(b))
+            if found is not None:
+                row = np.zeros(count)
+                row[a], row[b] = -1.0, 1.0
+                rows.append(row)
+                ratios.append(found)
+    gains = np.zeros((count, 3))
+    if not rows:
+        return gains
+    # A weak prior towards one determines gains without pairs.
+    matrix = np.concatenate([np.array(rows), 0.01 * np.eye(count)])
+    gains = np.linalg.lstsq(matrix, np.concatenate([np.array(ratios), gains]), rcond=None)[0]
+    return np.asarray(gains - gains.mean(axis=0))
 
 
 def _ratio(points: Float64, colors: Float32, other: DepthMap) -> Float64 | None:
@@ -129,30 +141,32 @@ def surface_gains(surface: HeadSurface, capture: Capture, views: Int64, tests: I
     well = (surface.facing > _FACED) & (surface.knots == 0)
     points = chart.points(surface.distance)[well]
     normals = normals_of(chart, surface.distance)[well]
+    if well.sum() < _FEW:
+        return None
     part = (np.argwhere(well) // max(4, len(well) // 10)) @ np.array([1000, 1])
 
     def seen(view: int) -> Float64:
         return _logarithms(capture, view, points, normals)
 
-    def gain(colors: Float64, usual: Float64) -> Float64:
-        known = np.isfinite(colors).all(axis=1) & np.isfinite(usual).all(axis=1)
-        return (np.median((colors - usual)[known], axis=0) if known.sum() >= _FEW
-                else np.zeros(3))
+    def apart_by(one: Float64, other: Float64) -> Float64 | None:
+        known = np.isfinite(one).all(axis=1) & np.isfinite(other).all(axis=1)
+        return np.median((other - one)[known], axis=0) if known.sum() >= _FEW else None
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # places that no photo shows
         colors = np.stack(side_by_side(seen, views.tolist()))
-        usual = np.nanmedian(colors, axis=0)
-        gains = np.array([gain(one, usual) for one in colors])
+        gains = _solved(capture.cameras.position[views],
+                        lambda a, b: apart_by(colors[a], colors[b]))
+        usual = np.nanmedian(colors - gains[:, None], axis=0)
         left = (colors - gains[:, None] - usual).mean(axis=-1)
         spread = [np.nanmedian(left[:, part == one], axis=1) for one in np.unique(part)
                   if (part == one).sum() > 8]
         apart = 1.4826 * float(np.nanmedian(np.abs(spread))) if spread else np.inf
-    mean = gains.mean(axis=0)
     if gains.mean(axis=1).std() < max(_ALIKE, apart):
         return None
-    found = np.array([gain(one, usual) for one in side_by_side(seen, tests.tolist())])
-    return np.exp(gains - mean), np.exp(found.reshape(-1, 3) - mean)
+    found = [apart_by(usual, one) for one in side_by_side(seen, tests.tolist())]
+    others = np.array([np.zeros(3) if one is None else one for one in found])
+    return np.exp(gains), np.exp(others.reshape(-1, 3))
 
 
 def _logarithms(capture: Capture, view: int, points: Float64, normals: Float64) -> Float64:

@@ -38,8 +38,9 @@ _MATTER = 63
 """Value from which on a matte does not rule a place out."""
 _WIDEST = 0.8
 """Share of the widest section from which on a section counts as that."""
-_LEAST = 0.06, 0.025
-"""Width and height, portrait units, from which on it is a knot: a tuft is none."""
+_LEAST, _MOST = (0.06, 0.025), 0.52
+"""Width and height, portrait units, from which on it is a knot: a tuft is none; and the largest
+width: a hat, and much hair, are none either."""
 _FLAT = 2.0
 """How much larger a ball's radius may be than half of the width that is seen of it."""
 
@@ -74,10 +75,12 @@ def knots_behind(chart: Chart, distance: Float64, limit: Float64, cameras: Camer
         return np.asarray((against <= share * seen) & (seen >= _TOLD * views))
 
     hull = votes(lambda view: np.asarray(mattes[view] > _MATTER), _AGAINST)
-    pieces, count = ndimage.label(hull & votes(lambda view: others[view], 1 - _TOLD),
-                                  np.ones((3, 3, 3), np.int8))
+    pieces, _ = ndimage.label(hull & votes(lambda view: others[view], 1 - _TOLD),
+                              np.ones((3, 3, 3), np.int8))
     found = none.ravel()
-    for piece in range(1, count + 1):
+    # The shreds of a matte are thousands of pieces, too small for a section of a knot.
+    large = np.bincount(pieces.ravel())[1:] > _LEAST[0] / _CELL
+    for piece in np.flatnonzero(large) + 1:
         ball = _ball(pieces == piece, hull)
         if ball is None:
             continue
@@ -136,7 +139,7 @@ def _ball(piece: Bool, hull: Bool) -> tuple[Float64, float] | None:
     _, rows, columns = np.nonzero(piece[widest])
     low, high = rows.min(), rows.max()
     width = _CELL * float(np.ptp(columns) + 1)
-    if width < _LEAST[0] or _CELL * (high - low + 1) + _BESIDE < _LEAST[1]:
+    if not _LEAST[0] <= width <= _MOST or _CELL * (high - low + 1) + _BESIDE < _LEAST[1]:
         return None
     # What is nearer to the head's outline is part of it as well.
     low = max(low - int(_BESIDE / _CELL), 0)

@@ -242,9 +242,6 @@ def build_bricks(links: Int32, density: Float32, sh: NDArray[Any]) -> Bricks:
                   (links.shape[0], links.shape[1], links.shape[2]))
 
 
-_load = LANES.load
-
-
 @dataclass(frozen=True)
 class Stretches:
     """A field laid out for slices, in S stretches."""
