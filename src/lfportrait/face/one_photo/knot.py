@@ -78,7 +78,7 @@ def knot_of(parts: Parts, near: Float64) -> Knot | None:
     radius = float(np.sqrt(max(rest + y * y + x * x, 0.0)))
     off = float(np.abs(np.hypot(row - y, column - x) - radius).mean())
     rows = np.flatnonzero(shown.any(axis=1))
-    rest = np.flatnonzero((person & ~shown).any(axis=1))
+    rest = np.flatnonzero((person & ~ndimage.binary_dilation(shown, iterations=3)).any(axis=1))
     good = (LEAST < radius * parts.cell < MOST and off < ROUND * radius
             and rows[-1] - rows[0] > STANDS * radius
             and 1 < rows[0] < rest.min(initial=len(near))  # not a tuft at a side
