@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.samples import MeshSamples, _turned_over
 
 HALF = np.array([0.3, 0.2, 0.008])
 SHEAR = 0.6
@@ -33,3 +33,27 @@ def test_nothing_beside_a_thin_edge_is_inside():
     far = outside & np.isfinite(away) & (np.abs(away) > 0.015)
     assert far.sum() > 5000
     assert (away[far] > 0).all()
+
+
+def test_samples_that_face_away_from_all_around_are_found():
+    points, triangles = _lens()
+    whole = MeshSamples.of(points, triangles, points)
+    normals, some = whole.normals.copy(), np.arange(50, len(whole.points), 400)
+    some = some[np.abs(whole.rest[some, 2] - SHEAR * whole.rest[some, 0]) > 0.5 * HALF[2]]
+    normals[some] *= -1
+    found = np.flatnonzero(_turned_over(normals, whole.points, whole.tree))
+    assert len(some) > 10 and np.isin(some, found).all()
+    assert len(found) < 0.02 * len(normals)  # some along the thin edge
+
+
+def test_no_matter_leads_out_of_a_fold():
+    points, triangles = _lens()
+    folded = triangles.copy()
+    at = int(np.abs(points[triangles].mean(axis=1) - [0.1, 0.1, 0.066]).sum(axis=1).argmin())
+    folded[at] = folded[at, ::-1]
+    middle = points[triangles[at]].mean(axis=0)
+    normal = np.cross(*(points[triangles[at, k]] - points[triangles[at, 0]] for k in (1, 2)))
+    ray = middle + np.linspace(0.02, 0.08, 9)[:, None] * normal / np.linalg.norm(normal)
+    outward = 1 if MeshSamples.of(points, triangles, points).distance(ray, 0.2)[0] > 0 else -1
+    ray = middle + outward * (ray - middle)
+    assert (MeshSamples.of(points, folded, points).distance(ray, 0.2) > 0).all()

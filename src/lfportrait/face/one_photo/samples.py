@@ -23,6 +23,9 @@ STEP = 0.010
 OBLIQUE, AROUND = 0.7, 24
 """Cosine up to which the nearest sample does not say on which side a place lies; how many do then.
 """
+NEAR, OPPOSITE = 17, 0.0
+"""How many samples around one are compared with it, itself among them, and the mean cosine of their
+normals below which it is turned over. On both sides of a thin sheet that is about zero."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +55,12 @@ class MeshSamples:
                 out.append(np.einsum("sk,tki->tsi", weights, values[chosen]).reshape(-1, 3))
         normal = np.concatenate(directions)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-        at = np.concatenate(places)
-        # Balanced, it takes four times as long to be asked.
-        tree = cKDTree(at, 32, compact_nodes=False, balanced_tree=False)
-        return MeshSamples(at, normal, tree, np.concatenate(found))
+        at, there = np.concatenate(places), np.concatenate(found)
+        tree = _tree(at)
+        good = ~_turned_over(normal, at, tree)
+        if good.all():
+            return MeshSamples(at, normal, tree, there)
+        return MeshSamples(at[good], normal[good], _tree(at[good]), there[good])
 
     def distance(self, points: Float64, reach: float) -> Float64:
         """Signed distances [N] of points [N, 3], positive outside; ``reach`` or more: far outside.
@@ -96,6 +101,20 @@ class MeshSamples:
     def at_rest(self, points: Float64) -> Float64:
         """Where the samples nearest to points [N, 3] lie on the model's mean, [N, 3]."""
         return self.rest[self.tree.query(points, workers=usable_cores())[1]]
+
+
+def _tree(points: Float64) -> cKDTree:
+    # Balanced, it takes four times as long to be asked.
+    return cKDTree(points, 32, compact_nodes=False, balanced_tree=False)
+
+
+def _turned_over(normals: Float64, points: Float64, tree: cKDTree) -> Bool:
+    """Which samples [N] face away from those around them, as in a fold of an ear's rim.
+
+    Their inner side would be a thread of matter that leads out of the ear.
+    """
+    around = tree.query(points, min(NEAR, len(points)), workers=usable_cores())[1][:, 1:]
+    return np.asarray((normals[around] * normals[:, None]).sum(axis=2).mean(axis=1) < OPPOSITE)
 
 
 def _barycentric(count: int) -> Float64:
