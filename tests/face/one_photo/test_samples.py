@@ -44,16 +44,3 @@ def test_samples_that_face_away_from_all_around_are_found():
     found = np.flatnonzero(_turned_over(normals, whole.points, whole.tree))
     assert len(some) > 10 and np.isin(some, found).all()
     assert len(found) < 0.02 * len(normals)  # some along the thin edge
-
-
-def test_no_matter_leads_out_of_a_fold():
-    points, triangles = _lens()
-    folded = triangles.copy()
-    at = int(np.abs(points[triangles].mean(axis=1) - [0.1, 0.1, 0.066]).sum(axis=1).argmin())
-    folded[at] = folded[at, ::-1]
-    middle = points[triangles[at]].mean(axis=0)
-    normal = np.cross(*(points[triangles[at, k]] - points[triangles[at, 0]] for k in (1, 2)))
-    ray = middle + np.linspace(0.02, 0.08, 9)[:, None] * normal / np.linalg.norm(normal)
-    outward = 1 if MeshSamples.of(points, triangles, points).distance(ray, 0.2)[0] > 0 else -1
-    ray = middle + outward * (ray - middle)
-    assert (MeshSamples.of(points, folded, points).distance(ray, 0.2) > 0).all()
