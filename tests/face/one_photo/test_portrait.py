@@ -49,6 +49,24 @@ def test_one_photo_becomes_a_field_that_looks_like_it(photo, tmp_path):
     assert field.render(behind, 0).alpha[60:90, 70:90].min() > 0.95
 
 
+def test_a_hat_is_kept_by_its_outline(photo, tmp_path, monkeypatch):
+    picture = np.array(Image.open(photo))
+    row, column = np.mgrid[:440, :440]
+    hat = (np.hypot(column - 220, (row - 150) * 0.9) < 110) & (row < 130)
+    picture[hat] = 60, 90, 60, 255
+    Image.fromarray(picture).save(tmp_path / "hat.png")
+    monkeypatch.setattr(portrait, "_hair_of",
+                        lambda image, matte, landmarks: np.zeros(matte.shape, np.float32))
+    capture, _ = portrait_capture(read_photos(tmp_path / "hat.png"))
+    capture.save(tmp_path / "capture")
+    again = Capture.load(tmp_path / "capture")
+    kept = portrait._pictured(again, 0, portrait._kept_fit(again)).hair > 0.5
+    assert (kept & hat).sum() / (kept | hat).sum() > 0.85
+    # What is made of it reaches as far.
+    field = portrait_field(again, ReconstructConfig(resolution=64))[0]
+    assert (field.render(again.cameras, 0).alpha > 0.5)[hat].mean() > 0.9
+
+
 class Enough(Exception):
     """Ends the work."""
 

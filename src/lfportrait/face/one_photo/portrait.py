@@ -6,6 +6,7 @@ import functools
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from ..segmentation import hair_mask, person_matte
 from .beard import Beard, beard_of, beneath
 from .beside import sitter_alone
 from .depth import Sensed, sensed_depth
+from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
 from .matches import found_again
 from .paint import Shot, painted
@@ -94,6 +96,9 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
             _leave_out(seen[index].photo.name, "its face is not that of the others, or covered")
         seen = [one for index, one in enumerate(seen) if index not in bad]
         fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
+    covered = [one.cover(fit, index) for index, one in enumerate(seen)]
+    if any(covered):  # the skull was drawn out to it
+        fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
     for _ in range(AGREED if len(seen) > 1 else 0):
         fit = refit(fit, [one.picture for one in seen],
                     found_again(fit, [one.picture for one in seen], [one.shown for one in seen]))
@@ -146,11 +151,21 @@ class _Seen:
         self.given = given is not None
         self.matte = _matte_of(shown, faces, photo.name) if given is None else given
         self.shown = shown
-        self.hair = _hair_of(shown, self.matte, landmarks)
+        self.hair, self.covered = _hair_of(shown, self.matte, landmarks), False
         height, width = self.matte.shape
         self.picture = Picture((width, height), landmarks, photo.focal,
                                signed_distance(self.matte), self.hair,
                                clothes(shown, self.hair, landmarks))
+
+    def cover(self, fit: HeadFit, view: int) -> bool:
+        """Whether something covers the head; it counts as hair from then on."""
+        worn = headwear(self.shown, self.matte, self.hair, self.picture.landmarks,
+                        skull_in(fit, view))
+        if worn is not None:
+            self.covered, self.hair = True, np.maximum(self.hair, worn.astype(np.float32))
+            self.picture = replace(self.picture, hair=self.hair, clothes=clothes(
+                self.shown, self.hair, self.picture.landmarks))
+        return self.covered
 
 
 def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Float32:
@@ -199,7 +214,8 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
              "views": [{"rotation": view.rotation.tolist(), "shift": view.shift.tolist(),
                         "focal": view.focal, "center": view.center.tolist(),
                         "expression": view.expression.tolist(),
-                        "landmarks": one.picture.landmarks.tolist(), "cut_out": one.given}
+                        "landmarks": one.picture.landmarks.tolist(), "cut_out": one.given,
+                        "covered": one.covered}
                        for view, one in zip(fit.views, seen, strict=True)]}
     capture = Capture(
         cameras, [one.image for one in seen],
@@ -243,7 +259,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
 
     fit = _kept_fit(capture)
     assert capture.landmarks is not None
-    pictures = [_pictured(capture, view) for view in range(len(capture))]
+    pictures = [_pictured(capture, view, fit) for view in range(len(capture))]
     picture, camera = pictures[0], capture.cameras[0]
     note("laying the head over its photo")
     found = found_again(fit, pictures, [_shown(capture, view) for view in range(len(capture))])
@@ -387,16 +403,20 @@ def _shown(capture: Capture, view: int) -> NDArray[np.uint8]:
     return np.rint(capture.images[view] * share + _GROUND * (1 - share)).astype(np.uint8)
 
 
-def _pictured(capture: Capture, view: int) -> Picture:
+def _pictured(capture: Capture, view: int, fit: HeadFit) -> Picture:
     """A photo of a saved capture as the fit takes it."""
     assert capture.alphas is not None
     camera, alpha = capture.cameras[view], capture.alphas[view]
-    kept = capture.figures[FIT]["views"][view].get("landmarks")
+    known = capture.figures[FIT]["views"][view]
+    kept = known.get("landmarks")
     landmarks = (camera.project(np.asarray(capture.landmarks, np.float64))[0][0] if kept is None
                  else np.array(kept))
     matte = alpha.astype(np.float32) / 255
     shown = _shown(capture, view)
     hair = _hair_of(shown, matte, landmarks)
+    if known.get("covered"):
+        worn = headwear(shown, matte, hair, landmarks, skull_in(fit, view))
+        hair = hair if worn is None else np.maximum(hair, worn.astype(np.float32))
     return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
                    float(camera.focal[0, 0]), signed_distance(matte), hair,
                    clothes(shown, hair, landmarks))
