@@ -3,14 +3,18 @@
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.beard import BEARD, _hung_from, beard_of, beneath
+from lfportrait.face.one_photo.lattice import shell_of
+from lfportrait.face.one_photo.paint import Shot, painted
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import HEAD, Solid, solid_of
+from lfportrait.field import C0
 
 SIDE, LONG = 400, 45
 SKIN, HAIR, SHIRT = (np.float32(color) for color in ([0.80, 0.60, 0.50], [0.24, 0.17, 0.13],
@@ -29,11 +33,12 @@ def head() -> tuple[Camera, MeshSamples, np.ndarray]:
     return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
 
 
-def photo(landmarks: np.ndarray, length: int, shade: float = 1.0,
-          ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def photo(landmarks: np.ndarray, length: int, shade: float = 1.0, color: np.ndarray = HAIR,
+          wide: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A sitter in a shirt, uint8, whose beard ends ``length`` pixels below the jaw, or has none.
 
-    Also the matte, and where the beard is below the jaw. ``shade`` darkens the throat.
+    Also the matte, and where the beard is below the jaw. ``shade`` darkens the throat; the beard
+    stands out by ``wide`` pixels beside the jaw.
     """
     generator = np.random.default_rng(3)
     face = np.zeros((SIDE, SIDE), np.uint8)
@@ -54,7 +59,10 @@ def photo(landmarks: np.ndarray, length: int, shade: float = 1.0,
         cv2.fillPoly(beard, [np.vstack([jaw, end[::-1]])], 1)
         cv2.fillPoly(beard, [np.rint(np.vstack([landmarks[3:14], landmarks[[54, 48]]])
                                      ).astype(np.int32)], 1)
-        strands = HAIR * generator.uniform(0.4, 1.6, (SIDE, SIDE, 1)).astype(np.float32)
+        whiskers = np.rint(landmarks[[3, 4, 5, 11, 12, 13]]).astype(np.int32)
+        for x, y in whiskers if wide else []:
+            cv2.circle(beard, (int(x), int(y)), wide, 1, -1)
+        strands = color * generator.uniform(0.4, 1.6, (SIDE, SIDE, 1)).astype(np.float32)
         image[beard > 0] = strands[beard > 0]
     person = (face > 0) | throat | shirt | (beard > 0)
     return (np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8), person.astype(np.float32),
@@ -71,6 +79,27 @@ def test_beards_are_found_as_far_as_they_reach(head, length):
     chin, cheek = (np.rint(head[2][list(marks)].mean(axis=0)).astype(int)
                    for marks in ((8, 57), (31, 2, 41)))
     assert shown.whole[chin[1], chin[0]] > 0.9 and shown.whole[cheek[1], cheek[0]] < 0.1
+
+
+def test_a_beard_may_be_as_white_as_the_hair(head):
+    image, matte, beard = photo(head[2], LONG, color=np.float32([0.85, 0.84, 0.82]))
+    assert beard_of(image, matte, head[2]) is None, "it may be wool"
+    hair = np.zeros((SIDE, SIDE), np.float32)
+    hair[:int(head[2][19, 1]) - 20, 150:250] = 1.0
+    for color, white in ((0.85, True), (0.15, False)):
+        image[hair > 0] = np.uint8(255 * color)
+        shown = beard_of(image, np.maximum(matte, hair), head[2], hair)
+        assert (shown is not None) == white
+        if shown is not None:
+            assert (shown.below & beard).sum() > 0.7 * (shown.below | beard).sum()
+
+
+def test_whiskers_beside_a_jaw_are_of_the_beard(head):
+    bare, shown = (photo(head[2], LONG, wide=wide) for wide in (0, 14))
+    beside = (shown[1] > 0.5) & (bare[1] < 0.5)
+    assert beside.sum() > 200
+    found = beard_of(shown[0], shown[1], head[2])
+    assert found is not None and (found.whole > 0.5)[beside].mean() > 0.5
 
 
 @pytest.mark.parametrize("shade", [1.0, 0.5, 0.3])
@@ -115,6 +144,27 @@ def test_a_beard_hangs_from_the_chin_and_not_on_the_throat(head):
     assert owner == HEAD and abs(lip - front(bare, -0.12)[0]) < 0.01
     assert abs(ahead - lip) < 0.15
     assert front(bearded, below, 0.25)[0] < ahead - 0.05
+
+
+def test_what_no_photo_shows_is_bearded_or_bare_and_nothing_between(head):
+    camera, _, landmarks = head
+    below = photo(landmarks, LONG)[2]
+    whole = below.copy()
+    jaw = np.zeros((SIDE, SIDE), np.uint8)
+    cv2.fillPoly(jaw, [np.rint(np.vstack([landmarks[1:16], landmarks[[54, 48]]])
+                               ).astype(np.int32)], 1)
+    whole |= jaw > 0
+    colors = np.where(whole[..., None], np.float32(0.1), np.float32(0.7)).repeat(3, axis=2)
+    shell = shell_of(with_beard(head, True), 80)
+    sh, grown = painted(shell, [Shot.of(camera, colors, None, None, whole.astype(np.float32),
+                                        beneath(below, 150.0))])
+    shade = sh[:, 0, 0] * C0 + 0.5
+    assert grown is not None
+    near = shell.owner == HEAD
+    near[near] = cKDTree(shell.on[shell.owner == BEARD]).query(shell.on[near])[0] < 0.02
+    assert near.sum() > 50 and (shade[near & ~shell.face] < 0.3).mean() > 0.9
+    back = (shell.owner == HEAD) & (shell.on[:, 2] < -0.2) & (shell.on[:, 1] > 0)
+    assert back.sum() > 50 and shade[back].min() > 0.6 and grown[back].max() < 30
 
 
 def test_what_lies_below_a_beard_does_not_color_it(head):

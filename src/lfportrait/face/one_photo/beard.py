@@ -36,9 +36,10 @@ lie in shade."""
 LENGTH, WAYS, STEPS = 0.8, 61, 60
 """How far below the jaw a beard ends, over the height of a face from eyes to chin; ways down from
 the jaw that are followed; steps of each."""
-COLORFUL, SMOOTH = 5.0, 0.01
+COLORFUL, SMOOTH, WHITE = 5.0, 0.01, 0.1
 """A beard is less colorful than skin and not brighter, but for so much in CIELAB; and less even, by
-octaves of lightness from place to place."""
+octaves of lightness from place to place. One that is brighter is less even by so much, and like
+the hair."""
 SPREAD = np.array([0.25, 0.08, 0.03])
 """Least deviations of lightness (octaves), redness (octaves) and fineness (octaves) of a beard and
 of skin."""
@@ -51,6 +52,8 @@ TURN, EDGE, TALL, BESIDE = 0.8, 5.0, 0.5, 0.5
 """In steps: what it costs a beard's outline to change by a step from one way to the next, and what
 it is worth to run along an edge of the photo; what steps cost at the far end, and beside the chin.
 """
+WHISKERS = 0.15
+"""How far whiskers stand out beside a jaw, over the height of a face."""
 FRINGE = 1.0
 """The last of its steps are hairs before what lies below."""
 CONTRAST = np.array([0.8, 0.25, 0.1])
@@ -108,12 +111,12 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     looks = _looks(small)
     lab = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2LAB), np.float32)
     covered = _covered(lab, face)
-    if covered is None or _is_cloth(lab, looks[..., 2], covered, face.cheeks):
+    if covered is None or _is_cloth(lab, looks[..., 2], covered, face.cheeks, masks[1]):
         return None
     like = _like_a_beard(looks, covered, face.cheeks)
     like[~face.person | _hanging(masks[1], face)] = -1
     found = _followed(like, looks, face)
-    whole = _one_piece((face.lower & (like > 0)) | found, face.chin) & face.person
+    whole = _one_piece(((face.lower | face.beside) & (like > 0)) | found, face.chin) & face.person
     shown = [cv2.resize(one.astype(np.float32), matte.shape[::-1], interpolation=cv2.INTER_LINEAR)
              for one in (found, whole)]
     if not (shown[0] > 0.5).any():
@@ -130,6 +133,7 @@ class _Face(NamedTuple):
     cheeks: Bool
     lower: Bool  # Below the nose, without the lips.
     inner: Bool  # From the brows to the jaw.
+    beside: Bool  # Outside of the jaw's landmarks, as far as whiskers stand out.
 
     @staticmethod
     def of(places: Float64, person: Bool) -> _Face:
@@ -142,11 +146,18 @@ class _Face(NamedTuple):
         mouth = places[48:60].mean(axis=0)
         around = mouth + 1.25 * (places[[54, 55, 56, 57, 58, 59, 48]] - mouth)
         lips = within(mouth + 1.15 * (places[48:60] - mouth))
+        inner = within(places[:17], places[26:16:-1])
+        tall = float(np.linalg.norm(places[8] - places[27]))
+        down = (places[8] - places[27]) / max(tall, 1e-9)
+        height = np.tensordot(np.indices(person.shape)[::-1], down, axes=(0, 0))
+        near = cv2.distanceTransform((~inner).astype(np.uint8), cv2.DIST_L2, 5) < WHISKERS * tall
+        ears, chin = min(places[[2, 14]] @ down), float(places[8] @ down)
+        beside = near & ~inner & (height > ears) & (height < chin)
         return _Face(
             places, person, within(places[4:13], around) & person,
             (within(places[[31, 2, 41]]) | within(places[[35, 14, 46]])) & person,
             within(places[1:16], places[[35, 33, 31]]) & person & ~lips,
-            within(places[:17], places[26:16:-1]))
+            inner, beside & person)
 
     @property
     def tall(self) -> float:
@@ -220,12 +231,15 @@ def beneath(beard: Bool, unit: float) -> Float32:
     return np.asarray(cv2.GaussianBlur(wide, (0, 0), 0.5 * reach), np.float32)
 
 
-def _is_cloth(lab: Float32, fine: Float32, chin: Bool, skin: Bool) -> bool:
-    """Whether what covers a chin is no hair: blue, green, bright, more colorful, or smooth."""
+def _is_cloth(lab: Float32, fine: Float32, chin: Bool, skin: Bool, hair: Bool) -> bool:
+    """Whether what covers a chin is no hair: blue, green, colorful, smooth, or even and bright."""
     one, two = (np.median(lab[part], axis=0) for part in (chin, skin))
     colorful = np.hypot(*one[1:]) > np.hypot(*two[1:]) + COLORFUL or one[1:].min() < -COLORFUL
-    smooth = np.median(fine[chin]) < np.median(fine[skin]) + SMOOTH
-    return bool(colorful or one[0] > two[0] + COLORFUL or smooth)
+    finer = float(np.median(fine[chin]) - np.median(fine[skin]))
+    bright = one[0] > two[0] + COLORFUL
+    if bright and hair.any():
+        bright = finer < WHITE or np.linalg.norm(one - np.median(lab[hair], axis=0)) > UNLIKE
+    return bool(colorful or bright or finer < SMOOTH)
 
 
 def _looks(image: Float32) -> Float32:

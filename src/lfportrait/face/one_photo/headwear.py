@@ -64,7 +64,7 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
                           for one in (image, np.asarray(matte, np.float32),
                                       np.asarray(hair, np.float32)))
     face, person = landmarks * factor, soft > 0.5
-    beyond = _beyond(np.asarray(small, np.uint8), soft, curls > 0.5, face,
+    beyond = _beyond(np.asarray(small, np.uint8), np.asarray(soft, np.float32), curls > 0.5, face,
                      (skull[0] * factor, skull[1] * factor))
     if beyond is None:
         return None
@@ -91,7 +91,8 @@ def _beyond(image: UInt8, soft: NDArray[np.floating], hair: Bool, face: Float64,
     opened = cv2.morphologyEx(loose.astype(np.uint8), cv2.MORPH_OPEN, disc)
     count, labels = cv2.connectedComponents(opened)
     above = np.degrees(np.arctan2(beside, up)) < CROWN
-    lab = np.asarray(cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB))
+    lab = np.asarray(cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB),
+                     np.float32)
     ground = soft < 0.05
     skin = np.median(lab[_drawn(face, soft.shape)], axis=0)
     out = np.zeros(soft.shape, bool)

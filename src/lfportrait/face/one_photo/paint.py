@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
@@ -28,6 +29,7 @@ from .beard import BEARD
 from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
+from .piece import METRES
 from .solid import HAIR, HEAD, WORN
 
 __all__ = ["WIDTHS", "Shot", "painted", "strand_contrast", "strands"]
@@ -59,6 +61,8 @@ CROWN, AROUND = -0.25, 0.5
 """Where they start (depth, forward), and how far from there they are as wide as that."""
 DARKEST = 0.02
 """Added to luminance before its logarithm."""
+UNDER = 0.008 / METRES
+"""How far under a chin a beard goes on beside what hangs down of it, portrait units."""
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -170,9 +174,9 @@ class _Mean:
         """How much of what is seen is beard, [N], as far as photos say."""
         return np.asarray(self.bearded[:, 0] / np.maximum(self.bearded[:, 1], 1e-9))
 
-    def pure(self, hair: Bool) -> Float64:
-        """How well places are seen that have the material which they should have, [N]."""
-        share = np.where(hair, self.share, 1 - self.share)
+    def pure(self, kind: int) -> Float64:
+        """How well places are seen that have a material, one of `_fill`, [N]."""
+        share = (self.share, self.beard, (1 - self.share) * (1 - self.beard))[kind]
         return np.asarray(self.best * np.clip(2 * share - 1, 0, 1))
 
 
@@ -206,7 +210,9 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
         look = coming.result()
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = _hairy(shell, own)
-    fill = _fill(points, own, other, hair, skin)
+    bearded = shell.owner == BEARD
+    beard = _bearded(shell, own) if bearded.any() else np.zeros(len(points))
+    fill = _fill(points, own, other, np.stack([hair, beard]), skin)
     if hair.any():
         # Short hair is too fine for them.
         grown = hair > 0.5
@@ -218,14 +224,11 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     share = own.best[:, None]
     out = np.clip(share * own.colors + (1 - share) * fill, 0, 1)
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
-    bearded = shell.owner == BEARD
     if not (hair.any() or bearded.any()):
         return sh, None
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
-    grown = shown + (1 - own.best) * hair
-    if bearded.any():
-        grown = np.maximum(grown, _bearded(shell, own))
+    grown = np.maximum(shown + (1 - own.best) * hair, beard)
     return sh, np.asarray(255 * grown + 0.5, np.uint8)
 
 
@@ -237,7 +240,12 @@ def _bearded(shell: Shell, own: _Mean) -> Float64:
     face, known = shell.face, seen[shell.face]
     around = _spread(shell.on[face], own.beard[face][:, None], known, 0)[:, 0]
     out[face] += (1 - known) * np.clip(2 * around - 0.5, 0, 1)
-    return np.asarray(out, np.float64)
+    # So does what lies right beside the beard under a chin.
+    under = np.flatnonzero((shell.owner == HEAD) & ~face)
+    away = cKDTree(shell.on[shell.owner == BEARD]).query(
+        shell.on[under], distance_upper_bound=2 * UNDER)[0]
+    out[under] += (1 - seen[under]) * np.clip(2 - away / UNDER, 0, 1)
+    return np.clip(out, 0, 1)
 
 
 def _hairy(shell: Shell, own: _Mean) -> Float64:
@@ -251,31 +259,32 @@ def _hairy(shell: Shell, own: _Mean) -> Float64:
     return np.asarray(np.maximum(hair, shell.scalp * np.maximum(unseen, shown)))
 
 
-def _fill(points: Float64, own: _Mean, other: _Mean, hair: Float64, skin: Bool) -> Float64:
-    """Colors [N, 3] of what the photos do not show: of hair and of all else, each by its own.
+def _fill(points: Float64, own: _Mean, other: _Mean, grown: Float64, skin: Bool) -> Float64:
+    """Colors [N, 3] of what the photos do not show: of hair, beard and all else, each by its own.
 
-    ``skin`` is the head: what a body wears is seen on no cheek, but necks go on in skin.
+    ``grown`` is how much of a place is hair, and how much of the rest a beard, [2, N]; ``skin`` is
+    the head: what a body wears is seen on no cheek, but necks go on in skin.
     """
-    def filled(hairy: bool) -> Float64:
-        out, place = np.zeros_like(points), hair > 0 if hairy else hair < 1
+    hair, beard = grown
+    parts = (hair, (1 - hair) * beard, (1 - hair) * (1 - beard))
+
+    def filled(kind: int) -> Float64:
+        out, place = np.zeros_like(points), parts[kind] > 0
         if not place.any():
             return out
-        weight, known = (mean.pure(np.full(len(points), hairy))[place]
-                         for mean in (own, other))
+        weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight), 0, 1)
         found = _filled(at, photo, weight, matched, known)
         bare = skin[place]
-        if not hairy and bare.any():
+        if kind == 2 and bare.any():
             found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
-        out[place] = found
+        out[place] = parts[kind][place, None] * found
         return out
 
     with ThreadPoolExecutor(2) as pool:
-        coming = pool.submit(filled, True)
-        rest = filled(False)
-        return np.asarray(hair[:, None] * coming.result() + (1 - hair[:, None]) * rest)
+        return np.asarray(sum(pool.map(filled, range(3))))
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,

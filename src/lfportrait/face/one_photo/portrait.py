@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import models
-from ...arrays import Float32, Float64
+from ...arrays import Bool, Float32, Float64
 from ...capture import (
     Camera,
     Capture,
@@ -155,7 +155,7 @@ class _Seen:
         height, width = self.matte.shape
         self.picture = Picture((width, height), landmarks, photo.focal,
                                signed_distance(self.matte), self.hair,
-                               clothes(shown, self.hair, landmarks))
+                               _worn(shown, self.matte, self.hair, landmarks))
 
     def cover(self, fit: HeadFit, view: int) -> bool:
         """Whether something covers the head; it counts as hair from then on."""
@@ -163,8 +163,8 @@ class _Seen:
                         skull_in(fit, view))
         if worn is not None:
             self.covered, self.hair = True, np.maximum(self.hair, worn.astype(np.float32))
-            self.picture = replace(self.picture, hair=self.hair, clothes=clothes(
-                self.shown, self.hair, self.picture.landmarks))
+            self.picture = replace(self.picture, hair=self.hair, clothes=_worn(
+                self.shown, self.matte, self.hair, self.picture.landmarks))
         return self.covered
 
 
@@ -187,6 +187,13 @@ def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     rows = np.arange(matte.shape[0])[:, None]
     high = landmarks[17:27, 1].min() - 0.45 * (landmarks[8, 1] - landmarks[27, 1])
     return np.asarray((matte > 0.5) & (rows < high), np.float32)
+
+
+def _worn(image: NDArray[np.uint8], matte: NDArray[np.floating], hair: NDArray[np.floating],
+          landmarks: Float64) -> Bool:
+    """What hides a head's outline besides hair, bool [H, W]: clothes, and a beard."""
+    out, beard = clothes(image, hair, landmarks), beard_of(image, matte, landmarks, hair)
+    return out if beard is None else out | (beard.whole > 0.5)
 
 
 def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
@@ -419,4 +426,4 @@ def _pictured(capture: Capture, view: int, fit: HeadFit) -> Picture:
         hair = hair if worn is None else np.maximum(hair, worn.astype(np.float32))
     return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
                    float(camera.focal[0, 0]), signed_distance(matte), hair,
-                   clothes(shown, hair, landmarks))
+                   _worn(shown, matte, hair, landmarks))
