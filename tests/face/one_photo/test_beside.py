@@ -109,6 +109,16 @@ def test_a_face_that_is_printed_on_a_shirt_stays(monkeypatch):
     assert scene.alone(monkeypatch) is None
 
 
+def test_a_face_in_the_sitters_curls_is_none(monkeypatch):
+    curls = disc(200, 80, 115, 75)
+    scene = Scene().add(curls, COAT).sitter()
+    scene.hair[curls & ~SITTER] = 1
+    found = [landmarks(290, 80, 28)]
+    assert scene.alone(monkeypatch, found=found) is None
+    scene.hair[:] = 0
+    assert scene.alone(monkeypatch, found=found) is not None
+
+
 def test_hair_that_is_not_the_sitters_is_somebody_elses(monkeypatch):
     other = disc(335, 110, 40, 55) | disc(345, 190, 45, 80)
     scene = Scene().add(other, COAT).sitter()

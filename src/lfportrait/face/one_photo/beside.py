@@ -234,13 +234,14 @@ def _others(scene: _Scene, sitter: Bool, apart: Bool, image: UInt8,
     person, place = scene.person, scene.sitter
     far = [piece for piece in _pieces(person & ~apart & (place.usual() == 0))
            if scene.area(piece) > OTHERS]
-    # One before the chest is printed on what the sitter wears.
-    faces = [one for one in _faces(scene, far, image) if one.hull().any()
-             and place.usual()[one.hull()].mean() < 0.5]
+    own = _own_hair(scene)
+    # One before the chest is printed on what the sitter wears, one in the sitter's hair is curls.
+    faces = [one for one in _faces(scene, far, image) if (hull := one.hull()).any()
+             and place.usual()[hull].mean() < 0.5 and own[hull].mean() < 0.5]
     known = np.zeros(person.shape, bool)
     for face in faces:
         known |= person & (face.hull() | (face.core() & (place.usual() == 0)))
-    for piece in _pieces(person & (scene.hair > 0.5) & ~_own_hair(scene)):
+    for piece in _pieces(person & (scene.hair > 0.5) & ~own):
         if any(scene.area(piece & one) > OTHERS for one in far):
             known |= piece
     out, blurred = known.copy(), False

@@ -27,7 +27,17 @@ from ...field import C0, ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..detect import detect_faces, face_yaw
-from ..head_fit import HeadFit, Picture, View, check_faces, deviations_of, fit_head, refit, unfit
+from ..head_fit import (
+    HeadFit,
+    Picture,
+    View,
+    check_faces,
+    deviations_of,
+    ear_to_ear,
+    fit_head,
+    refit,
+    unfit,
+)
 from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
@@ -53,6 +63,9 @@ AGREED = 3
 """How often several photos are compared and the head is fitted to what they share."""
 ROUGH = 96
 """Points to two units of the lattice of a head that is looked at before it is made in full."""
+NEAR, FADE, MOST = 4.0, 0.3, 0.7
+"""Hair is looked for from near, over so many widths of the face, which fades out over the second;
+not where these are most of a picture."""
 _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
 
@@ -183,10 +196,34 @@ def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Floa
 def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
     """Where a photo shows hair, float32 [H, W]; by the network, else all above the brows."""
     if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
-        return clean_hair(image, hair_mask(image), matte, landmarks)
+        return clean_hair(image, _hair_seen(image, landmarks), matte, landmarks)
     rows = np.arange(matte.shape[0])[:, None]
     high = landmarks[17:27, 1].min() - 0.45 * (landmarks[8, 1] - landmarks[27, 1])
     return np.asarray((matte > 0.5) & (rows < high), np.float32)
+
+
+def _hair_seen(image: NDArray[np.uint8], landmarks: Float64) -> Float32:
+    """Hair as the network sees it, float32 [H, W], around the head from near.
+
+    In a picture of half a person a strand beside an ear is a pixel or two wide to it.
+    """
+    whole = hair_mask(image)
+    size, width = np.array(image.shape[1::-1]), ear_to_ear(landmarks)
+    reach = 0.5 * NEAR * width
+    low = np.clip(landmarks[27] - reach, 0, size).astype(int)
+    high = np.clip(landmarks[27] + reach, 0, size).astype(int)
+    if (high - low).prod() > MOST * size.prod():
+        return whole
+    place = tuple(slice(one, two) for one, two in zip(low[::-1], high[::-1], strict=True))
+    near = hair_mask(np.ascontiguousarray(image[place]))
+    # Towards its edges, where the picture goes on, the whole says more and more.
+    away = []
+    for one, two, end in zip(low, high, size, strict=True):
+        steps, far = np.arange(two - one), np.full(two - one, size.max())
+        away.append(np.minimum(steps if one else far, steps[::-1] if two < end else far))
+    share = np.clip(np.minimum(away[0], away[1][:, None]) / (FADE * width), 0, 1)
+    whole[place] += share.astype(np.float32) * (near - whole[place])
+    return whole
 
 
 def _worn(image: NDArray[np.uint8], matte: NDArray[np.floating], hair: NDArray[np.floating],
