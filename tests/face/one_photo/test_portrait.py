@@ -84,7 +84,7 @@ def test_hair_is_looked_for_from_near(monkeypatch):
     assert hair[300, 400] == 0 and hair[100, 40] == 0
     assert 0 < hair[300, 155] < 1, "and fades out between"
     # A picture of little but a head is looked at once.
-    portrait._hair_seen(np.zeros((200, 200, 3), np.uint8), face + [60, -200])
+    portrait._hair_seen(np.zeros((200, 200, 3), np.uint8), face + np.array([60, -200]))
     assert len(seen) == 3
 
 
