@@ -115,6 +115,16 @@ def test_a_chin_half_of_which_lies_in_shade_has_no_beard(head):
     assert beard_of(dark, matte, head[2]) is None
 
 
+def test_a_chin_in_uneven_shade_has_no_beard(head):
+    image, matte, beard = photo(head[2], LONG)
+    generator = np.random.default_rng(2)
+    lower = beard | ((image.astype(int).sum(axis=2) < 300) & (matte > 0.5))
+    # As red as skin in light, and a little less even.
+    shade = SKIN ** 2.2 * 0.12 * generator.uniform(0.85, 1.15, (SIDE, SIDE, 1))
+    image[lower] = np.rint(255 * shade ** (1 / 2.2)).astype(np.uint8)[lower]
+    assert beard_of(image, matte, head[2]) is None
+
+
 def with_beard(head: tuple[Camera, MeshSamples, np.ndarray], shown: bool) -> Solid:
     camera, samples, landmarks = head
     _, matte, beard = photo(landmarks, LONG)

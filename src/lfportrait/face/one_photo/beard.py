@@ -40,6 +40,8 @@ COLORFUL, SMOOTH, WHITE = 5.0, 0.01, 0.1
 """A beard is less colorful than skin and not brighter, but for so much in CIELAB; and less even, by
 octaves of lightness from place to place. One that is brighter is less even by so much, and like
 the hair."""
+SHADED = 0.13, 0.95
+"""Nor is it shade: less even by the first, or less red by the second, or by a half of each."""
 SPREAD = np.array([0.25, 0.08, 0.03])
 """Least deviations of lightness (octaves), redness (octaves) and fineness (octaves) of a beard and
 of skin."""
@@ -111,7 +113,7 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     looks = _looks(small)
     lab = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2LAB), np.float32)
     covered = _covered(lab, face)
-    if covered is None or _is_cloth(lab, looks[..., 2], covered, face.cheeks, masks[1]):
+    if covered is None or _is_other(lab, looks, covered, face.cheeks, masks[1]):
         return None
     like = _like_a_beard(looks, covered, face.cheeks)
     like[~face.person | _hanging(masks[1], face)] = -1
@@ -231,15 +233,19 @@ def beneath(beard: Bool, unit: float) -> Float32:
     return np.asarray(cv2.GaussianBlur(wide, (0, 0), 0.5 * reach), np.float32)
 
 
-def _is_cloth(lab: Float32, fine: Float32, chin: Bool, skin: Bool, hair: Bool) -> bool:
-    """Whether what covers a chin is no hair: blue, green, colorful, smooth, or even and bright."""
+def _is_other(lab: Float32, looks: Float32, chin: Bool, skin: Bool, hair: Bool) -> bool:
+    """Whether what covers a chin is no hair.
+
+    Cloth is blue, green, colorful, smooth, or even and bright; shade is as red as skin, and even.
+    """
     one, two = (np.median(lab[part], axis=0) for part in (chin, skin))
     colorful = np.hypot(*one[1:]) > np.hypot(*two[1:]) + COLORFUL or one[1:].min() < -COLORFUL
-    finer = float(np.median(fine[chin]) - np.median(fine[skin]))
+    _, grayer, finer = np.median(looks[chin], axis=0) - np.median(looks[skin], axis=0)
     bright = one[0] > two[0] + COLORFUL
     if bright and hair.any():
         bright = finer < WHITE or np.linalg.norm(one - np.median(lab[hair], axis=0)) > UNLIKE
-    return bool(colorful or bright or finer < SMOOTH)
+    shade = finer / SHADED[0] - grayer / SHADED[1] < 1
+    return bool(colorful or bright or finer < SMOOTH or shade)
 
 
 def _looks(image: Float32) -> Float32:
