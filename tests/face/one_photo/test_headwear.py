@@ -75,6 +75,15 @@ def test_it_is_the_same_in_a_picture_three_times_as_large():
     assert overlap(worn, bonnet) > 0.9
 
 
+def test_a_photo_that_came_cut_out_has_no_ground():
+    image = np.full((*SIZE, 3), 153, np.uint8)
+    for mask, color in [(BODY, SUIT), (HEAD, SKIN), (BONNET, (150, 154, 152))]:
+        image[mask] = color
+    matte, none = (BODY | HEAD | BONNET).astype(np.float32), np.zeros(SIZE, np.float32)
+    assert headwear(image, matte, none, FACE, SKULL) is None
+    assert overlap(headwear(image, matte, none, FACE, SKULL, True), BONNET) > 0.9
+
+
 def test_hair_that_was_seen_goes_no_further_over_the_forehead():
     hair = BONNET & (ROWS > 105)
     curls = [*SITTER, (BONNET, HAT), (HEAD & (ROWS > 105) & (ROWS < 140), SKIN)]

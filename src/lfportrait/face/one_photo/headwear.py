@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float64, UInt8
+from ...arrays import Bool, Float32, Float64, UInt8
 from ..head_fit import HeadFit, ear_to_ear
 
 __all__ = ["headwear", "skull_in"]
@@ -48,7 +48,8 @@ def skull_in(fit: HeadFit, view: int) -> tuple[Float64, Float64]:
 
 
 def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floating],
-             landmarks: Float64, skull: tuple[Float64, Float64]) -> Bool | None:
+             landmarks: Float64, skull: tuple[Float64, Float64], cut_out: bool = False,
+             ) -> Bool | None:
     """Where a photo shows what covers a head besides hair that was seen, bool [H, W], or None.
 
     Parameters
@@ -57,45 +58,36 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
     matte, hair : [H, W] in [0, 1].
     landmarks : [68, 2] in pixels.
     skull : Of `skull_in`.
+    cut_out : Whether the photo came with its matte, which then has no ground.
     """
     factor = min(1.0, FINE / ear_to_ear(landmarks))
     size = (max(2, round(factor * image.shape[1])), max(2, round(factor * image.shape[0])))
-    small, soft, curls = (cv2.resize(one, size, interpolation=cv2.INTER_AREA)
-                          for one in (image, np.asarray(matte, np.float32),
-                                      np.asarray(hair, np.float32)))
-    face, person = landmarks * factor, soft > 0.5
-    beyond = _beyond(np.asarray(small, np.uint8), np.asarray(soft, np.float32), curls > 0.5, face,
-                     (skull[0] * factor, skull[1] * factor))
+    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    soft, curls = (np.asarray(cv2.resize(np.asarray(one, np.float32), size,
+                                         interpolation=cv2.INTER_AREA)) for one in (matte, hair))
+    face, middle = landmarks * factor, skull[1] * factor
+    ground = np.zeros(soft.shape, bool) if cut_out else soft < 0.05
+    beyond = _beyond(small, soft > 0.5, ground, curls > 0.5, face, skull[0] * factor, middle)
     if beyond is None:
         return None
-    found = _spread(np.asarray(small, np.uint8), person, beyond, curls > 0.5, face,
-                    skull[1] * factor)
+    found = _spread(small, soft > 0.5, beyond, curls > 0.5, face, middle)
     whole = cv2.resize(found.astype(np.float32), image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray((whole > 0.5) & (np.asarray(matte) > 0.5))
 
 
-def _beyond(image: UInt8, soft: NDArray[np.floating], hair: Bool, face: Float64,
-            skull: tuple[Float64, Float64]) -> Bool | None:
+def _beyond(image: UInt8, person: Bool, ground: Bool, hair: Bool, face: Float64, skull: Float64,
+            middle: Float64) -> Bool | None:
     """What lies over a crown and is neither skull, nor hair, nor ground, bool [h, w], or None."""
     width = ear_to_ear(face)
-    points, middle = skull
-    head = _drawn(points, soft.shape)
-    away = cv2.distanceTransform((~head).astype(np.uint8), cv2.DIST_L2, 5) / width
-    down = (face[8] - face[27]) / max(float(np.linalg.norm(face[8] - face[27])), 1e-9)
-    row, column = np.mgrid[:soft.shape[0], :soft.shape[1]] + 0.5
-    x, y = column - middle[0], row - middle[1]
-    up, beside = -(x * down[0] + y * down[1]), np.abs(x * down[1] - y * down[0])
-    loose = (soft > 0.5) & ~hair & (away > BESIDE) & (up > 0)
-    radius = max(1, round(THIN * width))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    opened = cv2.morphologyEx(loose.astype(np.uint8), cv2.MORPH_OPEN, disc)
-    count, labels = cv2.connectedComponents(opened)
-    above = np.degrees(np.arctan2(beside, up)) < CROWN
+    away = cv2.distanceTransform((~_hull(skull, person.shape)).astype(np.uint8), cv2.DIST_L2, 5)
+    down, beside = _along(face, middle, person.shape)
+    loose = _opened(person & ~hair & (away > BESIDE * width) & (down < 0), width)
+    above = np.degrees(np.arctan2(np.abs(beside), -down)) < CROWN
     lab = np.asarray(cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB),
                      np.float32)
-    ground = soft < 0.05
-    skin = np.median(lab[_drawn(face, soft.shape)], axis=0)
-    out = np.zeros(soft.shape, bool)
+    skin = np.median(lab[_hull(face, person.shape)], axis=0)
+    count, labels = cv2.connectedComponents(loose.astype(np.uint8))
+    out = np.zeros(person.shape, bool)
     for one in range(1, count):
         part = labels == one
         over = (part & above).sum()
@@ -106,24 +98,35 @@ def _beyond(image: UInt8, soft: NDArray[np.floating], hair: Bool, face: Float64,
     return out if out.any() else None
 
 
-def _drawn(points: Float64, shape: tuple[int, ...]) -> Bool:
+def _along(face: Float64, origin: Float64, shape: tuple[int, ...]) -> tuple[Float64, Float64]:
+    """How far down a face's own axis, and beside it, pixels [h, w] lie from a place (x, y)."""
+    axis = (face[8] - face[27]) / max(float(np.linalg.norm(face[8] - face[27])), 1e-9)
+    row, column = np.mgrid[:shape[0], :shape[1]] + 0.5
+    x, y = column - origin[0], row - origin[1]
+    return x * axis[0] + y * axis[1], x * axis[1] - y * axis[0]
+
+
+def _hull(points: Float64, shape: tuple[int, ...]) -> Bool:
     """The convex hull of points [N, 2] in a picture."""
     out = np.zeros(shape[:2], np.uint8)
     cv2.fillConvexPoly(out, cv2.convexHull(np.rint(points).astype(np.int32)), 1)
     return np.asarray(out > 0)
 
 
-def _is_ground(part: Bool, ground: Bool, lab: NDArray[np.floating], width: float) -> bool:
+def _opened(mask: Bool, width: float) -> Bool:
+    """A mask without its shreds."""
+    side = 2 * max(1, round(THIN * width)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0)
+
+
+def _is_ground(part: Bool, ground: Bool, lab: Float32, width: float) -> bool:
     """Whether the photo has no edge where a part of a matte meets the ground."""
-    reach = ACROSS * width
-    inner, outer = (cv2.distanceTransform((~one).astype(np.uint8), cv2.DIST_L2, 5)
-                    for one in (ground, part))
-    sides = []
-    for side in (part & (inner < 2 * reach) & (inner > reach),
-                 ground & (outer < 2 * reach) & (outer > reach)):
-        known = side.astype(np.float32)
-        blurred = cv2.GaussianBlur(np.dstack([lab * known[..., None], known]), (0, 0), reach)
-        sides.append(blurred)
+    reach, sides = ACROSS * width, []
+    for own, other in ((part, ground), (ground, part)):
+        away = cv2.distanceTransform((~other).astype(np.uint8), cv2.DIST_L2, 5)
+        known = (own & (away < 2 * reach) & (away > reach)).astype(np.float32)
+        sides.append(cv2.GaussianBlur(np.dstack([lab * known[..., None], known]), (0, 0), reach))
     both = part & (sides[0][..., 3] > 0.02) & (sides[1][..., 3] > 0.02)
     if not both.any():
         return False
@@ -134,46 +137,34 @@ def _is_ground(part: Bool, ground: Bool, lab: NDArray[np.floating], width: float
 def _spread(image: UInt8, person: Bool, beyond: Bool, hair: Bool, face: Float64,
             middle: Float64) -> Bool:
     """All of what covers a head, by the colors of the part ``beyond`` it."""
-    width = ear_to_ear(face)
-    down = (face[8] - face[27]) / max(float(np.linalg.norm(face[8] - face[27])), 1e-9)
-    row, column = np.mgrid[:person.shape[0], :person.shape[1]] + 0.5
-    below = (column - face[8, 0]) * down[0] + (row - face[8, 1]) * down[1]
-    skin = _drawn(face, person.shape)
+    width, skin = ear_to_ear(face), _hull(face, person.shape)
+    below = _along(face, face[8], person.shape)[0]
+    within = _below_hair(hair, *_along(face, middle, person.shape)) & ~beyond
     mask = np.where(person, cv2.GC_PR_BGD, cv2.GC_BGD).astype(np.uint8)
-    mask[skin] = cv2.GC_BGD
-    mask[person & (below > DOWN * width)] = cv2.GC_BGD
-    mask[_below_hair(hair, middle) & ~beyond] = cv2.GC_BGD
+    mask[skin | (below > DOWN * width) | within] = cv2.GC_BGD
     mask[beyond | (hair & (mask != cv2.GC_BGD))] = cv2.GC_FGD
-    # The ground says nothing: it gets the colors of the face.
-    shown = image.copy()
-    shown[~person] = np.median(image[skin], axis=0)
-    # Clothes further down say nothing, either.
+    # The ground says nothing: it gets the colors of the face; clothes further down neither.
+    shown = image[..., ::-1].copy()
+    shown[~person] = np.median(shown[skin], axis=0)
     rows, columns = (slice(int(one.min()), int(one.max()) + 1) for one in np.nonzero(
-        person & (below < CLOTHES * width)))
-    cut, box = np.ascontiguousarray(mask[rows, columns]), shown[rows, columns, ::-1]
-    models = [np.zeros((1, 65)), np.zeros((1, 65))]
+        skin | (person & (below < CLOTHES * width))))
+    cut = np.ascontiguousarray(mask[rows, columns])
     cv2.setRNGSeed(0)
-    cv2.grabCut(np.ascontiguousarray(box), cut, (0, 0, 0, 0), models[0], models[1], ROUNDS,
-                cv2.GC_INIT_WITH_MASK)
-    found = np.zeros(person.shape, np.uint8)
+    cv2.grabCut(np.ascontiguousarray(shown[rows, columns]), cut, (0, 0, 0, 0), np.zeros((1, 65)),
+                np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK)
+    found = np.zeros(person.shape, bool)
     found[rows, columns] = (cut == cv2.GC_FGD) | (cut == cv2.GC_PR_FGD)
-    found[~person] = 0
-    radius = max(1, round(THIN * width))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    found = np.asarray(cv2.morphologyEx(found, cv2.MORPH_OPEN, disc), np.uint8)
-    labels = cv2.connectedComponents(found)[1]
-    held = np.setdiff1d(np.unique(labels[beyond]), [0])
-    return np.asarray(np.isin(labels, held))
+    pieces = cv2.connectedComponents(_opened(found & person, width).astype(np.uint8))[1]
+    return np.asarray((pieces > 0) & np.isin(pieces, pieces[beyond]))
 
 
-def _below_hair(hair: Bool, middle: Float64) -> Bool:
+def _below_hair(hair: Bool, down: Float64, beside: Float64) -> Bool:
     """What lies nearer to a head's middle than hair that was seen, bool [h, w], above the middle.
 
     There the network says where hair ends.
     """
-    row, column = np.mgrid[:hair.shape[0], :hair.shape[1]] + 0.5
-    x, y = column - middle[0], row - middle[1]
-    sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
-    far, last = np.hypot(x, y), np.zeros(SECTORS)
+    sector = np.floor((np.arctan2(down, beside) / (2 * np.pi) + 0.5) * SECTORS).astype(int)
+    sector %= SECTORS
+    far, last = np.hypot(down, beside), np.zeros(SECTORS)
     np.maximum.at(last, sector[hair], far[hair])
-    return ~hair & (far < last[sector]) & (y < 0)
+    return np.asarray(~hair & (far < last[sector]) & (down < 0))

@@ -173,7 +173,7 @@ class _Seen:
     def cover(self, fit: HeadFit, view: int) -> bool:
         """Whether something covers the head; it counts as hair from then on."""
         worn = headwear(self.shown, self.matte, self.hair, self.picture.landmarks,
-                        skull_in(fit, view))
+                        skull_in(fit, view), self.given)
         if worn is not None:
             self.covered, self.hair = True, np.maximum(self.hair, worn.astype(np.float32))
             self.picture = replace(self.picture, hair=self.hair, clothes=_worn(
@@ -459,7 +459,8 @@ def _pictured(capture: Capture, view: int, fit: HeadFit) -> Picture:
     shown = _shown(capture, view)
     hair = _hair_of(shown, matte, landmarks)
     if known.get("covered"):
-        worn = headwear(shown, matte, hair, landmarks, skull_in(fit, view))
+        worn = headwear(shown, matte, hair, landmarks, skull_in(fit, view),
+                        _cut_out(capture, view))
         hair = hair if worn is None else np.maximum(hair, worn.astype(np.float32))
     return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
                    float(camera.focal[0, 0]), signed_distance(matte), hair,
