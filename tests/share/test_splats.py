@@ -116,9 +116,9 @@ def test_splats_lie_on_the_surface_and_face_outwards():
 
 
 def test_a_fit_comes_closer_to_views_it_has_not_seen():
-    field = head_field(40)
-    before = place_splats(field, 6000)
-    splats, psnr = field_splats(field, SplatConfig(count=6000, steps=40))
+    field = head_field(48)
+    before = place_splats(field, 12_000)
+    splats, psnr = field_splats(field, SplatConfig(count=12_000, steps=60))
     assert psnr == splat_psnr(field, splats, 64)
     # Pictures as fine as the splats, and larger ones.
     assert splat_psnr(field, splats, 96) > 30

@@ -263,7 +263,7 @@ def styled_here(job):
 
 
 def test_a_head_takes_on_the_exemplar(job, styled_here):
-    field, capture, exemplar = job
+    field, _, exemplar = job
     styled, figures = styled_here
     assert styled.basis == 1
     assert np.array_equal(styled.density, field.density)

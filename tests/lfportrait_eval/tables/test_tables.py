@@ -72,8 +72,9 @@ def known_figures():
     known, measure = {}, running.measure
 
     def measured(views, target, example, *rest):
-        key = os.environ.get("LFPORTRAIT_MODELS"), target, *(b"".join(picture.tobytes() for picture in (*one.arc, *one.close))
-                        for one in (views, example) if one is not None)
+        pictures = [one.arc + one.close for one in (views, example) if one is not None]
+        key = (os.environ.get("LFPORTRAIT_MODELS"), target,
+               *(b"".join(one.tobytes() for one in each) for each in pictures))
         if key not in known:
             known[key] = measure(views, target, example, *rest)
         return dict(known[key])
