@@ -13,7 +13,7 @@ from lfportrait.field.kernels.render import pose_equations
 from lfportrait.field.training.poses import aligned
 from lfportrait.field.training.trainer import Trainer
 
-TINY = ReconstructConfig(resolutions=(40, 80), rays=(0.2, 0.7), batch=(2048,))
+TINY = ReconstructConfig(resolutions=(40, 80), rays=(0.12, 0.4), batch=(2048,))
 
 
 def shaken(cameras, degrees=0.3, share=0.005, seed=0):
