@@ -50,13 +50,23 @@ def module_files(source: Path = SOURCE, package: str = "") -> dict[str, Path]:
 @functools.cache
 def import_lines(path: Path) -> list[ast.Import | ast.ImportFrom]:
     """Imports of a module, and of the stub beside it, which says what a package loads lazily."""
+    return imports_in([statement for file in (path, path.with_suffix(".pyi")) if file.is_file()
+                       for statement in ast.parse(file.read_text("utf-8")).body])
+
+
+def imports_in(statements: list[ast.stmt], *, at_once: bool = False,
+               ) -> list[ast.Import | ast.ImportFrom]:
+    """Imports among statements and in what they hold.
+
+    Those ``at_once`` are neither in functions nor for type checkers alone.
+    """
     found: list[ast.Import | ast.ImportFrom] = []
-    waiting: list[ast.stmt | ast.excepthandler | ast.match_case] = []
-    for file in (path, path.with_suffix(".pyi")):
-        if file.is_file():
-            waiting += ast.parse(file.read_text("utf-8")).body
+    waiting: list[ast.stmt | ast.excepthandler | ast.match_case] = [*statements]
     while waiting:
         node = waiting.pop()
+        if at_once and (isinstance(node, ast.FunctionDef) or (
+                isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))):
+            continue
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             found.append(node)
         # Statements stand in statements alone: expressions are most of a tree, and are left out.

@@ -5,6 +5,7 @@ import gc
 import importlib
 import inspect
 import os
+import re
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -92,6 +93,20 @@ def seconds_of_files(config: pytest.Config) -> dict[str, float]:
     guessed = {name: float(len(FIRST) - number) for number, name in enumerate(FIRST)}
     cache = getattr(config, "cache", None)  # a run may go without
     return guessed | (cache.get(SECONDS, {}) if cache is not None else {})
+
+
+def wholly_slow(path: Path) -> bool:
+    """Whether all tests of a file are slow, by its mark, and none of them is to run."""
+    if os.environ.get("LFPORTRAIT_SLOW") == "1":
+        return False
+    return re.search(r"^pytestmark = .*\bpytest\.mark\.slow\b", path.read_text("utf-8"),
+                     re.MULTILINE) is not None
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave files out whose tests are all slow: some take seconds to import, in each process."""
+    slow = collection_path.suffix == ".py" and wholly_slow(collection_path)
+    return True if slow else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -343,6 +358,7 @@ def import_a_share(config: pytest.Config) -> None:
     number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
     for folder in config.getini("testpaths"):
         paths = sorted((config.rootpath / folder).rglob("test_*.py"))
+        paths = [path for path in paths if not wholly_slow(path)]
         for path in paths[number::int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
             # Whatever is wrong with one, or missing for it, is told when it is collected.
             with suppress(Exception, pytest.skip.Exception):

@@ -111,16 +111,16 @@ def test_cameras_of_a_rendered_room_are_recovered(room: tuple[Path, Camera]) -> 
 
 def test_a_camera_that_stands_still_before_what_turns(tmp_path: Path,
                                                        capsys: pytest.CaptureFixture[str]) -> None:
-    cameras = room_cameras(8, 480, 480)
-    behind = np.uint8(texture(99)[:480, :480] * 255)
+    cameras = room_cameras(6, 400, 400)
+    behind = np.uint8(texture(99)[:400, :400] * 255)
     for view in range(len(cameras)):
         box = room_picture(cameras, view, walls=False)
         write_image(tmp_path / f"{view}.jpg", np.where(box.any(-1, keepdims=True), box, behind),
                     quality=95)
-    capture = calibrate(tmp_path, FAST, Progress("calibrate"))
+    capture = calibrate(tmp_path, ROUGH, Progress("calibrate"))
     assert "the camera did not move" in capsys.readouterr().err
     angle, position = pose_errors(capture.cameras.pose, cameras.pose)
-    assert len(angle) == 8
+    assert len(angle) == 6
     assert np.median(angle) < 0.5
     assert np.median(position) < 0.02
 

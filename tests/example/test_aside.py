@@ -62,7 +62,7 @@ def test_the_guide_leads_to_the_same_place_of_the_head(yaw):
     assert np.median(now) < 0.5 * np.median(before)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(some.floats(32, 70), some.floats(-12, 12), some.floats(-15, 15))
 def test_a_mirrored_face_gives_the_mirrored_points(yaw, pitch, roll):
     points = landmarks_of(yaw, pitch, roll)

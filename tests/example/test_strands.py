@@ -12,7 +12,7 @@ from lfportrait.example.painter.picture_materials import FEATURES, SKIN
 from lfportrait.example.painter.plain_skin import mask_strands, outline, strands
 from tests.portraits import drawn_face
 
-HEIGHT, WIDTH = 720, 600
+HEIGHT, WIDTH = 540, 450
 STROKE = (50, 34, 26)
 
 

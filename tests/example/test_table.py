@@ -32,7 +32,7 @@ def _check(appearance, config, unit, cells):
         assert cost.ravel()[chosen] == cost.min()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 25), st.integers(1, 25), st.integers(1, 5),
        st.integers(8, 32), st.sampled_from(["linear", "squared"]), st.floats(1, 30),
        st.floats(0, 4))

@@ -205,7 +205,7 @@ def test_reconstruct_cuts_the_object_out_unless_told_otherwise(scene, known, tmp
                                                                monkeypatch):
     capture, masks = scene
     capture.save(tmp_path / "capture")
-    config = reconstruction.ReconstructConfig(resolutions=(24,), rays=(0.02,), sh_degree=0,
+    config = reconstruction.ReconstructConfig(resolutions=(24,), rays=(0.02,),
                                               mvs_init=False)
     given = iter(wrong_mattes(masks))
     monkeypatch.setattr("lfportrait.face.person_matte", lambda image, up: next(given))

@@ -14,7 +14,7 @@ from lfportrait.field.training import trainer
 from lfportrait.field.training.trainer import Trainer
 from tests.field.test_field import ball_capture
 
-SMALL = ReconstructConfig(resolutions=(24, 40), rays=(0.15, 0.2), batch=(1024,), sh_degree=1)
+SMALL = ReconstructConfig(resolutions=(24, 40), rays=(0.15, 0.2), batch=(1024,))
 
 
 @functools.cache

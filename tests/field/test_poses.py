@@ -13,7 +13,7 @@ from lfportrait.field.kernels.render import pose_equations
 from lfportrait.field.training.poses import aligned
 from lfportrait.field.training.trainer import Trainer
 
-TINY = ReconstructConfig(resolutions=(40, 80), rays=(0.2, 0.7), batch=(2048,), sh_degree=0)
+TINY = ReconstructConfig(resolutions=(40, 80), rays=(0.12, 0.4), batch=(2048,))
 
 
 def shaken(cameras, degrees=0.3, share=0.005, seed=0):
@@ -146,7 +146,7 @@ def test_refinement_recovers_shaken_cameras():
 def test_a_resumed_run_with_refinement_gives_the_same_bytes(tmp_path, monkeypatch):
     _, capture = rendered_capture(count=16, size=40)
     capture = replace(capture, cameras=shaken(capture.cameras))
-    config = replace(TINY, rays=(0.05, 0.08), refine_poses=True)
+    config = replace(TINY, resolutions=(24, 40), rays=(0.05, 0.08), refine_poses=True)
     first, one = reconstruct_with_figures(capture, config)
     checkpoint = tmp_path / "state.npz"
 

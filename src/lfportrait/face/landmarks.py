@@ -163,6 +163,8 @@ def generic_depth(x: Float64, y: Float64, landmarks: Float64 = GENERIC_LANDMARKS
 
 _JAW = 0.5
 """Weight of the jaw's landmarks: on a turned face they slide along the outline."""
+_STEP = float(np.finfo(np.float64).eps ** 0.5)
+"""Step for slopes, of each value."""
 
 
 @dataclass(frozen=True)
@@ -225,12 +227,22 @@ def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
     start = size / float(head[:, :2].std())
 
     def left_over(values: Float64) -> Float64:
-        rotation = Rotation.from_rotvec(values[:3]).as_matrix()
-        shown = start * np.exp(values[3]) * (head @ rotation[:2].T) * [1.0, -1.0]
-        away = shown + middle + size * values[4:6] - seen
-        return np.asarray((weights[:, None] * away).ravel() / size, np.float64)
+        """Of one pose [6], or of several at once [K, 6]: one after the other takes K times."""
+        rotation = Rotation.from_rotvec(values[..., :3]).as_matrix()
+        scale = (start * np.exp(values[..., 3]))[..., None, None]
+        shown = scale * (head @ np.swapaxes(rotation[..., :2, :], -1, -2)) * [1.0, -1.0]
+        away = shown + middle + size * values[..., None, 4:6] - seen
+        return np.asarray((weights[:, None] * away).reshape(*values.shape[:-1], -1) / size,
+                          np.float64)
 
-    best = min((least_squares(left_over, np.array([0.0, yaw, 0, 0, 0, 0]), loss="soft_l1",
+    def slopes(values: Float64) -> Float64:
+        """By differences, as `least_squares` takes them."""
+        steps = np.where(values < 0, -1.0, 1.0) * np.maximum(1.0, np.abs(values)) * _STEP
+        moved = values + np.diag(steps)
+        change = left_over(moved) - left_over(values)
+        return np.asarray((change / (np.diagonal(moved) - values)[:, None]).T, np.float64)
+
+    best = min((least_squares(left_over, np.array([0.0, yaw, 0, 0, 0, 0]), slopes, loss="soft_l1",
                               f_scale=0.1) for yaw in (-0.6, 0.0, 0.6)),
                key=lambda one: float(one.cost))
     values = best.x

@@ -48,10 +48,16 @@ def moved():
     return photos(3.0)
 
 
-def test_cameras_follow_what_moved(moved):
-    capture, mattes, boxes = moved
+@pytest.fixture(scope="module")
+def followed(moved):
+    """Its cameras that follow, how it moved, and what was said of it."""
     said = []
-    result, motion = follow_head(capture, mattes, tell=said.append)
+    return *follow_head(*moved[:2], tell=said.append), said
+
+
+def test_cameras_follow_what_moved(moved, followed):
+    capture, _, boxes = moved
+    result, motion, said = followed
     assert motion.moved and motion.followed == list(range(COUNT))
     assert "the head moved against the room" in said[0] and len(said) == 1
     assert motion.pixels > 3 * motion.own
@@ -65,8 +71,6 @@ def test_cameras_follow_what_moved(moved):
     assert result.names == capture.names and (result.held_out == capture.held_out).all()
     # As near to the given ones as can be: the portrait frame holds.
     assert np.abs(result.cameras.position.mean(0) - capture.cameras.position.mean(0)).max() < 0.15
-    again, _ = follow_head(capture, mattes)
-    assert np.array_equal(again.cameras.pose, result.cameras.pose)
 
 
 def test_a_lens_that_is_not_in_the_middle(moved):
@@ -80,26 +84,20 @@ def test_a_lens_that_is_not_in_the_middle(moved):
     assert np.median(pose_errors(result.cameras.pose, boxes.pose)[0]) < 0.3
 
 
-def test_what_is_still_stays_as_it_is():
-    capture, mattes, _ = photos(0.0)
-    result, motion = follow_head(capture, mattes, tell=lambda line: pytest.fail(line))
-    assert result is capture
-    assert not motion.moved and not motion.followed
-    assert motion.pixels < 0.5
-
-
-def test_some_photos_are_enough_to_say_that_it_held_still(moved, monkeypatch):
+def test_some_photos_are_enough_to_say_that_it_held_still(moved, followed, monkeypatch):
     looked_at = []
     seen = head_motion._seen
     monkeypatch.setattr(head_motion, "_SAMPLE", 4)
     monkeypatch.setattr(head_motion, "_seen",
                         lambda *given: looked_at.append(given[1]) or seen(*given))
     capture, mattes, _ = photos(0.0)
-    _, motion = follow_head(capture, mattes)
+    result, motion = follow_head(capture, mattes, tell=lambda line: pytest.fail(line))
+    assert result is capture and not motion.followed
     assert not motion.moved and motion.pixels < 0.5 and len(looked_at) == 4
     looked_at.clear()
-    _, motion = follow_head(*moved[:2])
+    result, motion = follow_head(*moved[:2])
     assert motion.moved and motion.followed and len(looked_at) == 4 + COUNT
+    assert np.array_equal(result.cameras.pose, followed[0].cameras.pose), "the same once more"
 
 
 def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):

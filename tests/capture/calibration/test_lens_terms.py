@@ -7,7 +7,7 @@ from lfportrait.capture.calibration.mapping import adjust, starting_model
 from lfportrait.capture.lenses import Lens
 
 
-def scene(pycolmap, model, parameters, noise=0.3, views=14, points=400):
+def scene(pycolmap, model, parameters, noise=0.3, views=14, points=200):
     """A reconstruction as it would be found with a lens without terms: true places, but pixels of a
     lens that has some."""
     random = np.random.default_rng(4)

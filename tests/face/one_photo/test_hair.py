@@ -1,5 +1,6 @@
 """Hair that hangs down: on the body, behind the neck, and with the strands that a photo shows."""
 
+import functools
 from types import SimpleNamespace
 
 import cv2
@@ -27,8 +28,12 @@ from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
 SIDE = 320
 
 
+@functools.cache
 def bust(*lengths: float) -> Solid:
-    """The generic head on drawn shoulders, with hair down to two heights (left, right)."""
+    """The generic head on drawn shoulders, with hair down to two heights (left, right).
+
+    Not to be changed.
+    """
     prior = generic_prior()
     points = prior.mean.astype(float) / METRES
     points[:, 2] -= points[:, 2].mean()

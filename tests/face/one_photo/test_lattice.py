@@ -30,7 +30,7 @@ def solid():
 
 
 def test_free_space_does_not_reach_what_is_within_the_shell(solid):
-    shell = shell_of(solid, 96)
+    shell = shell_of(solid, 64)
     there = shell.links >= 0
     solid_ = np.zeros(there.shape, bool)
     solid_[there] = shell.away[shell.links[there]] < 0
@@ -42,10 +42,10 @@ def test_free_space_does_not_reach_what_is_within_the_shell(solid):
 
 def test_fine_points_lie_between_exact_ones(solid, monkeypatch):
     """Where voxels are finer than what the solid is made of."""
-    exact = shell_of(solid, 160)
+    exact = shell_of(solid, 112)
     assert exact.voxel > lattice.DETAIL
     monkeypatch.setattr(lattice, "DETAIL", 1.0)
-    fine = shell_of(solid, 160)
+    fine = shell_of(solid, 112)
     assert fine.links.shape == exact.links.shape
     both = (fine.links >= 0) & (exact.links >= 0)
     one, two = (each.away[each.links[both]] / each.voxel for each in (exact, fine))

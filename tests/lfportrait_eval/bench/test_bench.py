@@ -150,7 +150,8 @@ def test_a_plot_shows_its_curves_inside_its_axes():
         line_plot({"a": ([], [])}, across="x", up="y")
 
 
-@pytest.mark.parametrize("methods", [METHODS[:2], pytest.param(METHODS, marks=pytest.mark.slow)])
+@pytest.mark.slow  # only the project measures: what is measured has tests of its own
+@pytest.mark.parametrize("methods", [METHODS[:2], METHODS])
 def test_transfer_reports_preparation_and_synthesis_apart(monkeypatch, methods):
     monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 1)
     shot, points = demo_photo(96)
@@ -188,6 +189,7 @@ def test_print_reports_both_ways():
     assert figures["usual"]["times_slower"] > 0
 
 
+@pytest.mark.slow  # only the project measures: what is measured has tests of its own
 def test_stylize_reports_its_parts():
     capture = ball_capture()
     head = demo_landmarks() * 0.5

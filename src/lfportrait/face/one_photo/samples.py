@@ -26,6 +26,8 @@ OBLIQUE, AROUND = 0.7, 24
 NEAR, OPPOSITE = 17, 0.0
 """How many samples around one are compared with it, itself among them, and the mean cosine of their
 normals below which it is turned over. On both sides of a thin sheet that is about zero."""
+BLOCK = 3
+"""Width of a cell, in steps, around which all of a sample's neighbours lie."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +115,42 @@ def _turned_over(normals: Float64, points: Float64, tree: cKDTree) -> Bool:
 
     Their inner side would be a thread of matter that leads out of the ear.
     """
-    around = tree.query(points, min(NEAR, len(points)), workers=usable_cores())[1][:, 1:]
-    return np.asarray((normals[around] * normals[:, None]).sum(axis=2).mean(axis=1) < OPPOSITE)
+    turned = np.zeros(len(points), bool)
+    unsure = np.flatnonzero(~_among_like(normals, points))
+    if len(unsure):
+        around = tree.query(points[unsure], min(NEAR, len(points)), workers=usable_cores())[1]
+        mean = np.zeros((len(unsure), 3))
+        for which in around[:, 1:].T:
+            mean += normals[which] / (around.shape[1] - 1)
+        turned[unsure] = (mean * normals[unsure]).sum(axis=1) < OPPOSITE
+    return turned
+
+
+def _among_like(normals: Float64, points: Float64) -> Bool:
+    """Samples [N] none of whose neighbours' normals can be opposite to theirs: almost all.
+
+    In blocks of cells, by the least and largest of each component: a fraction of the time that it
+    takes to look for neighbours.
+    """
+    place = np.floor(points / (BLOCK * STEP)).astype(np.int64)
+    place -= place.min(axis=0) - 1
+    strides = np.array([1, place[:, 0].max() + 2, 0])
+    strides[2] = strides[1] * (place[:, 1].max() + 2)
+    keys = place @ strides
+    order = np.argsort(keys, kind="stable")
+    cells, first = np.unique(keys[order], return_index=True)
+    low = np.minimum.reduceat(normals[order], first, axis=0)
+    high = np.maximum.reduceat(normals[order], first, axis=0)
+    least, most = low.copy(), high.copy()
+    for offset in np.ndindex(3, 3, 3):
+        other = cells + (np.array(offset) - 1) @ strides
+        row = np.minimum(np.searchsorted(cells, other), len(cells) - 1)
+        there = cells[row] == other
+        least[there] = np.minimum(least, low[row])[there]
+        most[there] = np.maximum(most, high[row])[there]
+    cell = np.searchsorted(cells, keys)
+    worst = np.minimum(normals * least[cell], normals * most[cell]).sum(axis=1)
+    return np.asarray(worst >= OPPOSITE)
 
 
 def _barycentric(count: int) -> Float64:

@@ -143,6 +143,7 @@ def test_a_head_and_a_network_teach_each_other(small_head, taught):
     assert np.array_equal(again, colors)
 
 
+@pytest.mark.slow  # tests/stylize/test_stylize.py computes elsewhere, too
 def test_the_teacher_on_another_device_gives_the_same(small_head, taught, other_device):
     there, figures = paint_by_mutual_teaching(
         FieldTask(*small_head, device=other_device), SMALL, random_network(place=PLACE))

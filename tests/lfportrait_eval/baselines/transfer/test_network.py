@@ -77,6 +77,7 @@ def test_the_same_seed_gives_the_same_network_and_the_budget_ends_the_training()
     assert steps >= 1
 
 
+@pytest.mark.slow  # tests/stylize/test_stylize.py computes elsewhere, too
 def test_training_on_another_device_gives_the_same(other_device):
     from lfportrait_eval.baselines.transfer.unet import run, train
 
@@ -87,6 +88,7 @@ def test_training_on_another_device_gives_the_same(other_device):
     assert np.allclose(here, there, atol=1e-4)
 
 
+@pytest.mark.slow  # tests/stylize/test_stylize.py computes elsewhere, too
 def test_a_checkpoint_goes_from_device_to_device(tmp_path, other_device):
     style, photo = drawn_face(96, 72, skin=(120, 90, 200)), drawn_face(90, 80, seed=1)
     config = replace(TINY, checkpoint=tmp_path / "style.safetensors", device=other_device)
