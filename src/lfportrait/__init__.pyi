@@ -2,7 +2,7 @@ from .capture import Camera, Capture, calibrate
 from .demo import demo_capture
 from .errors import UserError
 from .example import Exemplar, Skin, TransferConfig, transfer
-from .face.one_photo.heads import head_from_photos
+from .face.one_photo.portrait import head_from_photos
 from .field import ReconstructConfig, Rendering, VoxelField, reconstruct
 from .files import write_image
 from .job import Session, make

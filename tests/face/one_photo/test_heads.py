@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 import lfportrait as lf
-from lfportrait.face.one_photo import heads
+from lfportrait.face.one_photo import portrait
 
 
 @pytest.fixture
@@ -20,8 +20,8 @@ def fitted(monkeypatch):
     def field(found, config, progress):
         seen.append((found, config and config.resolution))
         return "field", {}
-    monkeypatch.setattr(heads, "portrait_capture", capture)
-    monkeypatch.setattr(heads, "portrait_field", field)
+    monkeypatch.setattr(portrait, "portrait_capture", capture)
+    monkeypatch.setattr(portrait, "portrait_field", field)
     return seen
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,12 @@ from numpy.typing import NDArray
 from ... import models
 from ...arrays import Bool, Float32, Float64
 from ...capture import (
+    CalibrateConfig,
     Camera,
     Capture,
     Photo,
     portrait_frame_from_landmarks,
+    read_photos,
     refine_matte,
     some_depth,
 )
@@ -56,7 +59,7 @@ from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
 
-__all__ = ["portrait_capture", "portrait_field"]
+__all__ = ["head_from_photos", "portrait_capture", "portrait_field"]
 
 
 AGREED = 3
@@ -68,6 +71,61 @@ NEAR, FADE, MOST = 4.0, 0.3, 0.7
 not where these are most of a picture."""
 _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
+
+
+Shown = str | Path | NDArray[np.uint8]
+
+
+def head_from_photos(photos: Shown | Sequence[Shown], config: ReconstructConfig | None = None,
+                     *, max_side: int = CalibrateConfig.max_side,
+                     progress: Progress | None = None) -> tuple[VoxelField, Capture]:
+    """A closed head from one photo of a face or a few: its field, and the capture it was made of.
+
+    A statistical head is fitted to the face; hair and body follow the outline. The photos may be of
+    different days. What many photos of one moment show is made by `lfportrait.calibrate` and
+    `lfportrait.reconstruct` instead.
+
+    Parameters
+    ----------
+    photos : A file, a folder, or a picture uint8 [H, W, 3 or 4] in sRGB (with straight alpha, it
+        is the matte); or several of these. The most frontal one decides how the head looks.
+    config : Its resolution counts, and nothing else.
+    max_side : Files are reduced to this many pixels on their longer side; 0 keeps them.
+    progress : Progress line.
+
+    Returns
+    -------
+    field : Of degree 0, in the portrait frame. It can be looked at over `PORTRAIT_CONE` degrees
+        in all; further out it is guessed.
+    capture : The photos with mattes, landmarks and cameras, the decisive one first:
+        `lfportrait.stylize` takes both.
+
+    Raises
+    ------
+    UserError : If there is no photo or one can't be read, shows no face, several or a small one,
+        or one turned too far; if no head fits; or if the networks for landmarks and mattes are
+        missing.
+    """
+    given: Sequence[Any] = (
+        [photos] if isinstance(photos, (str, Path, np.ndarray)) else list(photos))
+    read = [photo for number, one in enumerate(given, 1)
+            for photo in _read(one, f"photo {number}", max_side)]
+    if not read:
+        raise UserError("there is no photo to make a head of")
+    capture, _ = portrait_capture(read, progress)
+    field, _ = portrait_field(capture, config, progress)
+    return field, capture
+
+
+def _read(photo: Any, name: str, max_side: int) -> list[Photo]:
+    """The photos of a file or a folder, or a picture as one."""
+    if isinstance(photo, (str, Path)):
+        return read_photos(Path(photo), max_side)
+    picture = np.asarray(photo)
+    if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] not in (3, 4):
+        raise UserError(f"{name} must be uint8 [H, W, 3 or 4], not {picture.dtype} "
+                        f"{list(picture.shape)}")
+    return [Photo(name, picture)]
 
 
 def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
