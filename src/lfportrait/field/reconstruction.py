@@ -44,7 +44,7 @@ from .training.meter import CurveFile, Meter, held_out_quality
 from .training.pixels import Batches
 from .training.stepping import Caster, Plan
 from .training.trainer import Trainer, settled
-from .trimming import find_cut, kept_pixels, trim
+from .trimming import above_wall, find_cut, kept_pixels, trim
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
@@ -218,8 +218,11 @@ def _cut(field: VoxelField, trainer: Trainer) -> Cut | None:
     capture = trainer.capture
     if not trainer.config.cut_base or capture.alphas is None or capture.landmarks is None:
         return None
-    return find_cut(field, capture.landmarks, capture.cameras[capture.training()],
-                    surely="mattes" not in capture.figures)
+    cut = find_cut(field, capture.landmarks, capture.cameras[capture.training()],
+                   surely="mattes" not in capture.figures)
+    if trainer.surface is None or "mattes" not in capture.figures:
+        return cut
+    return above_wall(field, capture, cut)
 
 
 def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
