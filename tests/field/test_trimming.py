@@ -94,7 +94,7 @@ def test_pixels_that_a_cut_leaves_show_what_they_showed():
     field = bust(RAGS)
     cut = find_cut(field, FACE, ALL)
     cameras = Camera.arc(np.array([20.0]), distance=4.0, width=96, height=96, focal=150.0)
-    kept = kept_pixels(field, cameras, 0, cut)
+    kept = kept_pixels(field, cameras, 0, cut, trim(field, cut))
     before, after = (one.render(cameras, 0) for one in (field, trim(field, cut)))
     change = np.abs(after.color - before.color).max(axis=-1)
     assert change[kept].max() < 0.1 and change[~kept].max() > 0.5
@@ -124,6 +124,12 @@ def test_slivers_that_hang_by_one_end_go_with_the_rags():
     done = trim(field, cut)
     assert not (surface(done)[:, 0] > 0.75).any()
     assert 0 <= len(surface(done)) - len(surface(plain)) < 20
+    # Held-out photos do not ask for what the cut takes with it.
+    cameras = Camera.arc(np.array([0.0]), distance=4.0, width=96, height=96, focal=150.0)
+    alpha = [one.depth(cameras, 0)[0] for one in (field, done)]
+    lost = alpha[1] < alpha[0] - 0.5
+    kept = kept_pixels(field, cameras, 0, cut, done)
+    assert lost.any() and not (lost & kept).any()
 
 
 @pytest.mark.parametrize("landmarks", [

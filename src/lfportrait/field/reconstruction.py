@@ -203,7 +203,9 @@ def _tested(field: VoxelField, trainer: Trainer, capture: Capture, cut: Cut | No
         others["psnr_at_given_mattes"] = replace(tested, alphas=capture.alphas), gains
     kept = None
     if cut is not None:
-        kept = [kept_pixels(field, tested.cameras, int(view), cut) for view in tested.testing()]
+        trimmed = trim(field, cut)
+        kept = [kept_pixels(field, tested.cameras, int(view), cut, trimmed)
+                for view in tested.testing()]
         if not all(one.any() for one in kept):
             kept = None
     figures = held_out_quality(field, tested, background, gains, others=others, kept=kept)

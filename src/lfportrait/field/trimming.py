@@ -50,8 +50,9 @@ FIRM = 3.0
 """Factor of the densities at the cut, where rays end in a wedge thinner than the surface."""
 NEAR = 4.0
 """Voxels above the cut from which on all is as it was."""
-FAINT, NEXT = 0.02, 3
-"""Opacity from which on a pixel shows matter, and pixels from it that are next to it."""
+FAINT, NEXT, LOST = 0.02, 3, 0.2
+"""Opacity from which on a pixel shows matter, pixels from it that are next to it, and what a pixel
+loses of its opacity if what it shows is gone."""
 HANGS = 0.12
 """Portrait units above the cut up to which what nothing holds from above goes."""
 CRUMB = 0.02
@@ -297,12 +298,17 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
                       field.background, hair=None if field.hair is None else field.hair[rows])
 
 
-def kept_pixels(field: VoxelField, cameras: Camera, view: int, cut: Cut) -> Bool:
-    """Pixels [H, W] of a view that do not show what a cut takes away, nor lie next to any."""
+def kept_pixels(field: VoxelField, cameras: Camera, view: int, cut: Cut,
+                trimmed: VoxelField) -> Bool:
+    """Pixels [H, W] of a view that do not show what a cut takes away, nor lie next to any.
+
+    ``trimmed`` is the field after that (`trim`).
+    """
     alpha, depth = field.depth(cameras, view)
     above = cut.above(surface_points(cameras, view, depth))
     gone = (alpha > FAINT) & ~(above > 0)  # beside a surface its depth is not known
     gone &= ndimage.binary_dilation(above < 0, iterations=NEXT)
+    gone |= trimmed.depth(cameras, view)[0] < alpha - LOST  # slivers and crumbs
     return np.asarray(~ndimage.binary_dilation(gone, iterations=NEXT), np.bool_)
 
 
