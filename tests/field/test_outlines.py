@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -84,6 +85,26 @@ def test_bites_and_lumps_are_mended(mended, monkeypatch):
     assert figures["test"]["psnr_at_given_mattes"] > without["test"]["psnr"] + 2.0
     assert figures["test"]["psnr"] > without["test"]["psnr"] + 2.0
     assert "psnr_at_given_mattes" not in without["test"]
+
+
+def test_a_gap_that_a_field_fills_stays_in_the_mattes_of_an_arc(mended):
+    truth, (field, *_) = photos(), mended
+    alphas, images = list(truth.alphas), list(truth.images)
+    gap = np.s_[30:42, 26:46]
+    alphas[0], images[0] = alphas[0].copy(), images[0].copy()
+    alphas[0][gap], images[0][gap] = 0, images[0][0, 0]
+    inner = np.s_[33:39, 30:42]
+    capture = replace(truth, alphas=alphas, images=images)
+    assert refined_mattes(field, capture)[0][inner].min() > 127
+    kept = refined_mattes(field, capture, alphas)
+    assert kept[0][inner].max() == 0
+    assert wrong(kept[1:], truth.alphas[1:]) < 0.01
+    # Where photos show what is behind the person, the trainer asks for that.
+    run = Trainer(capture, SMALL.resolved(False, 3.0))
+    for surface, gone in ((None, False), (SimpleNamespace(span=120.0), False),
+                          (SimpleNamespace(span=30.0), True)):
+        run.__dict__["surface"] = surface
+        assert bool(run.refined_mattes(field)[0][inner].max() == 0) is gone
 
 
 @pytest.mark.parametrize(("how", "choice", "laid"), [

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from lfportrait.capture import Camera
+from lfportrait.capture import Camera, Capture
 from lfportrait.field import VoxelField
-from lfportrait.field.trimming import find_cut, kept_pixels, trim
+from lfportrait.field.grid import Cut
+from lfportrait.field.trimming import above_wall, find_cut, kept_pixels, trim
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 
@@ -93,7 +94,7 @@ def test_pixels_that_a_cut_leaves_show_what_they_showed():
     field = bust(RAGS)
     cut = find_cut(field, FACE, ALL)
     cameras = Camera.arc(np.array([20.0]), distance=4.0, width=96, height=96, focal=150.0)
-    kept = kept_pixels(field, cameras, 0, cut)
+    kept = kept_pixels(field, cameras, 0, cut, trim(field, cut))
     before, after = (one.render(cameras, 0) for one in (field, trim(field, cut)))
     change = np.abs(after.color - before.color).max(axis=-1)
     assert change[kept].max() < 0.1 and change[~kept].max() > 0.5
@@ -107,6 +108,28 @@ def test_crumbs_go_with_the_rags():
     done = trim(field, find_cut(field, FACE, ALL))
     assert not (np.linalg.norm(surface(done) - CRUMB, axis=1) < 3 * VOXEL).any()
     assert len(surface(done)) > 0.6 * len(surface(field))
+
+
+def test_slivers_that_hang_by_one_end_go_with_the_rags():
+    field = bust(RAGS)
+    cut = find_cut(field, FACE, ALL)
+    points = field.lattice_points()
+    above = cut.above(points) / VOXEL
+    plain = trim(field, cut)
+    # A sliver beside the neck, from the shoulder's edge outwards along the cut, and a clear layer.
+    beside = (np.abs(points[:, 2]) < 1.5 * VOXEL) & (points[:, 0] > 0)
+    field.density[beside & (above > 1.0) & (above < 3.0) & (points[:, 0] < 0.9)] = 80
+    away = points[:, 0] > 0.75
+    assert (field.density[away] > 8).any()
+    done = trim(field, cut)
+    assert not (surface(done)[:, 0] > 0.75).any()
+    assert 0 <= len(surface(done)) - len(surface(plain)) < 20
+    # Held-out photos do not ask for what the cut takes with it.
+    cameras = Camera.arc(np.array([0.0]), distance=4.0, width=96, height=96, focal=150.0)
+    alpha = [one.depth(cameras, 0)[0] for one in (field, done)]
+    lost = alpha[1] < alpha[0] - 0.5
+    kept = kept_pixels(field, cameras, 0, cut, done)
+    assert lost.any() and not (lost & kept).any()
 
 
 @pytest.mark.parametrize("landmarks", [
@@ -132,3 +155,45 @@ def test_given_mattes_are_believed_further_down():
     guessed, given = find_cut(field, FACE, chosen), find_cut(field, FACE, chosen, surely=True)
     assert abs(guessed.height + 0.6) < 0.04
     assert abs(given.height + 0.8) < 0.04
+
+
+SMALL_FACE = 0.5 * HEAD_LANDMARKS + np.array([0.0, 0.3, 0.0])
+WALL = 0.45, 0.75, 0.35
+
+
+def before_a_wall(below=-np.inf, wall=WALL, shirt=False):
+    """The bust and its photos before a plain wall; mattes and field have that below a height.
+
+    ``shirt``: a fifth of the body above has the wall's color as well.
+    """
+    field = bust(0.0)
+    points = field.lattice_points()
+    like = (points[:, 1] < below) | (shirt & (np.sin(20 * points[:, 1]) > 0.8))
+    field.sh[like] = ((np.array(WALL) - 0.5) / 0.28209479177387814)[:, None]
+    cameras = Camera.arc(np.linspace(-20, 20, 12), distance=4.0, width=60, height=80, focal=100.0)
+    shots = [field.render(cameras, view) for view in range(12)]
+    images = [(255 * (shot.color + (1 - shot.alpha[..., None]) * (np.array(wall) - 1.0))
+               ).clip(0, 255).astype(np.uint8) for shot in shots]
+    return field, Capture(cameras, images, [(255 * shot.alpha).astype(np.uint8) for shot in shots],
+                          [f"{view}.png" for view in range(12)], np.zeros(12, bool),
+                          landmarks=SMALL_FACE)
+
+
+def test_a_strip_of_the_wall_under_a_bust_is_cut_off():
+    field, capture = before_a_wall(-0.8)
+    assert find_cut(field, SMALL_FACE, capture.cameras) is None
+    cut = above_wall(field, capture, None)
+    assert cut is not None and cut.normal[1] > 0.99
+    assert -0.8 < cut.height < -0.8 + 3 * VOXEL
+    # A cut that takes it away already stays as it is; one that leaves most of it gives way.
+    higher, lower = (Cut(np.array([0.0, 1.0, 0.0]), height) for height in (-0.79, -0.94))
+    assert above_wall(field, capture, higher) is higher
+    assert above_wall(field, capture, lower).height == cut.height
+
+
+@pytest.mark.parametrize("case", [
+    {}, {"below": -0.8, "wall": (0.8, 0.8, 0.8)}, {"below": -0.8, "shirt": True},
+    {"below": -0.05}], ids=["no strip", "a hem", "a shirt like the wall", "a neckline"])
+def test_what_is_no_strip_of_the_wall_stays(case):
+    field, capture = before_a_wall(**case)
+    assert above_wall(field, capture, None) is None

@@ -44,7 +44,7 @@ from .training.meter import CurveFile, Meter, held_out_quality
 from .training.pixels import Batches
 from .training.stepping import Caster, Plan
 from .training.trainer import Trainer, settled
-from .trimming import find_cut, kept_pixels, trim
+from .trimming import above_wall, find_cut, kept_pixels, trim
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
@@ -203,7 +203,9 @@ def _tested(field: VoxelField, trainer: Trainer, capture: Capture, cut: Cut | No
         others["psnr_at_given_mattes"] = replace(tested, alphas=capture.alphas), gains
     kept = None
     if cut is not None:
-        kept = [kept_pixels(field, tested.cameras, int(view), cut) for view in tested.testing()]
+        trimmed = trim(field, cut)
+        kept = [kept_pixels(field, tested.cameras, int(view), cut, trimmed)
+                for view in tested.testing()]
         if not all(one.any() for one in kept):
             kept = None
     figures = held_out_quality(field, tested, background, gains, others=others, kept=kept)
@@ -218,8 +220,11 @@ def _cut(field: VoxelField, trainer: Trainer) -> Cut | None:
     capture = trainer.capture
     if not trainer.config.cut_base or capture.alphas is None or capture.landmarks is None:
         return None
-    return find_cut(field, capture.landmarks, capture.cameras[capture.training()],
-                    surely="mattes" not in capture.figures)
+    cut = find_cut(field, capture.landmarks, capture.cameras[capture.training()],
+                   surely="mattes" not in capture.figures)
+    if trainer.surface is None or "mattes" not in capture.figures:
+        return cut
+    return above_wall(field, capture, cut)
 
 
 def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:

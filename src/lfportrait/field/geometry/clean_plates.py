@@ -32,7 +32,7 @@ Plane = Float32
 _ANCHORS, _PLANES = 16, 48
 _SIDE = 480  # height or width of a plate
 _REACH = 1.2  # distance from the origin to which the person may reach towards the cameras
-_WIDEST = 100.0  # degrees between two cameras from which on the anchors are too far apart
+WIDEST = 100.0  # degrees between two cameras from which on the anchors are too far apart
 _CLOSE = 0.75  # part of the person's inverse depth above which a wall moves like the person
 _PLAIN = 0.3  # part of the person's inverse depth at which a wall without texture is put
 _TEXTURED = 0.03  # part of the room with depth that is needed to believe it
@@ -114,7 +114,7 @@ class CleanPlates:
         so close that it moves like the person.
         """
         views = capture.training()
-        if len(views) < 6 or _span(capture.cameras[views]) > _WIDEST:
+        if len(views) < 6 or _span(capture.cameras[views]) > WIDEST:
             return None
         views = views[np.linspace(0, len(views) - 1, min(_ANCHORS, len(views))).astype(int)]
         maps = sweep_depth(capture, views, _REACH, endless=True, planes=_PLANES)

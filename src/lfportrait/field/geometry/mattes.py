@@ -44,6 +44,7 @@ from .sweep import DepthMap, stacked, sweep_depth
 
 Plane = Float32
 
+_EMPTY = 12  # of a matte, 0 to 255: less is empty
 _AGREE = 0.8
 """Overlap with a rough outline below which a photo's edges are not followed."""
 
@@ -70,10 +71,13 @@ def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
     return matte, True
 
 
-def refined_mattes(field: VoxelField, capture: Capture) -> list[UInt8]:
+def refined_mattes(field: VoxelField, capture: Capture,
+                   clear: Sequence[UInt8] | None = None) -> list[UInt8]:
     """Mattes uint8 [H, W] of photos, from a field that was trained with rougher ones.
 
     A photo's own where its edges contradict the field; what is behind the person must be known.
+    ``clear``: mattes whose empty parts stay empty but for their edges, as the gap behind an ear's
+    lobe, which a coarse field fills.
     """
     assert capture.alphas is not None
     given = capture.alphas
@@ -81,8 +85,13 @@ def refined_mattes(field: VoxelField, capture: Capture) -> list[UInt8]:
     assert len(bricks.links)
 
     def refined(view: int) -> UInt8:
-        matte, follows = along_edges(capture.images[view], *_opacity(field, capture, view))
-        return np.asarray(255.0 * matte + 0.5, np.uint8) if follows else given[view]
+        opacity, cell = _opacity(field, capture, view)
+        matte, follows = along_edges(capture.images[view], opacity, cell)
+        if not follows:
+            return given[view]
+        if clear is not None:
+            matte[cv2.dilate(clear[view], np.ones((2 * cell + 1,) * 2, np.uint8)) < _EMPTY] = 0.0
+        return np.asarray(255.0 * matte + 0.5, np.uint8)
 
     return side_by_side(refined, range(len(capture)))
 

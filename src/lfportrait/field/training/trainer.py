@@ -34,6 +34,7 @@ from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..background import Background, BackgroundTrainer
 from ..config import Settings
+from ..geometry.clean_plates import WIDEST
 from ..geometry.exposure import matte_gains, surface_gains
 from ..geometry.head_surface import HeadSurface, find_surface, is_narrow
 from ..geometry.mattes import refined_mattes
@@ -264,7 +265,7 @@ class Trainer:
         if self.data.has_alpha:
             field = self.field()
             if self.lays_mattes and self.level == len(self.config.resolutions) - 1:
-                self.lay_mattes(refined_mattes(field, self.capture))
+                self.lay_mattes(self.refined_mattes(field))
             if self.config.exposure:
                 self._expose(field)
         spacing = 2.0 * self.lattice.radius / self.lattice.links.shape[::-1]
@@ -282,6 +283,13 @@ class Trainer:
         if self.background is not None:
             self.background = self.background.upsampled()
         self.lattice = lattice.refined(box_shape(resolution, lattice.radius), keep)
+
+    def refined_mattes(self, field: VoxelField) -> list[UInt8]:
+        """Mattes of all views from a field (`geometry.mattes.refined_mattes`)."""
+        # Those of an arc know what is behind the person.
+        plates = (self.surface is not None and self.surface.span <= WIDEST
+                  and self.original.figures.get("mattes") == "network")
+        return refined_mattes(field, self.capture, self.original.alphas if plates else None)
 
     def lay_mattes(self, mattes: list[UInt8]) -> None:
         """Go on with these mattes of all views."""
@@ -647,7 +655,7 @@ class Level:
             trainer.place(trainer.poses.refine(trainer.field(), trainer.capture, trainer.gains))
             self.steps.place()
         if trainer.lays_mattes and self.finest and was < _LAY_AGAIN <= trainer.level_done:
-            trainer.lay_mattes(refined_mattes(trainer.field(), trainer.capture))
+            trainer.lay_mattes(trainer.refined_mattes(trainer.field()))
 
 
 _SHARE = 0.25
