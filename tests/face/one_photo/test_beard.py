@@ -177,6 +177,16 @@ def test_what_no_photo_shows_is_bearded_or_bare_and_nothing_between(head):
     assert back.sum() > 50 and shade[back].min() > 0.6 and grown[back].max() < 30
 
 
+def test_a_beard_without_a_shape_is_of_the_skins_color(head):
+    camera, _, landmarks = head
+    below = photo(landmarks, LONG)[2].astype(np.float32)
+    colors = np.where(below[..., None] > 0, np.float32(0.2), np.float32(0.7)).repeat(3, axis=2)
+    shell = shell_of(with_beard(head, False), 64)
+    with_map, without = (painted(shell, [Shot.of(camera, colors, None, None, one)])
+                         for one in (below, None))
+    assert np.array_equal(with_map[0], without[0]) and with_map[1] is None
+
+
 def test_what_lies_below_a_beard_does_not_color_it(head):
     _, _, beard = photo(head[2], LONG)
     mixed = beneath(beard, 150.0)

@@ -57,14 +57,34 @@ def test_a_hat_is_kept_by_its_outline(photo, tmp_path, monkeypatch):
     Image.fromarray(picture).save(tmp_path / "hat.png")
     monkeypatch.setattr(portrait, "_hair_of",
                         lambda image, matte, landmarks: np.zeros(matte.shape, np.float32))
+    captured, usable = [], portrait._usable
+    monkeypatch.setattr(portrait, "_usable", lambda photos: captured.extend(usable(photos))
+                        or captured)
     capture, _ = portrait_capture(read_photos(tmp_path / "hat.png"))
     capture.save(tmp_path / "capture")
     again = Capture.load(tmp_path / "capture")
-    kept = portrait._pictured(again, 0, portrait._kept_fit(again)).hair > 0.5
+    kept = portrait._looked_at(again, 0)[0].hair > 0.5
+    made = captured[-1].picture.hair > 0.5
+    assert (kept == made).mean() > 0.9999, "the field is made of what was fitted"
     assert (kept & hat).sum() / (kept | hat).sum() > 0.85
     # What is made of it reaches as far.
     field = portrait_field(again, ReconstructConfig(resolution=64))[0]
     assert (field.render(again.cameras, 0).alpha > 0.5)[hat].mean() > 0.9
+
+
+def test_a_hat_counts_as_hair_and_the_beard_below_it_does_not():
+    image, matte = np.full((60, 40, 3), 90, np.uint8), np.ones((60, 40), np.float32)
+    face = GENERIC_LANDMARKS[:, :2] * [1.0, -1.0]
+    face = face / np.linalg.norm(face[16] - face[0]) * 24
+    face += [20, 26] - face[27]
+    hat, none = np.zeros((60, 40), bool), np.zeros((60, 40), np.float32)
+    hat[:40] = True
+    whole = none.copy()
+    whole[34:50] = 1
+    beard = portrait.Beard(whole > 2, whole)
+    picture = portrait._pictured(image, matte, none, face, None, beard, hat)
+    assert (picture.hair[:34] == 1).all() and (picture.hair[34:] == 0).all()
+    assert picture.clothes[34:50].all(), "a beard hides the head's outline"
 
 
 def test_hair_is_looked_for_from_near(monkeypatch):

@@ -10,14 +10,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from ...arrays import Bool, Float32, Float64, UInt8
 from ..head_fit import HeadFit, ear_to_ear
 
 __all__ = ["headwear", "skull_in"]
 
-FINE = 160.0
-"""Pixels of a face's width where its extent is found, at most."""
+FINE, AROUND = 120.0, 2.75
+"""Pixels of a face's width where its extent is found, at most; how far around the face it is looked
+for, widths of a face."""
 LEVEL = 0.095
 """Height of the ears' middles (metres, `HeadPrior.rest`)."""
 BESIDE = 0.04
@@ -41,10 +43,11 @@ DOWN, CLOTHES = 0.25, 0.6
 
 
 def skull_in(fit: HeadFit, view: int) -> tuple[Float64, Float64]:
-    """Pixels of a head above its ears' middles, [N, 2], and the middle between the ears, [2]."""
+    """Pixels around a head above its ears' middles, [N, 2], and the middle between these, [2]."""
     height = fit.prior.rest[:, 1]
     places = fit.views[view].project(fit.vertices(view))
-    return places[height > LEVEL], places[np.abs(height - LEVEL) < 0.004].mean(axis=0)
+    high = places[height > LEVEL]
+    return high[ConvexHull(high).vertices], places[np.abs(height - LEVEL) < 0.004].mean(axis=0)
 
 
 def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floating],
@@ -60,19 +63,29 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
     skull : Of `skull_in`.
     cut_out : Whether the photo came with its matte, which then has no ground.
     """
-    factor = min(1.0, FINE / ear_to_ear(landmarks))
-    size = (max(2, round(factor * image.shape[1])), max(2, round(factor * image.shape[0])))
-    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    soft, curls = (np.asarray(cv2.resize(np.asarray(one, np.float32), size,
+    width = ear_to_ear(landmarks)
+    low, high = (np.clip(landmarks[27] + side * AROUND * width, 0, image.shape[1::-1]).astype(int)
+                 for side in (-1, 1))
+    if not (high > low).all():
+        return None
+    part = np.s_[low[1]:high[1], low[0]:high[0]]
+    factor = min(1.0, FINE / width)
+    size = [max(2, round(factor * side)) for side in high - low]
+    small = np.asarray(cv2.resize(image[part], size, interpolation=cv2.INTER_AREA), np.uint8)
+    soft, curls = (np.asarray(cv2.resize(np.asarray(one[part], np.float32), size,
                                          interpolation=cv2.INTER_AREA)) for one in (matte, hair))
-    face, middle = landmarks * factor, skull[1] * factor
+    face, hull, middle = ((one - low) * factor for one in (landmarks, *skull))
     ground = np.zeros(soft.shape, bool) if cut_out else soft < 0.05
-    beyond = _beyond(small, soft > 0.5, ground, curls > 0.5, face, skull[0] * factor, middle)
+    if not _hull(face, soft.shape).any():
+        return None
+    beyond = _beyond(small, soft > 0.5, ground, curls > 0.5, face, hull, middle)
     if beyond is None:
         return None
     found = _spread(small, soft > 0.5, beyond, curls > 0.5, face, middle)
-    whole = cv2.resize(found.astype(np.float32), image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-    return np.asarray((whole > 0.5) & (np.asarray(matte) > 0.5))
+    whole = np.zeros(image.shape[:2], bool)
+    whole[part] = cv2.resize(found.astype(np.float32), high - low,
+                             interpolation=cv2.INTER_LINEAR) > 0.5
+    return np.asarray(whole & (np.asarray(matte) > 0.5))
 
 
 def _beyond(image: UInt8, person: Bool, ground: Bool, hair: Bool, face: Float64, skull: Float64,

@@ -211,7 +211,11 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = _hairy(shell, own)
     bearded = shell.owner == BEARD
-    beard = _bearded(shell, own) if bearded.any() else np.zeros(len(points))
+    beard = np.zeros(len(points))
+    if bearded.any():
+        beard = _bearded(shell, own)
+    else:  # one without a shape is skin's color
+        own.bearded[:], other.bearded[:] = 0.0, 0.0
     fill = _fill(points, own, other, np.stack([hair, beard]), skin)
     if hair.any():
         # Short hair is too fine for them.

@@ -6,7 +6,6 @@ import functools
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -174,7 +173,7 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
         fit = refit(fit, [one.picture for one in seen],
                     found_again(fit, [one.picture for one in seen], [one.shown for one in seen]))
     capture = _captured(fit, seen)
-    figures = {**fit.figures(), "hair": [bool(one.hair.any()) for one in seen]}
+    figures = {**fit.figures(), "hair": [bool(np.any(one.picture.hair)) for one in seen]}
     if progress is not None:
         angles = fit.views[0].angles
         progress.say(
@@ -222,21 +221,22 @@ class _Seen:
         self.given = given is not None
         self.matte = _matte_of(shown, faces, photo.name) if given is None else given
         self.shown = shown
-        self.hair, self.covered = _hair_of(shown, self.matte, landmarks), False
-        height, width = self.matte.shape
-        self.picture = Picture((width, height), landmarks, photo.focal,
-                               signed_distance(self.matte), self.hair,
-                               _worn(shown, self.matte, self.hair, landmarks))
+        hair = _hair_of(shown, self.matte, landmarks)
+        self.beard = beard_of(shown, self.matte, landmarks, hair)
+        self.picture = _pictured(shown, self.matte, hair, landmarks, photo.focal, self.beard)
+        self.skull: tuple[Float64, Float64] | None = None
 
     def cover(self, fit: HeadFit, view: int) -> bool:
         """Whether something covers the head; it counts as hair from then on."""
-        worn = headwear(self.shown, self.matte, self.hair, self.picture.landmarks,
-                        skull_in(fit, view), self.given)
-        if worn is not None:
-            self.covered, self.hair = True, np.maximum(self.hair, worn.astype(np.float32))
-            self.picture = replace(self.picture, hair=self.hair, clothes=_worn(
-                self.shown, self.matte, self.hair, self.picture.landmarks))
-        return self.covered
+        picture, skull = self.picture, skull_in(fit, view)
+        assert picture.hair is not None
+        worn = headwear(self.shown, self.matte, picture.hair, picture.landmarks, skull, self.given)
+        if worn is None:
+            return False
+        self.skull = skull
+        self.picture = _pictured(self.shown, self.matte, picture.hair, picture.landmarks,
+                                 picture.focal, self.beard, worn)
+        return True
 
 
 def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Float32:
@@ -270,7 +270,7 @@ def _hair_seen(image: NDArray[np.uint8], landmarks: Float64) -> Float32:
     reach = 0.5 * NEAR * width
     low = np.clip(landmarks[27] - reach, 0, size).astype(int)
     high = np.clip(landmarks[27] + reach, 0, size).astype(int)
-    if (high - low).prod() > MOST * size.prod():
+    if not (high > low).all() or (high - low).prod() > MOST * size.prod():
         return whole
     place = tuple(slice(one, two) for one, two in zip(low[::-1], high[::-1], strict=True))
     near = hair_mask(np.ascontiguousarray(image[place]))
@@ -284,11 +284,16 @@ def _hair_seen(image: NDArray[np.uint8], landmarks: Float64) -> Float32:
     return whole
 
 
-def _worn(image: NDArray[np.uint8], matte: NDArray[np.floating], hair: NDArray[np.floating],
-          landmarks: Float64) -> Bool:
-    """What hides a head's outline besides hair, bool [H, W]: clothes, and a beard."""
-    out, beard = clothes(image, hair, landmarks), beard_of(image, matte, landmarks, hair)
-    return out if beard is None else out | (beard.whole > 0.5)
+def _pictured(image: NDArray[np.uint8], matte: Float32, hair: Float32, landmarks: Float64,
+              focal: float | None, beard: Beard | None, worn: Bool | None = None) -> Picture:
+    """A photo as the fit takes it; what is ``worn`` on the head is hair, but no beard is."""
+    if worn is not None:
+        bare = worn if beard is None else worn & (beard.whole <= 0.5)
+        hair = np.maximum(hair, bare.astype(np.float32))
+    hidden = clothes(image, hair, landmarks)
+    if beard is not None:  # it hides the head's outline, too
+        hidden = hidden | (beard.whole > 0.5)
+    return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden)
 
 
 def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
@@ -317,7 +322,7 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
                         "focal": view.focal, "center": view.center.tolist(),
                         "expression": view.expression.tolist(),
                         "landmarks": one.picture.landmarks.tolist(), "cut_out": one.given,
-                        "covered": one.covered}
+                        "skull": None if one.skull is None else [p.tolist() for p in one.skull]}
                        for view, one in zip(fit.views, seen, strict=True)]}
     capture = Capture(
         cameras, [one.image for one in seen],
@@ -361,7 +366,8 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
 
     fit = _kept_fit(capture)
     assert capture.landmarks is not None
-    pictures = [_pictured(capture, view, fit) for view in range(len(capture))]
+    looks = [_looked_at(capture, view) for view in range(len(capture))]
+    pictures, beards = [look[0] for look in looks], [look[1] for look in looks]
     picture, camera = pictures[0], capture.cameras[0]
     note("laying the head over its photo")
     found = found_again(fit, pictures, [_shown(capture, view) for view in range(len(capture))])
@@ -370,7 +376,6 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
     assert picture.hair is not None and capture.alphas is not None
     matte = capture.alphas[0].astype(np.float32) / 255
-    beards = [_beard(capture, view, one) for view, one in enumerate(pictures)]
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])),
                      vertices, None if beards[0] is None else beards[0].below)
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
@@ -417,12 +422,6 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
     other = not_skin(colors, hair, picture.landmarks, camera, samples)
     below = None if beard is None else beneath(beard.below, unit)
     return Shot.of(camera, colors, hair, other, None if beard is None else beard.whole, below)
-
-
-def _beard(capture: Capture, view: int, picture: Picture) -> Beard | None:
-    assert capture.alphas is not None
-    return beard_of(_shown(capture, view), capture.alphas[view] / np.float32(255),
-                    picture.landmarks, picture.hair)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,
@@ -505,21 +504,18 @@ def _shown(capture: Capture, view: int) -> NDArray[np.uint8]:
     return np.rint(capture.images[view] * share + _GROUND * (1 - share)).astype(np.uint8)
 
 
-def _pictured(capture: Capture, view: int, fit: HeadFit) -> Picture:
-    """A photo of a saved capture as the fit takes it."""
+def _looked_at(capture: Capture, view: int) -> tuple[Picture, Beard | None]:
+    """A photo of a saved capture as the fit takes it, and its beard."""
     assert capture.alphas is not None
-    camera, alpha = capture.cameras[view], capture.alphas[view]
-    known = capture.figures[FIT]["views"][view]
-    kept = known.get("landmarks")
+    camera, known = capture.cameras[view], capture.figures[FIT]["views"][view]
+    kept, skull = known.get("landmarks"), known.get("skull")
     landmarks = (camera.project(np.asarray(capture.landmarks, np.float64))[0][0] if kept is None
                  else np.array(kept))
-    matte = alpha.astype(np.float32) / 255
+    matte = np.asarray(capture.alphas[view] / np.float32(255), np.float32)
     shown = _shown(capture, view)
-    hair = _hair_of(shown, matte, landmarks)
-    if known.get("covered"):
-        worn = headwear(shown, matte, hair, landmarks, skull_in(fit, view),
+    hair, worn = _hair_of(shown, matte, landmarks), None
+    if skull is not None:
+        worn = headwear(shown, matte, hair, landmarks, (np.array(skull[0]), np.array(skull[1])),
                         _cut_out(capture, view))
-        hair = hair if worn is None else np.maximum(hair, worn.astype(np.float32))
-    return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
-                   float(camera.focal[0, 0]), signed_distance(matte), hair,
-                   _worn(shown, matte, hair, landmarks))
+    beard = beard_of(shown, matte, landmarks, hair)
+    return _pictured(shown, matte, hair, landmarks, float(camera.focal[0, 0]), beard, worn), beard
