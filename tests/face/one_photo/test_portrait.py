@@ -10,7 +10,7 @@ from PIL import Image
 from lfportrait import models
 from lfportrait.capture import Camera, Capture, read_photos
 from lfportrait.errors import UserError
-from lfportrait.face import GENERIC_LANDMARKS, is_portrait, portrait_capture, portrait_field
+from lfportrait.face import is_portrait, portrait_capture, portrait_field
 from lfportrait.face.one_photo import portrait
 from lfportrait.field import ReconstructConfig
 from lfportrait.progress import Progress
@@ -70,42 +70,6 @@ def test_a_hat_is_kept_by_its_outline(photo, tmp_path, monkeypatch):
     # What is made of it reaches as far.
     field = portrait_field(again, ReconstructConfig(resolution=64))[0]
     assert (field.render(again.cameras, 0).alpha > 0.5)[hat].mean() > 0.9
-
-
-def test_a_hat_counts_as_hair_and_the_beard_below_it_does_not():
-    image, matte = np.full((60, 40, 3), 90, np.uint8), np.ones((60, 40), np.float32)
-    face = GENERIC_LANDMARKS[:, :2] * [1.0, -1.0]
-    face = face / np.linalg.norm(face[16] - face[0]) * 24
-    face += [20, 26] - face[27]
-    hat, none = np.zeros((60, 40), bool), np.zeros((60, 40), np.float32)
-    hat[:40] = True
-    whole = none.copy()
-    whole[34:50] = 1
-    beard = portrait.Beard(whole > 2, whole)
-    picture = portrait._pictured(image, matte, none, face, None, beard, hat)
-    assert (picture.hair[:34] == 1).all() and (picture.hair[34:] == 0).all()
-    assert picture.clothes[34:50].all(), "a beard hides the head's outline"
-
-
-def test_hair_is_looked_for_from_near(monkeypatch):
-    seen = []
-
-    def mask(image):
-        seen.append(image.shape)
-        return np.full(image.shape[:2], 0.0 if image.shape[1] == 600 else 1.0, np.float32)
-
-    monkeypatch.setattr(portrait, "hair_mask", mask)
-    face = GENERIC_LANDMARKS[:, :2] * [1.0, -1.0]
-    face = face / np.linalg.norm(face[16] - face[0]) * 60
-    face += [40, 300] - face[27]
-    hair = portrait._hair_seen(np.zeros((500, 600, 3), np.uint8), face)
-    assert len(seen) == 2 and hair.shape == (500, 600)
-    assert hair[300, 40] == 1 and hair[300, 0] == 1, "at the picture's own edge it is known"
-    assert hair[300, 400] == 0 and hair[100, 40] == 0
-    assert 0 < hair[300, 155] < 1, "and fades out between"
-    # A picture of little but a head is looked at once.
-    portrait._hair_seen(np.zeros((200, 200, 3), np.uint8), face + np.array([60, -200]))
-    assert len(seen) == 3
 
 
 class Enough(Exception):
