@@ -135,7 +135,6 @@ class _Face(NamedTuple):
     cheeks: Bool
     lower: Bool  # Below the nose, without the lips.
     inner: Bool  # From the brows to the jaw.
-    beside: Bool  # Outside of the jaw's landmarks, as far as whiskers stand out.
 
     @staticmethod
     def of(places: Float64, person: Bool) -> _Face:
@@ -148,18 +147,11 @@ class _Face(NamedTuple):
         mouth = places[48:60].mean(axis=0)
         around = mouth + 1.25 * (places[[54, 55, 56, 57, 58, 59, 48]] - mouth)
         lips = within(mouth + 1.15 * (places[48:60] - mouth))
-        inner = within(places[:17], places[26:16:-1])
-        tall = float(np.linalg.norm(places[8] - places[27]))
-        down = (places[8] - places[27]) / max(tall, 1e-9)
-        height = np.tensordot(np.indices(person.shape)[::-1], down, axes=(0, 0))
-        near = cv2.distanceTransform((~inner).astype(np.uint8), cv2.DIST_L2, 5) < WHISKERS * tall
-        ears, chin = min(places[[2, 14]] @ down), float(places[8] @ down)
-        beside = near & ~inner & (height > ears) & (height < chin)
         return _Face(
             places, person, within(places[4:13], around) & person,
             (within(places[[31, 2, 41]]) | within(places[[35, 14, 46]])) & person,
             within(places[1:16], places[[35, 33, 31]]) & person & ~lips,
-            inner, beside & person)
+            within(places[:17], places[26:16:-1]))
 
     @property
     def tall(self) -> float:
@@ -170,6 +162,15 @@ class _Face(NamedTuple):
     def down(self) -> Float64:
         """The direction (x, y) from the eyes to the chin, of length 1."""
         return np.asarray((self.places[8] - self.places[27]) / self.tall)
+
+    @property
+    def beside(self) -> Bool:
+        """Outside of the jaw's landmarks, as far as whiskers stand out."""
+        height = np.tensordot(np.indices(self.inner.shape)[::-1], self.down, axes=(0, 0))
+        away = cv2.distanceTransform((~self.inner).astype(np.uint8), cv2.DIST_L2, 5)
+        ears, chin = min(self.places[[2, 14]] @ self.down), float(self.places[8] @ self.down)
+        return np.asarray(self.person & ~self.inner & (away < WHISKERS * self.tall)
+                          & (height > ears) & (height < chin))
 
 
 def _covered(lab: Float32, face: _Face) -> Bool | None:
