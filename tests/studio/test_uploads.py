@@ -43,6 +43,32 @@ def test_a_photo_lies_where_the_commands_look_for_it(page, project):
         "if-none-match": picture.headers["etag"]}).status_code == 304
 
 
+def test_a_sitter_who_goes_while_a_small_picture_is_made_leaves_the_name_free(page, project,
+                                                                              monkeypatch):
+    page.send(project, "1.jpg", jpeg(1))
+    picture = page.get(f"/api/projects/{project}/photos")["photos"][0]["picture"]
+    projects, write = page.desk.projects, photos.write_image
+    trash = []
+
+    def late(path, *rest, **more):
+        trash.append(projects.remove(projects.get(project)))
+        write(path, *rest, **more)
+
+    monkeypatch.setattr(photos, "write_image", late)
+    page.ask("GET", picture)
+    assert [path.name for path in (projects.folder / "Anna").iterdir()] == [".studio"]
+    assert page.do("POST", "/api/trash", {"name": trash[0]})["name"] == "Anna"
+    assert (projects.folder / "Anna" / "photos" / "1.jpg").is_file()
+    monkeypatch.setattr(photos, "write_image", write)
+    page.do("DELETE", f"/api/projects/{project}", {"confirm": "Anna"})
+    (projects.folder / "Anna" / ".studio").mkdir(parents=True)
+    page.do("POST", "/api/projects", {"name": "Anna"})
+    # A folder that holds anything else is somebody's.
+    (projects.folder / "Bob").mkdir()
+    (projects.folder / "Bob" / "letter.txt").write_text("keep")
+    assert page.error("POST", "/api/projects", {"name": "Bob"}) == "exists"
+
+
 def test_a_photo_that_is_here_is_not_sent_again(page, project):
     data = jpeg(1)
     page.send(project, "one.jpg", data)

@@ -211,6 +211,7 @@ class Projects:
         folder = folder_name(name)
         if folder.lower() in _TAKEN:
             raise Refusal("bad_name", f"{name!r} is taken by the studio's own folders")
+        self._sweep(folder)
         if folder.lower() in {path.name.lower() for path in self.folder.iterdir()}:
             raise Refusal("exists", f"there is a project or folder {name!r} already; choose "
                           "another name")
@@ -233,9 +234,20 @@ class Projects:
         found = [path for path in trash.iterdir() if path.name == name] if trash.is_dir() else []
         if not found:
             raise Refusal("not_found", "this sitter is not in .trash any more")
+        self._sweep(name)
         target = free_place(self.folder, name)
         shutil.move(found[0], target)
         return Project(target)
+
+    def _sweep(self, name: str) -> None:
+        """Remove what may be left of a sitter of this name who is gone.
+
+        A small picture that was made while the folder went into the trash makes it again, with
+        nothing but the studio's own files in it.
+        """
+        path = self.folder / name
+        if path.is_dir() and [one.name for one in path.iterdir()] == [OWN]:
+            shutil.rmtree(path, ignore_errors=True)
 
 
 _WRITING = threading.RLock()
