@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lfportrait.job.photo_check import check_photos, face_faults
+from lfportrait.job.made_from import face_faults
+from lfportrait.job.photo_check import check_photos
 from tests.portraits import CANONICAL
 
 FACE = CANONICAL * 60 + 100

@@ -10,7 +10,7 @@ from PIL import Image
 from lfportrait.capture import CalibrateConfig, PhotosError
 from lfportrait.errors import UserError
 from lfportrait.job import is_few, prepare
-from lfportrait.job.photo_check import head_way
+from lfportrait.job.made_from import head_way
 from lfportrait.progress import Progress
 from tests.capture.calibration.test_head_motion import COUNT, photos
 
@@ -105,7 +105,7 @@ def test_what_can_be_placed_is_and_a_line_says_so(tmp_path, monkeypatch, fitted)
 
 def test_where_both_fail_both_are_named(tmp_path, monkeypatch):
     def fail(error):
-        def run(*_):
+        def run(*_, **__):
             raise error
         return run
     monkeypatch.setattr(prepare, "calibrate", fail(PhotosError("the photos do not overlap", {})))

@@ -16,7 +16,8 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     found, mattes, boxes = photos(3.0)
     mattes[5] = np.zeros_like(mattes[5])
     found = replace(found, figures={"blurred": [], "left_out": []})
-    monkeypatch.setattr(prepare, "calibrate", lambda *_: found)
+    monkeypatch.setattr(prepare, "calibrate", lambda *_, **__: found)
+    monkeypatch.setattr(prepare, "read_source", lambda *_: [])
     given, looked, cut, marked = iter(mattes), [], [], []
     monkeypatch.setattr(prepare, "problem_sheet",
                         lambda photos, marks, sheet, frames: marked.append(marks))
@@ -112,9 +113,10 @@ def test_no_portrait_frame_without_a_face(monkeypatch):
 def test_photos_that_share_nothing_are_placed_by_the_face(tmp_path, monkeypatch, helps):
     found, _, boxes = photos(0.0)
 
-    def apart(*_):
+    def apart(*_, **__):
         raise PhotosError("the photos do not overlap enough", {})
     monkeypatch.setattr(prepare, "calibrate", apart)
+    monkeypatch.setattr(prepare, "read_source", lambda *_: [])
     monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
     by_face = replace(found, cameras=boxes, figures={"photos": COUNT, "left_out": ["7.png"],
                                                      "blurred": [], "placed": "by the face"})

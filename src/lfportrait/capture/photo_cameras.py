@@ -271,7 +271,7 @@ def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int
 
 
 def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
-              progress: Progress | None = None) -> Capture:
+              progress: Progress | None = None, *, read: list[Photo] | None = None) -> Capture:
     """Find the cameras of photos or of a video.
 
     Parameters
@@ -279,6 +279,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     photos : Folder of photos, or a video file.
     config : Parameters.
     progress : Progress line.
+    read : The pictures, where they were read already. The list is emptied: they are large.
 
     Returns
     -------
@@ -296,7 +297,11 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     path = Path(photos)
     if progress is not None:
         progress.update(0, "reading photos")
-    loaded = read_source(path, config.max_side, config.video_frames)
+    if read is None:
+        loaded = read_source(path, config.max_side, config.video_frames)
+    else:
+        loaded = list(read)
+        read.clear()
     count = len(loaded)
     soft = [loaded[index].name for index in blurred([photo.image for photo in loaded],
                                                     config.blur_threshold)]

@@ -69,7 +69,8 @@ class Calibrate(Common):
     """Do not cut the person out of photos that have no alpha channel."""
     made_from: MadeFrom = "auto"
     """Fit a head to the face (face), or find cameras by what the photos share (photos); auto: the
-    face for one photo or two, and for up to nine that can't be placed together."""
+    face for one photo or two, for up to nine that can't be placed together, and for the best of
+    many pictures, or of a video, where the face moves or is seen from one side only."""
 
     def run(self) -> dict[str, Any]:
         """Calibrate and save."""

@@ -21,6 +21,7 @@ from .landmarks import (
     symmetric_landmarks,
     write_landmarks,
 )
+from .one_photo.beside import faces_of_people
 from .one_photo.portrait import portrait_capture, portrait_field
 from .segmentation import face_mask, hair_mask, mattes, parts, person_matte
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
@@ -28,7 +29,8 @@ from .triangulate import frontal_order, landmarks_of_capture, triangulate
 __all__ = ["GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "PORTRAIT_CONE", "FacePose",
            "capture_from_faces", "dark_glasses", "detect_faces", "detect_landmarks",
            "detectors_key", "drawn_spectacles", "face_mask", "face_mesh", "face_pose", "face_yaw",
-           "find_spectacles", "fit_to_surface", "frontal_order", "generic_depth", "hair_mask",
-           "is_portrait", "landmarks_of_capture", "mattes", "parts", "person_matte",
-           "portrait_capture", "portrait_field", "read_landmarks", "spectacle_lenses",
-           "spectacles", "symmetric_landmarks", "triangulate", "write_landmarks"]
+           "faces_of_people", "find_spectacles", "fit_to_surface", "frontal_order",
+           "generic_depth", "hair_mask", "is_portrait", "landmarks_of_capture", "mattes", "parts",
+           "person_matte", "portrait_capture", "portrait_field", "read_landmarks",
+           "spectacle_lenses", "spectacles", "symmetric_landmarks", "triangulate",
+           "write_landmarks"]

@@ -18,17 +18,8 @@ from .graph import (
     style_key,
 )
 from .inspection import Inspection, inspect, inspection_lines
-from .photo_check import (
-    FAIR,
-    GOOD,
-    MadeFrom,
-    PhotoCheck,
-    PhotoFacts,
-    check_photos,
-    check_picture,
-    head_way,
-    is_few,
-)
+from .made_from import MadeFrom, head_way, is_few
+from .photo_check import FAIR, GOOD, PhotoCheck, PhotoFacts, check_photos, check_picture
 from .pipeline import MakeConfig, Source, TimeLeft, get_networks, make, run_figures
 from .prepare import capture_of_face, cut_person, find_face, prepare_capture
 from .session import Session

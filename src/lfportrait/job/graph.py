@@ -29,7 +29,7 @@ from ..runner import Need, scheduler
 from ..share import PageConfig
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
-from .photo_check import MadeFrom
+from .made_from import MadeFrom
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class MakeConfig:
     """The page of the portrait, ``portrait.html``."""
     made_from: MadeFrom = "auto"
     """Fit a head to the face (face), or find cameras by what the photos share (photos); auto: the
-    face for one photo or two, and for up to nine that can't be placed together."""
+    face for one photo or two, for up to nine that can't be placed together, and for the best of
+    many pictures, or of a video, where the face moves or is seen from one side only."""
     keep_background: bool = False
     """Do not cut the person out of photos that have no alpha channel."""
     sweep_size: int = 512

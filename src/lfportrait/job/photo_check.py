@@ -1,12 +1,8 @@
-"""Look at photos before hours are spent on them: are they good, and how does a head come of them.
+"""Look at photos before hours are spent on them, and say which to take again.
 
 Each photo is looked at alone and beside its neighbours in the order of their names: how sharp it
 is, whether a face shows and from which side, how bright and of what tint the face is. No cameras
 are computed: the side follows from the landmarks of the face (`face_pose`).
-
-Structure from motion needs photos of one moment that overlap. One photo or two have nothing to
-share; up to nine often do not overlap, or are of different days: then a head is fitted to the face
-(`lfportrait.face.one_photo`), which is good for a narrower arc (`head_way`).
 """
 
 from __future__ import annotations
@@ -18,187 +14,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
-import tyro
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from .. import models
 from ..arrays import Float64, UInt8
-from ..capture import (
-    CalibrateConfig,
-    Capture,
-    Photo,
-    fineness,
-    is_calibrated,
-    is_video,
-    photo_listing,
-    read_photos,
-    read_video,
-    relative_sharpness,
-)
+from ..capture import Photo, fineness, is_video, read_photos, read_video, relative_sharpness
 from ..color import linear_light
-from ..errors import UserError
-from ..face import MOST_TURNED, PORTRAIT_CONE, detect_faces, detect_landmarks, face_pose
+from ..face import (
+    MOST_TURNED,
+    PORTRAIT_CONE,
+    detect_faces,
+    detect_landmarks,
+    face_pose,
+    faces_of_people,
+    person_matte,
+)
 from ..files import write_image
 from ..progress import Progress
 from .inspection import FolderFacts, inspect, left_out_lines, mixed_lines
-
-MadeFrom = Annotated[Literal["auto", "face", "photos"], tyro.conf.arg(name="from")]
-"""What a head is made from: the face, to which a head is fitted; or what the photos share."""
-_FEWEST = 3
-"""Photos from which on cameras are looked for by what the photos have in common."""
-_MANY = 10
-"""Photos from which on a head is fitted only where that was asked for."""
-
-
-class NotTogether(Exception):
-    """A few photos that can't be placed together: a head is to be fitted to the face.
-
-    ``error`` is said where that fails, too.
-    """
-
-    def __init__(self, error: UserError) -> None:
-        super().__init__(str(error))
-        self.error = error
-
-
-def _photo_count(photos: Path) -> int:
-    """Photos of a file or a folder; none of a video and of a data set with cameras."""
-    if not photos.exists() or is_calibrated(photos) or is_video(photos):
-        return 0
-    return len(photo_listing(photos).files) if photos.is_dir() else 1
-
-
-def is_few(photos: Path) -> bool:
-    """Whether these are one photo to nine without cameras.
-
-    Raises `UserError` if several folders have photos.
-    """
-    return 0 < _photo_count(photos) < _MANY
-
-
-def head_way(photos: Path, made_from: str) -> Literal["face", "photos", "either"]:
-    """How photos, a video or a calibrated data set become a head by a choice of ``--from``.
-
-    ``"either"``: by what they share, and if they can't be placed together, by the face. Raises
-    `UserError` if a head is to be fitted to what has cameras already, or is a video.
-    """
-    count = _photo_count(photos)
-    if made_from == "face":
-        if is_video(photos):
-            raise UserError(f"--from face takes photos, and {photos} is a video; save one of its "
-                            "frames, or leave out --from face")
-        if count == 0 and is_calibrated(photos):
-            raise UserError(f"--from face takes photos, and {photos} has cameras already; leave "
-                            "out --from face")
-        return "face"
-    if made_from == "photos" or not 0 < count < _MANY:
-        return "photos"
-    return "face" if count < _FEWEST else "either"
-
-
-def _faults(capture: Capture) -> list[str]:
-    """What lies before the face in the photo that decides how a head looks."""
-    if capture.landmarks is None:
-        return []
-    points = capture.cameras[0].project(np.asarray(capture.landmarks, np.float64))[0][0]
-    image = np.ascontiguousarray(capture.images[0])
-    if capture.alphas is not None and capture.figures.get("mattes") == "given":
-        # What a cut-out photo holds where it is clear is not seen.
-        share = capture.alphas[0][..., None] / np.float32(255)
-        image = np.rint(image * share + 153 * (1 - share)).astype(np.uint8)
-    return face_faults(image, points, capture.names[0])
-
-
-def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None = None, *,
-                why: str = "", keep_background: bool = False) -> tuple[Capture, dict[str, Any]]:
-    """A photo, or a folder of some -> a capture with a head that is fitted to the face; figures.
-
-    ``why`` is a reason for this way, for the line that says so. Raises `UserError` as
-    `lfportrait.face.portrait_capture`.
-    """
-    from ..face import portrait_capture
-
-    if keep_background:
-        warnings.warn("the room behind the person is not kept: a head that is fitted to the face "
-                      "has none", stacklevel=3)
-    read = read_photos(photos, config.max_side)
-    if progress is not None:
-        count = f"{len(read)} photo{'s' * (len(read) > 1)}"
-        if why:
-            progress.say(f"{count} that can't be placed together: a head is fitted to the face "
-                         "(--from face)")
-        else:
-            progress.say(f"{count}: a head is fitted to the face (--from face)")
-    capture, fit = portrait_capture(read, progress)
-    for fault in _faults(capture):
-        warnings.warn(fault, stacklevel=3)
-    figures = {"source": "one photo" if len(capture) == 1 else "a few photos", "fit": fit,
-               "mattes": capture.figures["mattes"], "views": len(capture), "held_out": 0}
-    return capture, {**figures, "not_together": why} if why else figures
-
-
-_COVERED = 0.5
-"""Share of either half of a face under hair from which it counts."""
-_HAND = 0.15
-"""Share of a face that must be skin of the body for a hand to be there."""
-_STRIP = 0.25
-"""Share of both halves below which one is not looked at."""
-_HALVES = ([27, 28, 29, 30, 33, 31, 3, 2, 1, 0, 17, 18, 19, 20, 21],
-           [27, 28, 29, 30, 33, 35, 13, 14, 15, 16, 26, 25, 24, 23, 22])
-"""Landmarks around the halves of a face between brows and nose: no beard grows there."""
-_WHOLE = [*range(1, 6), 57, *range(11, 16), *range(26, 16, -1)]
-"""Around a face without the lowest part of the jaw, as a throat is body, too."""
-
-
-def _share(mask: NDArray[np.floating], points: Float64) -> float:
-    """How much of a polygon is covered by a mask."""
-    inside = np.zeros(mask.shape, np.uint8)
-    cv2.fillPoly(inside, [np.round(points).astype(np.int32)], 1)
-    return float((mask[inside > 0] > 0.5).mean()) if inside.any() else 0.0
-
-
-def hand_at_face(image: UInt8, landmarks: Float64) -> float:
-    """Share of a face that is skin of the body; 0 without the network of parts."""
-    from ..face import parts
-
-    if models.missing(["multiclass-segmentation"]):
-        return 0.0
-    return _share(parts(image)["body-skin"], landmarks[_WHOLE])
-
-
-def face_faults(image: UInt8, landmarks: Float64, name: str) -> list[str]:
-    """Sentences about what lies before a face in a photo; empty where nothing does.
-
-    The photo is uint8 [H, W, 3], sRGB, its landmarks float64 [68, 2] in pixels.
-    """
-    from ..face import IN_PHOTOS, dark_glasses, find_spectacles, hair_mask
-
-    found = []
-    if not models.missing(["hair-segmentation"]):
-        hair = hair_mask(image)
-        sizes = [cv2.contourArea(landmarks[half].astype(np.float32)) for half in _HALVES]
-        # Of a turned face the far half is a strip.
-        share = max(_share(hair, landmarks[half]) for half, size in zip(_HALVES, sizes)
-                    if size > _STRIP * sum(sizes))
-        if share > _COVERED:
-            found.append(f"hair covers {100 * share:.0f} % of one half of the face in {name}: it "
-                         "becomes paint on the skin; a photo with the hair combed back is better")
-    if hand_at_face(image, landmarks) > _HAND:
-        found.append(f"a hand seems to lie at the face in {name}: it becomes paint on the skin; "
-                     "use a photo without it")
-    if dark_glasses(image, landmarks):
-        found.append(f"dark glasses hide the eyes in {name}: they become paint on the skin; use a "
-                     "photo without them")
-    elif find_spectacles(image, landmarks, sure=IN_PHOTOS) is not None:
-        found.append(f"the glasses in {name} become wires before the eyes; a photo without them "
-                     "is better")
-    return found
-
+from .made_from import head_way, reason_to_fit
 
 _SIDE = 960
 # Parts of the neighbours' fine detail below which a photo is blurred, or soft.
@@ -302,7 +140,10 @@ def _judge_few(photos: list[Photo], facts: list[PhotoFacts]) -> None:
     for photo, one in zip(photos, facts):
         if one.wrong:
             continue
-        others = detect_faces(np.ascontiguousarray(photo.image[..., :3]), thorough=False)
+        picture = np.ascontiguousarray(photo.image[..., :3])
+        others = detect_faces(picture, thorough=False)
+        if len(others) > 1 and models.available("person-segmentation"):
+            others = faces_of_people(others, person_matte(picture))
         if one.yaw is None:
             one.wrong = "no face"
         elif len(facts) == 1 and abs(one.yaw) > MOST_TURNED:
@@ -470,7 +311,12 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
         return PhotoCheck(facts, [], _few_advice(facts), images, [*notes, *_notes(path)])
     gaps = _gaps(facts)
     lenses = len({photo.lens for photo in photos})
-    return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses), images, _notes(path))
+    reason = reason_to_fit(photos) if head_way(path, "auto") == "photos" else ""
+    notes = [f"A head will be fitted to the best of these pictures, as {reason}. For one that all "
+             "of them show, hold still, do not talk, and let the camera go around the head."
+             ] if reason else []
+    return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses), images,
+                      [*notes, *_notes(path)])
 
 
 def _notes(path: Path) -> list[str]:

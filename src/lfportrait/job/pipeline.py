@@ -70,7 +70,7 @@ from .graph import (
     source_key,
     style_key,
 )
-from .photo_check import head_way
+from .made_from import head_way
 from .warmup import Warmup, head_kernels, import_ahead
 from .work import Tools, do_stage
 

@@ -29,6 +29,7 @@ from ..capture import (
     Camera,
     Capture,
     LatePictures,
+    Photo,
     PhotosError,
     calibrate,
     consistent_mattes,
@@ -36,6 +37,7 @@ from ..capture import (
     is_calibrated,
     matte_agreement,
     portrait_frame_from_landmarks,
+    read_source,
     refine_changes,
     refine_matte,
 )
@@ -46,7 +48,8 @@ from ..media.depth import DepthMap
 from ..media.folders import files_below
 from ..progress import Progress
 from ..simd.threads import side_by_side
-from .photo_check import NotTogether, fit_to_face, head_way, problem_sheet
+from .made_from import NotTogether, fit_to_face, head_way, reason_to_fit
+from .photo_check import problem_sheet
 
 _OUTLIERS = 0.6
 """Share of a face's landmarks that do not fit cameras which are wrong."""
@@ -169,11 +172,13 @@ def _marks(calibration: dict[str, Any]) -> dict[str, str]:
 
 
 def _placed_photos(photos: Path, config: CalibrateConfig, few: bool, progress: Progress | None,
-                   sheet: Path | None) -> tuple[Capture, dict[str, Any]]:
+                   sheet: Path | None, read: list[Photo] | None,
+                   ) -> tuple[Capture, dict[str, Any]]:
     """Photos with the cameras that structure from motion finds, or else the face; figures."""
     figures: dict[str, Any] = {"source": "photos"}
     try:
-        capture = (_few_placed if few else calibrate)(photos, config, progress)
+        capture = (_few_placed(photos, config, progress) if few
+                   else calibrate(photos, config, progress, read=read))
     except PhotosError as error:
         found = _by_the_face(photos, config, progress, figures, 3)
         if found is not None:
@@ -294,9 +299,22 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     way = head_way(photos, made_from)
     if way == "face":
         return fit_to_face(photos, config, progress, keep_background=keep_background)
+    read: list[Photo] | None = None
+    if way == "photos" and made_from == "auto" and not is_calibrated(photos):
+        if progress is not None:
+            progress.update(0, "reading photos")
+        read = read_source(photos, config.max_side, config.video_frames)
+        reason = reason_to_fit(read, progress)
+        if reason:
+            try:
+                return fit_to_face(photos, config, progress, reason=reason,
+                                   keep_background=keep_background, read=read)
+            except UserError as error:
+                if progress is not None:
+                    progress.say(f"{error}; so all pictures are used (--from photos)")
     try:
         capture, figures = _shared(photos, config, keep_background, need_face, way == "either",
-                                   progress, sheet)
+                                   progress, sheet, read)
     except NotTogether as found:
         try:
             return fit_to_face(photos, config, progress, why=str(found),
@@ -315,8 +333,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
 
 def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_face: bool,
             few: bool, progress: Progress | None, sheet: Path | None,
-            ) -> tuple[Capture, dict[str, Any]]:
-    """A capture by what photos, a video or a data set share.
+            read: list[Photo] | None) -> tuple[Capture, dict[str, Any]]:
+    """A capture by what photos, a video or a data set share; ``read`` as `calibrate` has it.
 
     Raises `NotTogether` if photos are ``few`` and the cameras of too many of them are not found, or
     are wrong.
@@ -326,7 +344,7 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
         figures: dict[str, Any] = {"source": "calibrated"}
         fresh = False
     else:
-        capture, figures = _placed_photos(photos, config, few, progress, sheet)
+        capture, figures = _placed_photos(photos, config, few, progress, sheet, read)
         fresh = True
     least = None
     if capture.landmarks is None:

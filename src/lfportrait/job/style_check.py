@@ -28,7 +28,8 @@ from ..files import write_image
 from ..lightfield import Display, EncodeConfig
 from ..media.pictures import read_image
 from ..stylize import PARTED, StylizeConfig, mouth_opening, stylize_with_figures
-from .photo_check import BAD, FAIR, GOOD, INK, PAPER, font, hand_at_face, wrapped
+from .made_from import hand_at_face
+from .photo_check import BAD, FAIR, GOOD, INK, PAPER, font, wrapped
 from .session import preview_head
 
 SMALL = 300

@@ -171,11 +171,22 @@ def test_it_is_said_that_others_are_cut_away(monkeypatch):
     matte = np.zeros((40, 40), np.float32)
     matte[10:] = 1
     monkeypatch.setattr(portrait.models, "available", lambda name: True)
-    monkeypatch.setattr(portrait, "person_matte", lambda image: matte)
     monkeypatch.setattr(portrait, "hair_mask", lambda image: matte)
     monkeypatch.setattr(portrait, "refine_matte", lambda image, matte: matte)
     monkeypatch.setattr(portrait, "sitter_alone", lambda *given: None)
-    assert portrait._matte_of(image, [FACE], "her.jpg") is matte
+    assert portrait._matte_of(image, matte, [FACE], "her.jpg") is matte
     monkeypatch.setattr(portrait, "sitter_alone", lambda *given: 0.5 * matte)
     with pytest.warns(UserWarning, match=r"her\.jpg shows other people"):
-        assert portrait._matte_of(image, [FACE], "her.jpg").max() == 0.5
+        assert portrait._matte_of(image, matte, [FACE], "her.jpg").max() == 0.5
+
+
+def test_a_face_where_nobody_is_is_none():
+    leaves = landmarks(340, 60, 80)
+    matte = SITTER.astype(np.float32)
+    assert [id(one) for one in beside.faces_of_people([leaves, FACE], matte)] == [id(FACE)]
+    both = np.maximum(matte, disc(340, 60, 50, 60))
+    assert len(beside.faces_of_people([leaves, FACE], both)) == 2
+    # A matte that sees nobody decides nothing; nor does a face beyond the picture's edge.
+    away = landmarks(2000, 60, 80)
+    assert len(beside.faces_of_people([away, FACE], np.zeros(SIZE, np.float32))) == 2
+    assert [id(one) for one in beside.faces_of_people([away, FACE], matte)] == [id(FACE)]

@@ -44,9 +44,7 @@ DRAWN = {"{} photos, {} of use", "No problems found: these photos are suitable f
          "drawn here."}
 """Written into the picture of a check of photos, in English."""
 COMMAND = {"one photo", "{} photo{}", "a few photos",
-           "--from face takes photos, and {} has cameras already; leave out --from face",
-           "--from face takes photos, and {} is a video; save one of its frames, or leave out "
-           "--from face"}
+           "--from face takes photos, and {} has cameras already; leave out --from face"}
 """Said by commands alone: the studio has no such option."""
 
 

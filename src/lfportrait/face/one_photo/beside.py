@@ -26,7 +26,7 @@ from ..detect import detect_faces
 from ..head_fit import ear_to_ear
 from ..segmentation import person_matte
 
-__all__ = ["sitter_alone"]
+__all__ = ["faces_of_people", "sitter_alone"]
 
 FINE = 90.0
 """Pixels of a face's width where a matte is parted."""
@@ -58,6 +58,8 @@ PATCH = 0.3
 """Of a patch without edges that much at least is somebody else's, or nothing."""
 SEED = 1e3
 """The same for what is known."""
+NOBODY = 0.3
+"""A face of which a matte of people shows less is none."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,21 @@ class _Scene:
         """A structuring element, ``radius`` in widths of a face."""
         side = 2 * max(1, round(radius * self.sitter.width)) + 1
         return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+
+
+def faces_of_people(faces: list[Float64], matte: Float32) -> list[Float64]:
+    """The faces, [68, 2] each, where a matte of people [H, W] shows somebody.
+
+    Detectors see faces in leaves and folds, too. All of them where it shows nobody at any: a matte
+    may be wrong.
+    """
+    shown = []
+    for face in faces:
+        hull = np.asarray(cv2.convexHull(face.astype(np.int32)))
+        place = cv2.fillConvexPoly(np.zeros(matte.shape, np.uint8), hull, 1.0) > 0
+        if place.any() and float((matte[place] > 0.5).mean()) > NOBODY:
+            shown.append(face)
+    return shown or faces
 
 
 def sitter_alone(image: UInt8, soft: Float32, hair: Float32, landmarks: list[Float64],

@@ -44,7 +44,7 @@ from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .beard import Beard, beard_of, beneath
-from .beside import sitter_alone
+from .beside import faces_of_people, sitter_alone
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
@@ -216,10 +216,11 @@ class _Seen:
             share = alpha[..., None].astype(np.float32) / np.float32(255)
             shown = np.rint(self.image * share + _GROUND * (1 - share)).astype(np.uint8)
             given = np.asarray(share[..., 0], np.float32)
-        faces = detect_faces(shown)
+        soft = person_matte(shown) if given is None else given
+        faces = faces_of_people(detect_faces(shown), soft)
         landmarks = check_faces(faces, photo.name)
         self.given = given is not None
-        self.matte = _matte_of(shown, faces, photo.name) if given is None else given
+        self.matte = _matte_of(shown, soft, faces, photo.name) if given is None else given
         self.shown = shown
         hair = _hair_of(shown, self.matte, landmarks)
         self.beard = beard_of(shown, self.matte, landmarks, hair)
@@ -239,9 +240,8 @@ class _Seen:
         return True
 
 
-def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Float32:
-    """Where a photo shows its sitter, float32 [H, W], whose face is the first."""
-    soft = person_matte(image)
+def _matte_of(image: NDArray[np.uint8], soft: Float32, faces: list[Float64], name: str) -> Float32:
+    """Where a photo shows its sitter, float32 [H, W], whose face is the first; ``soft``: people."""
     if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
         alone = sitter_alone(image, soft, hair_mask(image), faces)
         if alone is not None:

@@ -27,7 +27,7 @@ from ...simd.host import compiling_progress
 from ...stages import check_writable
 from ...version import __version__
 from ..graph import Task, painting_key, source_key
-from ..photo_check import MadeFrom
+from ..made_from import MadeFrom
 from ..pipeline import get_networks, networks_of
 from ..warmup import Warmup
 from .jobs_file import load_jobs
