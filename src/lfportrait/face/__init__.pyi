@@ -10,6 +10,7 @@ from .glasses import (
     spectacles,
 )
 from .landmarks import (
+    FROM_MEDIAPIPE,
     GENERIC_LANDMARKS,
     MOST_TURNED,
     PORTRAIT_CONE,
@@ -26,8 +27,8 @@ from .one_photo.portrait import portrait_capture, portrait_field
 from .segmentation import face_mask, hair_mask, mattes, parts, person_matte
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
-__all__ = ["GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "PORTRAIT_CONE", "FacePose",
-           "capture_from_faces", "dark_glasses", "detect_faces", "detect_landmarks",
+__all__ = ["FROM_MEDIAPIPE", "GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "PORTRAIT_CONE",
+           "FacePose", "capture_from_faces", "dark_glasses", "detect_faces", "detect_landmarks",
            "detectors_key", "drawn_spectacles", "face_mask", "face_mesh", "face_pose", "face_yaw",
            "faces_of_people", "find_spectacles", "fit_to_surface", "frontal_order",
            "generic_depth", "hair_mask", "is_portrait", "landmarks_of_capture", "mattes", "parts",

@@ -36,8 +36,7 @@ from ..capture import (
     read_source,
 )
 from ..errors import UserError
-from ..face import face_mesh, face_pose
-from ..face.landmarks import FROM_MEDIAPIPE
+from ..face import FROM_MEDIAPIPE, face_mesh, face_pose
 from ..progress import Progress
 
 MadeFrom = Annotated[Literal["auto", "face", "photos"], tyro.conf.arg(name="from")]
