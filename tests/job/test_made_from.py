@@ -11,6 +11,7 @@ from lfportrait.capture import CalibrateConfig, Photo, calibrate
 from lfportrait.errors import UserError
 from lfportrait.job import made_from, prepare
 from lfportrait.job.made_from import FaceLook, best_pictures, face_changes, reason_to_fit
+from lfportrait.job.work import say_poor
 from lfportrait.progress import Progress
 from tests.capture.calibration.test_head_motion import photos as moved_photos
 
@@ -165,3 +166,11 @@ def test_pictures_that_were_read_are_handed_over_and_let_go(tmp_path, seen, monk
     with pytest.raises(UserError):  # twelve plain pictures have nothing to share
         prepared(folder(tmp_path, 12))
     assert given == [[]]
+
+
+def test_a_field_that_is_far_from_its_photos_is_said(recwarn):
+    say_poor({})
+    say_poor({"test": {"psnr": 14.0, "psnr_kept": 27.0}})  # what a bust's cut takes away is no fault
+    assert not recwarn.list
+    with pytest.warns(UserWarning, match=r"met with 15 dB only .*--from face"):
+        say_poor({"test": {"psnr": 15.3}})

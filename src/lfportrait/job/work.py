@@ -6,6 +6,7 @@ Nothing but the task, the folder of the results and a few tools is known here.
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -231,8 +232,23 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
         result, figures = reconstruct_with_figures(
             capture, settings, progress, checkpoint=checkpoint, device=device, look=shown,
             fit_head=fit_to_surface)
+        say_poor(figures)
     result.save(target)
     return figures, result.as_read()
+
+
+def say_poor(figures: dict[str, Any]) -> None:
+    """Warn of a field that is far from the photos which were held out."""
+    test = figures.get("test", {})
+    met = test.get("psnr_kept", test.get("psnr", POOR))
+    if met < POOR:
+        warnings.warn(f"photos that were held out are met with {met:.0f} dB only (30 are usual): "
+                      "the person moved, or the cameras are wrong; see report.html; --from face "
+                      "fits a head to the best photo instead", stacklevel=2)
+
+
+POOR = 20.0
+"""PSNR in dB of held-out photos below which a field is of no use."""
 
 
 def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,
