@@ -170,7 +170,7 @@ def test_pictures_that_were_read_are_handed_over_and_let_go(tmp_path, seen, monk
 
 def test_a_field_that_is_far_from_its_photos_is_said(recwarn):
     say_poor({})
-    say_poor({"test": {"psnr": 14.0, "psnr_kept": 27.0}})  # what a bust's cut takes away is no fault
+    say_poor({"test": {"psnr": 14.0, "psnr_kept": 27.0}})  # a cut is no fault
     assert not recwarn.list
     with pytest.warns(UserWarning, match=r"met with 15 dB only .*--from face"):
         say_poor({"test": {"psnr": 15.3}})
