@@ -191,11 +191,11 @@ class _Found(JITCodeLibrary):
         self._parsed = module
 
     def get_pointer_to_function(self, name: str) -> int:
-        # The names in bitcode are plain: this one is asked for its entrance, which it defines.
-        if self._parsed is not None or name.encode() not in self._bitcode:
-            return int(super().get_pointer_to_function(name))
-        self._ensure_finalized()
-        return int(self._codegen._engine.get_function_address(name))
+        # Names in bitcode are plain: it is asked for an entrance, which it defines if it names it.
+        if name.encode() in self._bitcode:
+            self._ensure_finalized()
+            return int(self._codegen._engine.get_function_address(name))
+        return int(super().get_pointer_to_function(name)) if self._shared_module else 0
 
 
 @replace_in_numba(JITCodeLibrary, "_unserialize")
