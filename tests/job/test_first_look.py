@@ -41,7 +41,10 @@ def painting():
 
 @pytest.fixture(scope="module", autouse=True)
 def short_reports():
-    """Files without content: a report takes as long as the painting, and shows no look."""
+    """Files without content: a report takes as long as the painting, and shows no look.
+
+    Posters of a quarter of their size, for the same reason.
+    """
     def none(folder, *_):
         (folder / "hero.png").touch()
         return None, 0.0
@@ -49,6 +52,7 @@ def short_reports():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lfportrait.job.summary._report", none)
         patch.setattr("lfportrait.job.summary.write_report", lambda path, _: path.touch())
+        patch.setattr("lfportrait.share.page.assembly._HEIGHT", 250)
         yield
 
 

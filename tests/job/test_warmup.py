@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 
+import numba
 import numpy as np
 import pytest
 
@@ -40,6 +41,15 @@ def test_stages_that_were_compiled_start_no_process(monkeypatch, tmp_path):
     with Warmup(tuple(FUNCTIONS)) as ahead:
         ahead.wait(tuple(FUNCTIONS))
         assert ahead.total == 0
+
+
+@pytest.mark.parametrize("setting", ["CPU_NAME", "CPU_FEATURES"])
+def test_code_for_other_instructions_is_not_taken_for_this(setting, monkeypatch):
+    mark = warmup._mark.__wrapped__
+    before = mark("encode")
+    assert mark("encode") == before
+    monkeypatch.setattr(numba.config, setting, "something else")
+    assert mark("encode") != before
 
 
 def test_what_is_not_waited_for_ends_with_the_job(monkeypatch, tmp_path):
@@ -85,8 +95,6 @@ def test_progress_tells_of_kernels_that_are_compiled_meanwhile(monkeypatch):
 
 
 def test_only_our_own_compilations_are_heard_of():
-    import numba
-
     seen = []
     with watched_compilations(seen.append):
         assert numba.njit(lambda x: x + 1)(1) == 2

@@ -5,18 +5,20 @@ import numpy as np
 import pytest
 from llvmlite import ir as llvm
 from numba.core import analysis, base, errors, ir, typeinfer
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import run_frontend
 from numba.core.registry import cpu_target
 from numba.core.typing import context, templates
 from numba.extending import overload
 
-import lfportrait.simd.decorators  # noqa: F401 (replaces parts of Numba)
+from lfportrait.simd.decorators import kernel
 
 REPLACED = ((typeinfer.TypeInferer, "resolve_call"), (ir.Inst, "_rec_list_vars"),
             (analysis, "compute_live_map"), (base, "_has_loc"),
             (base.BaseContext, "get_abi_sizeof"), (base.BaseContext, "refresh"),
             (context.BaseContext, "refresh"),
-            (templates._OverloadFunctionTemplate, "_get_jit_decorator"))
+            (templates._OverloadFunctionTemplate, "_get_jit_decorator"),
+            (JITCodeLibrary, "_unserialize"))
 
 
 def straight(a, b):
@@ -104,3 +106,31 @@ def test_sizes_of_types():
     pair = llvm.LiteralStructType([llvm.IntType(8), llvm.DoubleType()])
     for _ in range(2):
         assert [size(kind) for kind in (llvm.IntType(32), llvm.DoubleType(), pair)] == [4, 8, 16]
+
+
+def threefold(value):
+    return 3 * value + 1
+
+
+def test_code_from_the_disk_is_what_numba_reads():
+    function = numba.njit(threefold)
+    assert function(2) == 7
+    [compiled] = function.overloads.values()
+    codegen = cpu_target.target_context.codegen()
+    kept = compiled.library.serialize_using_object_code()
+    found, theirs = (read(codegen, kept) for read in (
+        JITCodeLibrary._unserialize, JITCodeLibrary._unserialize.__wrapped__))
+    entrance = compiled.fndesc.llvm_cpython_wrapper_name
+    assert found.get_pointer_to_function(entrance) and theirs.get_pointer_to_function(entrance)
+    assert found._parsed is None, "its entrance needs no bitcode"
+    assert found.get_pointer_to_function("no_such_function") == 0
+    assert str(found._get_module_for_linking()) == str(theirs._get_module_for_linking())
+    assert found.get_pointer_to_function(entrance)
+
+
+def test_code_from_the_disk_is_put_into_what_calls_it():
+    assert kernel(threefold)(2) == 7
+    again = kernel(threefold)
+    assert again(3) == 10 and sum(again.stats.cache_hits.values()) == 1
+    caller = numba.njit(lambda value: again(value) + again(value + 1))
+    assert caller(4) == 13 + 16

@@ -26,6 +26,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -130,16 +131,21 @@ def serve() -> None:
 
 @functools.cache
 def _mark(name: str) -> Path:
-    """The file that stands for a stage's compiled code, beside that code."""
+    """The file that stands for a stage's compiled code, beside that code.
+
+    It knows which instructions are used: code for fewer of them is another (`LFPORTRAIT_VECTORS`).
+    """
     import llvmlite.binding
     import numba
 
     from ..simd.decorators import kernel_sources
     from ..simd.host import cache_folder
 
+    settings: Any = numba.config
     key = hash_of(name, kernel_sources(), numba.__version__, sys.version,
                  llvmlite.binding.get_host_cpu_name(),
-                 str(llvmlite.binding.get_host_cpu_features()))
+                 str(llvmlite.binding.get_host_cpu_features()),
+                 settings.CPU_NAME, settings.CPU_FEATURES)
     return cache_folder() / f"warm-{name}-{key[:16]}"
 
 

@@ -195,6 +195,7 @@ def test_a_lost_gpu_leaves_the_cpus_picture(adapter, monkeypatch):
     # One is started again by itself.
     assert psnr(encode(field, PANEL, device="gpu") / 255, encode(field, PANEL, device="cpu") / 255
                 ) > EVEN
+    assert process.starts == 2
     process._lost = True
     with pytest.warns(UserWarning, match="lost twice: the CPU computes instead"):
         image, figures = encode_with_figures(field, PANEL, device="gpu")

@@ -12,7 +12,7 @@ from lfportrait.gpu import GpuLostError
 from lfportrait.progress import Progress
 from tests.field.test_field import ball_capture
 
-CONFIG = ReconstructConfig(resolutions=(12, 24), rays=(0.004, 0.012), batch=(256,),
+CONFIG = ReconstructConfig(resolutions=(12, 24), rays=(0.002, 0.006), batch=(256,),
                            fill_back=False, cut_base=False).resolved(False, 3.0, 0.1)
 
 
@@ -73,6 +73,12 @@ def trained(process, config=CONFIG, checkpoint=None, capture=None, look=None):
 
 
 @pytest.fixture(scope="module")
+def on_gpu(gpu_children):
+    """The same training on the GPU, and what it said."""
+    return trained(gpu_children())
+
+
+@pytest.fixture(scope="module")
 def on_cpu():
     """The same training on the CPU from its beginning to its end."""
     return trained(None)[0]
@@ -84,8 +90,8 @@ def quality(trainer):
     return held_out_quality(trainer.field(), capture, 1.0)["psnr"]
 
 
-def test_a_training_ends_where_the_cpus_does(process, on_cpu):
-    on_gpu, lines = trained(process)
+def test_a_training_ends_where_the_cpus_does(on_gpu, on_cpu):
+    on_gpu, lines = on_gpu
     assert abs(quality(on_gpu) - quality(on_cpu)) < 0.3
     assert quality(on_gpu) > 25
     assert on_gpu.device != "cpu"
@@ -94,14 +100,14 @@ def test_a_training_ends_where_the_cpus_does(process, on_cpu):
     assert not any("CPU" in line for line in lines)
 
 
-def test_looks_change_nothing(process):
+def test_looks_change_nothing(process, on_gpu):
     seen = []
 
     def look(trainer):
         if len(seen) < 2:  # after the first level, and within the second
             seen.append(trainer.field(trainer.cleaned()))
 
-    plain, looked = trained(process)[0].field(), trained(process, look=look)[0].field()
+    plain, looked = on_gpu[0].field(), trained(process, look=look)[0].field()
     assert len(seen) == 2 and not np.array_equal(looked.density, seen[1].density)
     for name in ("links", "density", "sh"):
         assert np.array_equal(getattr(looked, name), getattr(plain, name)), name
@@ -110,7 +116,7 @@ def test_looks_change_nothing(process):
 def test_a_room_is_trained_as_on_the_cpu(process, monkeypatch):
     monkeypatch.setattr("lfportrait.field.geometry.start.BACKGROUND_ROWS", 32)
     capture = ball_capture(count=12, size=24, alpha=False, room=True)
-    config = ReconstructConfig(resolutions=(10, 20), rays=(0.004, 0.008), batch=(256,),
+    config = ReconstructConfig(resolutions=(10, 20), rays=(0.002, 0.005), batch=(256,),
                                background_nlayers=8, mvs_init=False,
                                ).resolved(True, 3.0, 0.1)
     on_gpu, lines = trained(process, config, capture=capture)
@@ -140,7 +146,7 @@ def test_the_cpu_goes_on_from_the_last_checkpoint(process, on_cpu, tmp_path,
     saved = []
 
     def now_and_then(self):
-        if self.level == 1 and self.step == 20:
+        if self.level == 1 and self.step == 10:
             self.save()
             saved.append(self.step)
 
@@ -149,7 +155,7 @@ def test_the_cpu_goes_on_from_the_last_checkpoint(process, on_cpu, tmp_path,
     trainer, lines = trained(fragile, checkpoint=path)
     # Calls: the first level's end, the checkpoint, the second level's end.
     assert fragile.calls.count("fetch") == 3
-    assert saved == [20]  # was not passed again
+    assert saved == [10]  # was not passed again
     assert sum("CPU" in line for line in lines) == 1
     assert abs(quality(trainer) - quality(on_cpu)) < 0.5
 
@@ -162,7 +168,7 @@ def test_a_gpus_checkpoint_is_gone_on_from_on_the_cpu_and_the_other_way(process,
         pass
 
     def stop(self):
-        if self.level == 1 and self.step == 40:
+        if self.level == 1 and self.step == 16:
             self.save()
             raise Stop
 
