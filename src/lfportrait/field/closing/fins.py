@@ -150,9 +150,9 @@ def without_beaks(field: VoxelField, surface: HeadSurface,
     solid = field.density[gone] > OPAQUE
     density = field.density.copy()
     density[gone] = np.minimum(density[gone], np.float32(EMPTY / voxel))
-    bare = np.zeros(known.shape, bool)
+    bare: Bool = np.zeros(distance.shape, bool)
     row, column = np.rint(places[:, gone[solid]]).astype(np.int64)
-    bare[np.clip(row, 0, len(bare) - 1), column % bare.shape[1]] = True
+    bare[np.clip(row, 0, len(bare) - 1), column % len(chart.angle)] = True
     bare = ndimage.binary_dilation(bare, np.ones((3, 3)))
     return replace(field, density=density), chart.points(even)[bare], normals[bare]
 
