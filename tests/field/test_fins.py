@@ -1,4 +1,4 @@
-"""What is thin and stands out of a mouth goes, and nothing else."""
+"""What is thin and stands out of a mouth or a head goes, and nothing else."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from lfportrait.field import VoxelField
-from lfportrait.field.closing.fins import CHIN, CORNERS, MOUTH, NOSE, mouth_of, without_fins
+from lfportrait.field.closing.fins import (
+    CHIN,
+    CORNERS,
+    MOUTH,
+    NOSE,
+    mouth_of,
+    without_beaks,
+    without_fins,
+)
+from lfportrait.field.geometry.head_surface import HeadSurface, bust_chart, bust_distance
 from tests.portraits import HEAD_LANDMARKS
 
 SIZE = 160
@@ -91,3 +100,63 @@ def test_places_of_a_mouth_are_between_its_corners():
     assert np.allclose(places.min(axis=0)[:2], (-0.2, -0.4))
     assert np.allclose(places.max(axis=0)[:2], (0.2, -0.3))
     assert np.allclose(places[:, 2], 1.6 / 3)
+
+
+CHART = bust_chart(0.016)
+FRONT = np.abs(CHART.angle) < np.radians(80)
+BUST = bust_distance(CHART)
+LEVEL = (CHART.axis[:, 1] > -0.15) & (np.arange(len(CHART.axis)) < CHART.level)
+SEEN = HeadSurface(CHART, BUST, np.ones_like(BUST), np.where(LEVEL[:, None] & FRONT, 1.0, 0.0),
+                   28.0, np.zeros_like(BUST))
+SLAB = VoxelField(np.arange(36 * SIZE ** 2, dtype=np.int32).reshape(SIZE, 36, SIZE),
+                  np.zeros(36 * SIZE ** 2, np.float32),
+                  np.zeros((36 * SIZE ** 2, 3, 1), np.float32),
+                  radius=np.array([1.0, 36 / SIZE, 1.0]))
+"""About the eyes."""
+ABOVE = CHART.outside(BUST, BUST, SLAB.links.shape, SLAB.center, SLAB.radius)[0].ravel() / VOXEL
+"""Voxels before a bust that photos see from the front."""
+HEAD = ABOVE < 0
+FOREHEAD = 0.05
+
+
+def slab(*solids):
+    """A field that is solid in all of some parts."""
+    return replace(SLAB, density=np.where(np.any(solids, axis=0), 500, -50).astype(np.float32))
+
+
+def level(tall, low=0.0, high=5.0, height=FOREHEAD, side=1.0):
+    """A bar that stands out of the bust in front, or behind (``side`` -1)."""
+    x, y, z = SLAB.lattice_points().T
+    return ((high > ABOVE) & (low <= ABOVE) & (np.abs(y - height) < tall / 2)
+            & (np.abs(x) < 0.15) & (side * z > 0))
+
+
+def test_a_level_sheet_that_stands_out_of_a_head_goes():
+    sheet = level(0.03)
+    field, places, normals = without_beaks(slab(HEAD, sheet), SEEN)
+    assert (sheet & (ABOVE > 3)).sum() > 10
+    assert field.density[sheet & (ABOVE > 3)].max() < 0
+    # The head is as it was, and photos are asked for it where it lies bare now.
+    assert np.array_equal(field.density[HEAD], slab(HEAD).density[HEAD])
+    assert len(places) > 10
+    assert np.abs(places[:, 1] - FOREHEAD).max() < 0.1
+    assert normals[:, 2].min() > 0.5
+
+
+@pytest.mark.parametrize("stays", [
+    level(0.2),  # a nose
+    level(0.03, low=3.0, high=5.0),  # a rim of spectacles
+    level(0.03, side=-1.0),  # what no photo sees
+], ids=["tall", "apart", "behind"])
+def test_what_is_tall_or_apart_or_unseen_stays(stays):
+    assert stays.sum() > 10
+    field = without_beaks(slab(HEAD, stays), SEEN)[0]
+    # An edge is rounded.
+    assert (field.density[stays] > 0).mean() > 0.9
+
+
+def test_nothing_is_asked_of_a_field_without_a_surface():
+    empty = slab(np.zeros(len(ABOVE), bool))
+    field, places, normals = without_beaks(empty, SEEN)
+    assert field is empty
+    assert places.shape == normals.shape == (0, 3)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
+from lfportrait.field.geometry import knots as module
 from lfportrait.field.geometry.chart import at_places
 from lfportrait.field.geometry.head_surface import bust_chart, bust_distance
 from lfportrait.field.geometry.knots import _run, knots_behind
@@ -58,6 +59,21 @@ def test_a_knot_is_found_where_it_is(bust, side):
     assert np.abs(np.linalg.norm(points - MIDDLE, axis=1) - RADIUS).mean() < 0.03
     assert abs(points[:, 1].max() - MIDDLE[1] - RADIUS) < 0.03
     assert (found[found > 0] > distance[found > 0]).all()
+
+
+@pytest.mark.parametrize("middle, radius", [((0.0, 0.6, -0.3), 0.1), ((0.0, 0.55, -0.38), 0.16)])
+def test_a_knot_is_as_large_as_its_ball(bust, monkeypatch, middle, radius):
+    found = []
+
+    def ball(*given):
+        found.append(measured(*given))
+        return found[-1]
+
+    measured = module._ball
+    monkeypatch.setattr(module, "_ball", ball)
+    knots(*bust, cameras(3.0), (np.array(middle), radius))
+    (_, size), = [one for one in found if one is not None]
+    assert size == pytest.approx(radius, abs=0.01)
 
 
 def test_no_knot_is_found_where_there_is_none(bust):

@@ -15,7 +15,7 @@ learn the room. Steps are counted in rays, not in seconds, unless a time budget 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +31,7 @@ from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing.colors import as_photographed, with_steady_colors
-from .closing.fins import mouth_of, without_fins
+from .closing.fins import mouth_of, without_beaks, without_fins
 from .closing.fitted_head import FitHead
 from .closing.grazed import Grazed, with_even_colors
 from .closing.sides import close_back, close_sides
@@ -247,10 +247,12 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     capture = trainer.capture
     surface = trainer.surface
     cameras, middle = capture.cameras[capture.training()], np.nanmean(landmarks[[0, 16]], axis=0)
+    bare: list[Float64] = []
     if surface is not None:
         figures["geometry"] = _geometry(surface, progress)
         # What is closed goes on in these colors.
         field = without_fins(with_steady_colors(field, cameras, middle), landmarks)
+        field, *bare = without_beaks(field, surface)
     if config.fill_back:
         if surface is not None:
             field, closed = close_sides(field, surface, capture, cut, fit_head)
@@ -262,7 +264,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                 if progress is not None:
                     progress.update(progress.done, "training the closed head")
                 field = settled(trainer, field, new=None if closed.grazed is None
-                                else _new(closed.grazed, landmarks))
+                                else _new(closed.grazed, landmarks, bare))
                 if closed.grazed is not None:
                     even = with_even_colors(with_steady_colors(field, cameras, middle),
                                             closed.grazed)
@@ -276,12 +278,16 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     return field
 
 
-def _new(grazed: Grazed, landmarks: NDArray[np.floating]) -> tuple[Float64, Float64]:
-    """Where a head of a narrow arc was changed, as `settled` asks for it."""
+def _new(grazed: Grazed, landmarks: NDArray[np.floating], bare: Sequence[Float64],
+         ) -> tuple[Float64, Float64]:
+    """Where a head of a narrow arc was changed, as `settled` asks for it.
+
+    ``bare``: places [N, 3] from which matter was taken, and normals there, too.
+    """
     places, normals = grazed.new()
     mouth = mouth_of(landmarks)
-    return np.concatenate([places, mouth]), np.concatenate([
-        normals, np.broadcast_to([0.0, 0.0, 1.0], mouth.shape)])
+    return np.concatenate([places, mouth, bare[0]]), np.concatenate([
+        normals, np.broadcast_to([0.0, 0.0, 1.0], mouth.shape), bare[1]])
 
 
 def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, float]:

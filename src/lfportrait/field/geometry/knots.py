@@ -147,11 +147,13 @@ def _ball(piece: Bool, hull: Bool) -> tuple[Float64, float] | None:
                            round(0.5 * float(columns.min() + columns.max())))
     if not len(up):
         return None
-    drop, half = _CELL * (high - low + 1 - up), 0.5 * _CELL * (right - left + 1)
+    # From the middles of this section's rows to its own top: another's, one row higher, would make
+    # the ball up to a quarter too small.
+    drop, half = _CELL * (up.max() - up + 0.5), 0.5 * _CELL * (right - left + 1)
     # Of a ball half^2 = drop (2 radius - drop).
     radius = float(drop @ (half ** 2 + drop ** 2) / (2 * (drop @ drop)))
     radius = float(np.clip(radius, 0.5 * width, 0.5 * _FLAT * width))
-    at = 0.5 * (left + right).mean(), high + 0.5 - radius / _CELL, depth
+    at = 0.5 * (left + right).mean(), low + up.max() + 0.5 - radius / _CELL, depth
     return _CELL * (np.array(at) + 0.5) - _REACH, radius
 
 
