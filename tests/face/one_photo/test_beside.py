@@ -146,6 +146,18 @@ def test_what_is_apart_goes_and_nothing_else_changes(monkeypatch):
     assert speck.alone(monkeypatch) is None
 
 
+def test_a_bust_is_of_one_piece_with_its_loose_hair():
+    matte = SITTER.astype(np.float32)
+    curl, hand = disc(243, 60, 5, 5), disc(60, 60, 16, 16)
+    matte[curl], matte[hand] = 0.9, 1.0
+    soft = cv2.GaussianBlur(matte, (0, 0), 1.0)
+    left = beside.in_one_piece(soft, FACE)
+    assert left[:110, :90].max() == 0, "the hand goes, with its soft border"
+    np.testing.assert_array_equal(left[:, 120:], soft[:, 120:])
+    assert beside.in_one_piece(left, FACE) is left
+    assert beside.in_one_piece(soft, FACE + 1000) is soft, "a face beside the photo says nothing"
+
+
 def test_a_walk_ends_where_it_is_likely_to():
     random = np.random.default_rng(0)
     colors = random.normal(0, 2, (5, 6, 3)).astype(np.float32)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
@@ -120,10 +121,26 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
     for corner in ((31, 2, 41), (35, 14, 46)):
         cv2.fillConvexPoly(cheeks, np.rint(landmarks[list(corner)]).astype(np.int32), 1)
     skin = lab[cheeks > 0]
-    if len(skin) and np.linalg.norm(np.median(lab[mask > 0], axis=0)
-                                    - np.median(skin, axis=0)) < UNLIKE:
-        return none
+    if len(skin):
+        two = np.median(lab[mask > 0], axis=0), np.median(skin, axis=0)
+        if np.linalg.norm(two[0] - two[1]) < UNLIKE:
+            return none
+        mask[_patches(mask > 0, np.asarray(matte) > 0.5, np.asarray(lab, np.float32), *two)] = 1
     return np.asarray(np.where(mask > 0, np.maximum(hair, 0.51), 0.0), np.float32)
+
+
+def _patches(hair: Bool, person: Bool, lab: Float32, curls: Float32, skin: Float32) -> Bool:
+    """Gaps in hair [H, W] that are more like it than like skin, by the colors of both."""
+    rows, columns = (np.flatnonzero(hair.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
+    labels, count = ndimage.label(ndimage.binary_fill_holes(hair[part]) & ~hair[part])
+    out = np.zeros(hair.shape, bool)
+    means = np.stack([ndimage.mean(lab[part][..., one], labels, np.arange(count + 1))
+                      for one in range(3)], axis=1)
+    alike = np.linalg.norm(means - curls, axis=1) < np.linalg.norm(means - skin, axis=1)
+    alike[0] = False
+    out[part] = alike[labels] & person[part]
+    return out
 
 
 FACE = 240.0

@@ -44,7 +44,7 @@ from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .beard import Beard, beard_of, beneath
-from .beside import sitter_alone
+from .beside import in_one_piece, sitter_alone
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
@@ -248,7 +248,7 @@ def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Floa
             soft = alone
             warnings.warn(f"{name} shows other people, too: they are cut away; look at the "
                           "outline, or take a photo of one person", stacklevel=5)
-    return np.asarray(refine_matte(image, soft), np.float32)
+    return in_one_piece(np.asarray(refine_matte(image, soft), np.float32), faces[0])
 
 
 def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
