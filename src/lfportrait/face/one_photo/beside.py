@@ -26,7 +26,7 @@ from ..detect import detect_faces
 from ..head_fit import ear_to_ear
 from ..segmentation import person_matte
 
-__all__ = ["in_one_piece", "sitter_alone"]
+__all__ = ["in_one_piece", "seen_from_near", "sitter_alone"]
 
 FINE = 90.0
 """Pixels of a face's width where a matte is parted."""
@@ -58,6 +58,9 @@ PATCH = 0.3
 """Of a patch without edges that much at least is somebody else's, or nothing."""
 SEED = 1e3
 """The same for what is known."""
+UNSURE, HAIR = (0.05, 0.95), 0.3
+"""Between which a network does not know who is there; hair of more than this is known by another.
+"""
 LOOSE = 0.1
 """What is farther from the sitter is none of a bust, widths of a face: ground, or a waving hand."""
 
@@ -164,6 +167,20 @@ def sitter_alone(image: UInt8, soft: Float32, hair: Float32, landmarks: list[Flo
     share = share[tuple(nearest)].astype(np.float32)
     large = cv2.resize(share, soft.shape[::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(soft * np.clip(3 * large - 1, 0, 1), np.float32)
+
+
+def seen_from_near(image: UInt8, soft: Float32, hair: Float32, face: Float64) -> Float32:
+    """A matte of `person_matte` [H, W] without unsure ground that it does not take from near.
+
+    Parameters
+    ----------
+    image : uint8 [H, W, 3], sRGB.
+    soft, hair : float32 [H, W] in [0, 1], of `person_matte` and `hair_mask`.
+    face : [68, 2] in pixels.
+    """
+    asked = (soft > UNSURE[0]) & (soft < UNSURE[1]) & (hair < HAIR)
+    near = _second_look(image, face)
+    return np.where(asked, np.minimum(soft, 0.5 * (soft + near)), soft)
 
 
 def in_one_piece(matte: Float32, face: Float64) -> Float32:

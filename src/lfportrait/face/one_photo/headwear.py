@@ -36,9 +36,9 @@ OF_GROUND, ACROSS = 10.0, 0.03
 which it is ground that a matte kept."""
 UNLIKE = 10.0
 """Difference in CIELAB from the face up to which it is a tall skull's skin."""
-COVERED, LIGHTNESS = 18.0, 0.5
+COVERED, LIGHTNESS, BRIGHT = 18.0, 0.5, 0.3
 """Difference in CIELAB from the face from which on it is no skin in any shade; lightness counts by
-the second."""
+the second, by the third where it is more: foreheads shine."""
 BROW, HIGH, MOST = 0.3, 0.33, 0.5
 """So far above the brows a crown begins (heights of a face); its highest part; and so much of both
 is covered by what goes no further than the fitted skull."""
@@ -147,7 +147,9 @@ def _unlike(image: UInt8, face: Float64) -> Bool:
     """What is unlike a face's skin, bool [h, w]."""
     lab = np.asarray(cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB))
     skin = np.median(lab[_hull(face, image.shape)], axis=0)
-    return np.asarray(np.linalg.norm((lab - skin) * [LIGHTNESS, 1, 1], axis=2) > COVERED)
+    away = lab - skin
+    away[..., 0] *= np.where(away[..., 0] > 0, BRIGHT, LIGHTNESS)
+    return np.asarray(np.linalg.norm(away, axis=2) > COVERED)
 
 
 def _along(face: Float64, origin: Float64, shape: tuple[int, ...]) -> tuple[Float64, Float64]:

@@ -44,7 +44,7 @@ from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .beard import Beard, beard_of, beneath
-from .beside import in_one_piece, sitter_alone
+from .beside import in_one_piece, seen_from_near, sitter_alone
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
@@ -243,7 +243,9 @@ def _matte_of(image: NDArray[np.uint8], faces: list[Float64], name: str) -> Floa
     """Where a photo shows its sitter, float32 [H, W], whose face is the first."""
     soft = person_matte(image)
     if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
-        alone = sitter_alone(image, soft, hair_mask(image), faces)
+        hair = hair_mask(image)
+        soft = seen_from_near(image, soft, hair, faces[0])
+        alone = sitter_alone(image, soft, hair, faces)
         if alone is not None:
             soft = alone
             warnings.warn(f"{name} shows other people, too: they are cut away; look at the "
