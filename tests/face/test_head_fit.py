@@ -89,6 +89,10 @@ def test_what_can_not_fit_is_refused():
     mixed[17:] = landmarks[17:][np.random.default_rng(1).permutation(51)]
     with pytest.raises(UserError, match="fits no face"):
         fit_head(prior, [Picture((SIZE, SIZE), mixed, FOCAL)], ["odd.jpg"])
+    profile = _seen(80.0)[0]
+    profile[17:27] += np.random.default_rng(1).normal(0, 40, (10, 2))  # brows that are hidden
+    with pytest.raises(UserError, match="turned by"):
+        fit_head(prior, [Picture((SIZE, SIZE), profile, FOCAL)], ["profile.jpg"])
 
 
 def test_a_photo_of_another_face_is_found_among_several():

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..errors import UserError
+from .detect import face_yaw
 from .head_prior import EYES, HeadPrior, with_normals
 from .landmarks import MOST_TURNED
 
@@ -67,6 +68,8 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 ALIKE_ENOUGH = 0.7
 """Cosine of the angle between the model's outline and the matte's from which on these may be the
 same."""
+BACKWARDS = 110.0
+"""Degrees by which no face that was found is turned."""
 _WATCHED = 0.15
 """Outlines further from the matte's than this, over the eyes' distance, are of something else."""
 
@@ -239,13 +242,15 @@ def unfit(fit: HeadFit, pictures: list[Picture]) -> list[int]:
 
 def _check_fit(fit: HeadFit, pictures: list[Picture], names: list[str]) -> None:
     """Refuse what can't be a face seen from the front."""
-    if fit.pixels[0] > WORST * pictures[0].eyes:
-        raise UserError(f"what was found in {names[0]} fits no face: landmarks are off by "
-                        f"{fit.pixels[0]:.0f} pixels; is it covered, or cut off?")
-    turned = abs(fit.views[0].angles["yaw"])
-    if turned > MOST_TURNED:
+    odd, turned = fit.pixels[0] > WORST * pictures[0].eyes, abs(fit.views[0].angles["yaw"])
+    # A profile is found badly, too: its nose reaches beyond both eyes.
+    profile = abs(face_yaw(pictures[0].landmarks)) >= 1
+    if turned > MOST_TURNED and (not odd or (profile and turned < BACKWARDS)):
         raise UserError(f"the face in {names[0]} is turned by {turned:.0f} degrees; one photo must "
                         f"show it turned by {MOST_TURNED:.0f} at most")
+    if odd:
+        raise UserError(f"what was found in {names[0]} fits no face: landmarks are off by "
+                        f"{fit.pixels[0]:.0f} pixels; is it covered, or cut off?")
 
 
 class _Solver:
