@@ -215,9 +215,9 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
     within = curls & ((deep <= 0) | (deep >= 1))
     if within.sum() < LONG * curls.sum():
         return np.zeros_like(curls)
-    # A narrow strip between hair and the outline is hair, or ground.
+    # A narrow strip between hair and the outline is hair, or ground; so is a small gap in hair.
     strips = thin((deep > 0) & ~curls, curls, 0.25 * width) & (deep < 0.5)
-    near = (curls & (deep > 0) & (deep < 1)) | strips
+    near = (((curls | strips) & (deep < 1)) | _gaps(curls, width ** 2)) & (deep > 0)
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     size = tuple(max(2, round(side * min(1.0, 4.0 / width))) for side in near.shape[::-1])
     found: list[Float32] = []
@@ -232,6 +232,13 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
                                     axis=2))
     limit = INNER + (OUTER - INNER) * (1 - np.clip(deep, 0, 1))
     return np.asarray(near & (found[0] > UNLIKE) & (found[1] < limit * found[0]))
+
+
+def _gaps(part: Bool, largest: float) -> Bool:
+    """Gaps in a part [H, W] of fewer than so many pixels."""
+    labels = ndimage.label(ndimage.binary_fill_holes(part) & ~part)[0]
+    size = np.bincount(labels.ravel())
+    return np.asarray((labels > 0) & (size < largest)[labels])
 
 
 def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
