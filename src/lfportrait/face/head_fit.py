@@ -59,6 +59,8 @@ MOST_DEVIATIONS = 3.0
 WORST = 0.09
 """Root mean square of the inner landmarks' errors, over the distance of the eyes' outer corners,
 above which the head fits no face."""
+STRAINED = 0.05, 2.0
+"""The same, and times what it was without the outline, above which that is of something else."""
 VAGUE_HAIR = 4.0
 """Where hair is the outline, it says so many times less of the skull."""
 HAIR = 0.008
@@ -211,8 +213,14 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
         if best is None or solver.cost < best.cost:
             best = solver
     assert best is not None
+    plain = best.result()
     best.solve(ROUNDS, outlines=True)
     fit = best.result()
+    strained = max(STRAINED[0] * pictures[0].eyes, STRAINED[1] * plain.pixels[0])
+    if fit.pixels[0] > strained:  # a hand beside a cheek, or a cap, is no outline of the head's
+        solver = _Solver(prior, pictures, None, plain)
+        solver.solve(ROUNDS, outlines=False)
+        fit = solver.result()
     _check_fit(fit, pictures, names)
     return fit
 

@@ -162,11 +162,6 @@ def test_a_hat_counts_as_hair_and_the_beard_below_it_does_not():
     picture = portrait._pictured(image, matte, none, face, None, beard, hat)
     assert (picture.hair[:34] == 1).all() and (picture.hair[34:] == 0).all()
     assert picture.clothes[34:50].all(), "a beard hides the head's outline"
-    image[:], whole[:] = 90, 0
-    hat[:], hat[:20] = False, True
-    picture = portrait._pictured(image, matte, none, face, None, None, hat)
-    assert picture.clothes[20:22].all(), "a brim of another color is no outline of the head's"
-    assert not picture.clothes[:20].any() and not picture.clothes[25:34].any()
 
 
 def test_hair_is_looked_for_from_near(monkeypatch):

@@ -297,9 +297,9 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
         cv2.resize(np.asarray(one, np.float32), size, interpolation=cv2.INTER_AREA),
         0, pad, pad, pad, cv2.BORDER_REPLICATE), np.float32) for one in (matte, hair))
     # What goes on beyond the sides ends there, round.
-    fall = np.clip(np.arange(pad) / max(0.6 * pad, 1), 0, 1).astype(np.float32)
-    soft[:, :pad] *= fall
-    soft[:, -pad:] *= fall[::-1]
+    if pad:
+        soft[:, :pad] *= _fall(soft[:height, pad] > 0.5, pad, height + pad)[:, ::-1]
+        soft[:, -pad:] *= _fall(soft[:height, -pad - 1] > 0.5, pad, height + pad)
     crown = None if head is None else _crown(soft[:, pad:-pad], curls[:, pad:-pad],
                                              small.project(head)[0][0], cell)
     top = 0 if crown is None else len(crown[0])
@@ -317,6 +317,25 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     found = (curls > 0.5) & (inside > 0)
     return Parts(wide, cell, np.asarray(inside, np.float32),
                  found if below is None else found & ~below, float(height + top), below)
+
+
+def _fall(edge: Bool, pad: int, rows: int) -> Float32:
+    """How much of a person is left beyond a side of a photo, float32 [rows, pad], outwards.
+
+    Hair that the side cuts off is closed round; what reaches the photo's lower end is shoulders.
+
+    Parameters
+    ----------
+    edge : bool [h], where the person reaches the side.
+    """
+    reach = np.full(rows, 1.0)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], edge, [False]]).astype(int)))
+    for first, last in ends.reshape(-1, 2):
+        if last < len(edge):
+            across = (2 * (np.arange(first, last) + 0.5) - first - last) / (last - first)
+            reach[first:last] = np.sqrt(1 - across ** 2)
+    out = np.arange(pad - 1, -1, -1) - (1 - reach[:, None]) * 0.7 * pad
+    return np.asarray(np.clip(out / max(0.6 * pad, 1), 0, 1), np.float32)
 
 
 def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,

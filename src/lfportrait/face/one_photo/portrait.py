@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,8 +68,6 @@ ROUGH = 96
 NEAR, FADE, MOST = 4.0, 0.3, 0.7
 """Hair is looked for from near, over so many widths of the face, which fades out over the second;
 not where these are most of a picture."""
-AROUND = 0.12
-"""So close to what is worn on the head no outline is its own, widths of a face."""
 _GROUND = 153
 """Grey level on which faces of matted photos are looked for."""
 
@@ -292,15 +289,10 @@ def _hair_seen(image: NDArray[np.uint8], landmarks: Float64) -> Float32:
 def _pictured(image: NDArray[np.uint8], matte: Float32, hair: Float32, landmarks: Float64,
               focal: float | None, beard: Beard | None, worn: Bool | None = None) -> Picture:
     """A photo as the fit takes it; what is ``worn`` on the head is hair, but no beard is."""
-    bare = worn
-    if worn is not None and beard is not None:
-        bare = worn & (beard.whole <= 0.5)
-    if bare is not None:
+    if worn is not None:
+        bare = worn if beard is None else worn & (beard.whole <= 0.5)
         hair = np.maximum(hair, bare.astype(np.float32))
     hidden = clothes(image, hair, landmarks)
-    if bare is not None:  # a brim, or a buckle, that differs from the rest is no head's outline
-        reach = 2 * max(1, round(AROUND * ear_to_ear(landmarks))) + 1
-        hidden |= (cv2.dilate(bare.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0) & ~bare
     if beard is not None:  # it hides the head's outline, too
         hidden = hidden | (beard.whole > 0.5)
     return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden)
