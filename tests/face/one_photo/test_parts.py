@@ -99,3 +99,17 @@ def test_a_gap_in_hair_is_hair_by_its_color(color, hair_there):
     hair[45:60, 100:120] = 0.0
     found = clean_hair(image, hair, np.ones_like(hair), landmarks) > 0.5
     assert found[25:40, 55:185].all() and (found[46:59, 101:119] == hair_there).all()
+
+
+def test_hair_that_a_side_cuts_off_is_closed_round_and_shoulders_go_on():
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=500.0,
+                        target=(0, 0, 0), pitch=0.0)
+    matte = np.zeros((SIDE, SIDE), np.float32)
+    matte[40:120, 100:] = matte[160:, 100:] = 1
+    parts = parts_of(camera, matte, np.zeros_like(matte), 4.0)
+    factor = parts.inside.shape[0] / SIDE / 1.12
+    long = (parts.inside > 0).sum(axis=1)
+    hair, shoulder = (long[round(factor * row)] for row in (80, 200))
+    assert abs(hair - shoulder) <= 2
+    assert long[round(factor * 45)] < hair - 0.04 * SIDE * factor, "no box"
+    assert abs(long[round(factor * 170)] - shoulder) <= 2
