@@ -87,7 +87,8 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
     size = [max(2, round(factor * side)) for side in high - low]
     small = np.asarray(cv2.resize(image[part], size, interpolation=cv2.INTER_AREA), np.uint8)
     soft, curls = (np.asarray(cv2.resize(np.asarray(one[part], np.float32), size,
-                                         interpolation=cv2.INTER_AREA)) for one in (matte, hair))
+                                         interpolation=cv2.INTER_AREA), np.float32)
+                   for one in (matte, hair))
     face, hull, middle = ((one - low) * factor for one in (landmarks, *skull))
     ground = np.zeros(soft.shape, bool) if cut_out else soft < 0.05
     if not _hull(face, soft.shape).any():
@@ -235,7 +236,8 @@ def _nearer(image: UInt8, one: Bool, two: Bool, width: float) -> Bool:
     away = []
     for part in (one, two):
         count = min(KINDS, int(part.sum()))
-        centers = cv2.kmeans(lab[part], count, None, (cv2.TERM_CRITERIA_MAX_ITER, 10, 0), 1,
+        labels = np.zeros((len(lab[part]), 1), np.int32)
+        centers = cv2.kmeans(lab[part], count, labels, (cv2.TERM_CRITERIA_MAX_ITER, 10, 0.0), 1,
                              cv2.KMEANS_PP_CENTERS)[2]
         near = np.linalg.norm(lab[..., None, :] - centers, axis=3).min(axis=2)
         away.append(cv2.GaussianBlur(near, (0, 0), THIN * width))
