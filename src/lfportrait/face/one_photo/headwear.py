@@ -91,7 +91,7 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
                    for one in (matte, hair))
     face, hull, middle = ((one - low) * factor for one in (landmarks, *skull))
     ground = np.zeros(soft.shape, bool) if cut_out else soft < 0.05
-    if not _hull(face, soft.shape).any():
+    if not _inner(face, soft.shape).any():
         return None
     person, locks = soft > 0.5, curls > 0.5
     known = (_beyond(small, person, ground, locks, face, hull, middle)
