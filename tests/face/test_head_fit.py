@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
+from lfportrait.face import head_fit
 from lfportrait.face.head_fit import (
     Picture,
     View,
@@ -55,6 +56,25 @@ def test_an_unknown_focal_length_takes_a_usual_distance():
     assert 0.5 < fit.views[0].shift[2] < 1.3
 
 
+def test_an_outline_that_draws_a_face_from_its_landmarks_is_not_its_own(monkeypatch):
+    prior = generic_prior()
+    landmarks, vertices = _seen(0.0)
+    local = vertices @ FLIP.T + [0, 0, 0.8]
+    cover = np.zeros((SIZE, SIZE), np.uint8)
+    for corners in np.rint(local[:, :2] / local[:, 2:] * FOCAL + SIZE / 2).astype(
+            np.int32)[prior.triangles]:
+        cv2.fillConvexPoly(cover, corners, 1)
+    cap = cv2.dilate(cover, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (61, 61)))
+    cap[int(landmarks[33, 1]):] = cover[int(landmarks[33, 1]):]
+    picture = Picture((SIZE, SIZE), landmarks, FOCAL, signed_distance(cap.astype(np.float32)))
+    drawn = fit_head(prior, [picture])
+    assert drawn.views[0].angles["pitch"] > 3.0
+    # The generic head is stiff: the cap draws its face by 0.7 % of the eyes' distance.
+    monkeypatch.setattr(head_fit, "STRAINED", (0.005, 2.0))
+    found = fit_head(prior, [picture])
+    assert abs(found.views[0].angles["pitch"]) < 1.0 and found.pixels[0] < 0.5 * drawn.pixels[0]
+
+
 def test_two_photos_share_one_shape():
     prior = generic_prior()
     pictures = [Picture((SIZE, SIZE), _seen(yaw)[0], FOCAL) for yaw in (0.0, 40.0)]
@@ -89,6 +109,10 @@ def test_what_can_not_fit_is_refused():
     mixed[17:] = landmarks[17:][np.random.default_rng(1).permutation(51)]
     with pytest.raises(UserError, match="fits no face"):
         fit_head(prior, [Picture((SIZE, SIZE), mixed, FOCAL)], ["odd.jpg"])
+    profile = _seen(80.0)[0]
+    profile[17:27] += np.random.default_rng(1).normal(0, 40, (10, 2))  # brows that are hidden
+    with pytest.raises(UserError, match="turned by"):
+        fit_head(prior, [Picture((SIZE, SIZE), profile, FOCAL)], ["profile.jpg"])
 
 
 def test_a_photo_of_another_face_is_found_among_several():

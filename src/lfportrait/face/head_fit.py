@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..errors import UserError
+from .detect import face_yaw
 from .head_prior import EYES, HeadPrior, with_normals
 from .landmarks import MOST_TURNED
 
@@ -58,6 +59,8 @@ MOST_DEVIATIONS = 3.0
 WORST = 0.09
 """Root mean square of the inner landmarks' errors, over the distance of the eyes' outer corners,
 above which the head fits no face."""
+STRAINED = 0.05, 2.0
+"""The same, and times what it was without the outline, above which that is of something else."""
 VAGUE_HAIR = 4.0
 """Where hair is the outline, it says so many times less of the skull."""
 HAIR = 0.008
@@ -67,6 +70,8 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 ALIKE_ENOUGH = 0.7
 """Cosine of the angle between the model's outline and the matte's from which on these may be the
 same."""
+BACKWARDS = 110.0
+"""Degrees by which no face that was found is turned."""
 _WATCHED = 0.15
 """Outlines further from the matte's than this, over the eyes' distance, are of something else."""
 
@@ -208,8 +213,14 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
         if best is None or solver.cost < best.cost:
             best = solver
     assert best is not None
+    plain = best.result()
     best.solve(ROUNDS, outlines=True)
     fit = best.result()
+    strained = max(STRAINED[0] * pictures[0].eyes, STRAINED[1] * plain.pixels[0])
+    if fit.pixels[0] > strained:  # a hand beside a cheek, or a cap, is no outline of the head's
+        solver = _Solver(prior, pictures, None, plain)
+        solver.solve(ROUNDS, outlines=False)
+        fit = solver.result()
     _check_fit(fit, pictures, names)
     return fit
 
@@ -239,13 +250,15 @@ def unfit(fit: HeadFit, pictures: list[Picture]) -> list[int]:
 
 def _check_fit(fit: HeadFit, pictures: list[Picture], names: list[str]) -> None:
     """Refuse what can't be a face seen from the front."""
-    if fit.pixels[0] > WORST * pictures[0].eyes:
-        raise UserError(f"what was found in {names[0]} fits no face: landmarks are off by "
-                        f"{fit.pixels[0]:.0f} pixels; is it covered, or cut off?")
-    turned = abs(fit.views[0].angles["yaw"])
-    if turned > MOST_TURNED:
+    odd, turned = fit.pixels[0] > WORST * pictures[0].eyes, abs(fit.views[0].angles["yaw"])
+    # A profile is found badly, too: its nose reaches beyond both eyes.
+    profile = abs(face_yaw(pictures[0].landmarks)) >= 1
+    if turned > MOST_TURNED and (not odd or (profile and turned < BACKWARDS)):
         raise UserError(f"the face in {names[0]} is turned by {turned:.0f} degrees; one photo must "
                         f"show it turned by {MOST_TURNED:.0f} at most")
+    if odd:
+        raise UserError(f"what was found in {names[0]} fits no face: landmarks are off by "
+                        f"{fit.pixels[0]:.0f} pixels; is it covered, or cut off?")
 
 
 class _Solver:

@@ -146,6 +146,33 @@ def test_what_is_apart_goes_and_nothing_else_changes(monkeypatch):
     assert speck.alone(monkeypatch) is None
 
 
+def test_ground_that_is_not_seen_from_near_counts_half(monkeypatch):
+    soft, hair = SITTER.astype(np.float32), np.zeros(SIZE, np.float32)
+    wall, curls, body = disc(260, 90, 12, 20), disc(140, 90, 12, 20), disc(200, 250, 9, 9)
+    soft[wall], soft[curls], hair[curls] = 0.6, 0.6, 0.9
+    look = SITTER & ~body
+    scene = Scene().sitter()
+    image = np.clip(scene.image, 0, 255).astype(np.uint8)
+    monkeypatch.setattr(beside, "person_matte",
+                        lambda part: look[_place(image, part)].astype(np.float32))
+    left = beside.seen_from_near(image, soft, hair, FACE)
+    np.testing.assert_allclose(left[wall], 0.3)
+    left[wall] = soft[wall]
+    np.testing.assert_array_equal(left, soft, "hair stays, and what was sure")
+
+
+def test_a_bust_is_of_one_piece_with_its_loose_hair():
+    matte = SITTER.astype(np.float32)
+    curl, hand = disc(243, 60, 5, 5), disc(60, 60, 16, 16)
+    matte[curl], matte[hand] = 0.9, 1.0
+    soft = cv2.GaussianBlur(matte, (0, 0), 1.0)
+    left = beside.in_one_piece(soft, FACE)
+    assert left[:110, :90].max() == 0, "the hand goes, with its soft border"
+    np.testing.assert_array_equal(left[:, 120:], soft[:, 120:])
+    assert beside.in_one_piece(left, FACE) is left
+    assert beside.in_one_piece(soft, FACE + 1000) is soft, "a face beside the photo says nothing"
+
+
 def test_a_walk_ends_where_it_is_likely_to():
     random = np.random.default_rng(0)
     colors = random.normal(0, 2, (5, 6, 3)).astype(np.float32)
@@ -173,6 +200,7 @@ def test_it_is_said_that_others_are_cut_away(monkeypatch):
     monkeypatch.setattr(portrait.models, "available", lambda name: True)
     monkeypatch.setattr(portrait, "hair_mask", lambda image: matte)
     monkeypatch.setattr(portrait, "refine_matte", lambda image, matte: matte)
+    monkeypatch.setattr(portrait, "seen_from_near", lambda image, matte, *given: matte)
     monkeypatch.setattr(portrait, "sitter_alone", lambda *given: None)
     assert portrait._matte_of(image, matte, [FACE], "her.jpg") is matte
     monkeypatch.setattr(portrait, "sitter_alone", lambda *given: 0.5 * matte)

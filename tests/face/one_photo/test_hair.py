@@ -154,6 +154,20 @@ def test_ground_in_hair_is_found_and_highlights_are_not():
     assert not ground_in_hair(image, hair, hair, 80.0).any(), "short hair is not seen through"
 
 
+def test_ground_in_a_gap_that_no_network_takes_for_hair_is_found():
+    image = np.full((200, 200, 3), (60, 90, 200), np.uint8)
+    matte = np.zeros((200, 200), np.float32)
+    matte[40:160, 40:160] = 1
+    image[matte > 0] = (70, 45, 30)
+    gap, face = np.s_[90:100, 70:80], np.s_[120:150, 120:150]
+    image[gap], image[face] = (60, 92, 196), (60, 92, 196)
+    hair = matte.copy()
+    hair[gap] = hair[face] = 0
+    found = ground_in_hair(image, matte, hair, 20.0)
+    assert found[92:98, 72:78].all() and not found[face].any(), "a face is larger"
+    assert found.sum() <= 100
+
+
 def test_strands_are_as_strong_as_in_the_photo_and_run_down():
     unit, hair = 400.0, np.ones((240, 240), bool)
     across = np.arange(240)[None, :, None] / unit

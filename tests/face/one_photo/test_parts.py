@@ -81,3 +81,35 @@ def test_an_earring_is_no_hair_and_a_lock_is(color, kept):
     found = clean_hair(image, hair, np.ones_like(hair), landmarks) > 0.5
     assert found[170:200, 55:65].all() == kept and found[170:200, 55:65].any() == kept
     assert found[40:150, 55:65].all() and found[40:220, 175:185].all()
+
+
+@pytest.mark.parametrize(("color", "hair_there"), [((70, 50, 30), True), ((210, 160, 135), False)])
+def test_a_gap_in_hair_is_hair_by_its_color(color, hair_there):
+    landmarks = np.zeros((68, 2))
+    landmarks[[0, 16, 33, 8]] = (70, 110), (170, 110), (120, 140), (120, 200)
+    for corner, place in zip((31, 2, 41, 35, 14, 46), ((110, 140), (80, 150), (100, 120),
+                                                      (130, 140), (160, 150), (140, 120)),
+                             strict=True):
+        landmarks[corner] = place
+    image = np.tile(np.uint8([210, 160, 135]), (SIDE, SIDE, 1))
+    image[20:80, 50:190] = (60, 40, 25)
+    image[45:60, 100:120] = color
+    hair = np.zeros((SIDE, SIDE), np.float32)
+    hair[20:80, 50:190] = 1.0
+    hair[45:60, 100:120] = 0.0
+    found = clean_hair(image, hair, np.ones_like(hair), landmarks) > 0.5
+    assert found[25:40, 55:185].all() and (found[46:59, 101:119] == hair_there).all()
+
+
+def test_hair_that_a_side_cuts_off_is_closed_round_and_shoulders_go_on():
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=500.0,
+                        target=(0, 0, 0), pitch=0.0)
+    matte = np.zeros((SIDE, SIDE), np.float32)
+    matte[40:120, 100:] = matte[160:, 100:] = 1
+    parts = parts_of(camera, matte, np.zeros_like(matte), 4.0)
+    factor = parts.inside.shape[0] / SIDE / 1.12
+    long = (parts.inside > 0).sum(axis=1)
+    hair, shoulder = (long[round(factor * row)] for row in (80, 200))
+    assert abs(hair - shoulder) <= 2
+    assert long[round(factor * 45)] < hair - 0.04 * SIDE * factor, "no box"
+    assert abs(long[round(factor * 170)] - shoulder) <= 2

@@ -45,6 +45,8 @@ SHADED = 0.13, 0.95
 SPREAD = np.array([0.25, 0.08, 0.03])
 """Least deviations of lightness (octaves), redness (octaves) and fineness (octaves) of a beard and
 of skin."""
+EVEN_LIGHT = 0.8
+"""Octaves by which a beard's lightness deviates at most: a chin's skin and lips may be among it."""
 SHADE, GRAY, FINER = 0.1, 0.55, 0.3
 """Weights of a skin's lightness, of how much less red hairs are than others, and of how much finer.
 """
@@ -267,6 +269,7 @@ def _like_a_beard(values: Float32, beard: Bool, skin: Bool) -> Float32:
         return middle, 1.48 * np.median(np.abs(values[known] - middle), axis=0) + SPREAD
 
     middle, spread = of(beard)
+    spread[0] = min(spread[0], EVEN_LIGHT)
     away = (values - middle) / spread
     # Single hairs may be gray, and finer where the photo is sharper; nothing is less than gray.
     gray = min(float(middle[1]), -0.05)

@@ -26,7 +26,7 @@ from ..detect import detect_faces
 from ..head_fit import ear_to_ear
 from ..segmentation import person_matte
 
-__all__ = ["faces_of_people", "sitter_alone"]
+__all__ = ["faces_of_people", "in_one_piece", "seen_from_near", "sitter_alone"]
 
 FINE = 90.0
 """Pixels of a face's width where a matte is parted."""
@@ -60,6 +60,11 @@ SEED = 1e3
 """The same for what is known."""
 NOBODY = 0.3
 """A face of which a matte of people shows less is none."""
+UNSURE, HAIR = (0.05, 0.95), 0.3
+"""Between which a network does not know who is there; hair of more than this is known by another.
+"""
+LOOSE = 0.1
+"""What is farther from the sitter is none of a bust, widths of a face: ground, or a waving hand."""
 
 
 @dataclass(frozen=True)
@@ -179,6 +184,40 @@ def sitter_alone(image: UInt8, soft: Float32, hair: Float32, landmarks: list[Flo
     share = share[tuple(nearest)].astype(np.float32)
     large = cv2.resize(share, soft.shape[::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(soft * np.clip(3 * large - 1, 0, 1), np.float32)
+
+
+def seen_from_near(image: UInt8, soft: Float32, hair: Float32, face: Float64) -> Float32:
+    """A matte of `person_matte` [H, W] without unsure ground that it does not take from near.
+
+    Parameters
+    ----------
+    image : uint8 [H, W, 3], sRGB.
+    soft, hair : float32 [H, W] in [0, 1], of `person_matte` and `hair_mask`.
+    face : [68, 2] in pixels.
+    """
+    asked = (soft > UNSURE[0]) & (soft < UNSURE[1]) & (hair < HAIR)
+    near = _second_look(image, face)
+    return np.where(asked, np.minimum(soft, 0.5 * (soft + near)), soft)
+
+
+def in_one_piece(matte: Float32, face: Float64) -> Float32:
+    """A matte [H, W] without what lies apart from the person whose face [68, 2] is given."""
+    labels = cv2.connectedComponents((matte > 0.5).astype(np.uint8), connectivity=4)[1]
+    at = np.clip(np.rint(face), 0, np.array(matte.shape[::-1]) - 1).astype(int)
+    shown = labels[at[:, 1], at[:, 0]]
+    if not shown.any() or labels.max() < 2:
+        return matte
+    sitter = labels == np.bincount(shown[shown > 0]).argmax()
+    close = np.unique(labels[_away(sitter) < LOOSE * ear_to_ear(face)])
+    kept = np.isin(labels, close) & (labels > 0)
+    if (kept == (labels > 0)).all():
+        return matte
+    return np.where(_away(kept) <= _away((labels > 0) & ~kept), matte, np.float32(0))
+
+
+def _away(part: Bool) -> Float32:
+    """How far pixels [H, W] are from a part."""
+    return np.asarray(cv2.distanceTransform((~part).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
 
 
 def _scene(image: UInt8, soft: Float32, hair: Float32, faces: list[Float64]) -> _Scene:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from ...arrays import Bool, Float32, Float64, UInt8
@@ -35,9 +36,22 @@ OF_GROUND, ACROSS = 10.0, 0.03
 which it is ground that a matte kept."""
 UNLIKE = 10.0
 """Difference in CIELAB from the face up to which it is a tall skull's skin."""
+COVERED, LIGHTNESS, BRIGHT = 18.0, 0.5, 0.3
+"""Difference in CIELAB from the face from which on it is no skin in any shade; lightness counts by
+the second, by the third where it is more: foreheads shine."""
+BROW, HIGH, MOST = 0.3, 0.33, 0.5
+"""So far above the brows a crown begins (heights of a face); its highest part; and so much of both
+is covered by what goes no further than the fitted skull."""
 SECTORS = 120
 """Of the circle around a head's middle."""
-ROUNDS = 4
+SURE = 0.85
+"""Hair that the network is so sure of says that what lies below it is none."""
+INNER = 0.85
+"""The part of a face's width that no cloth beside it covers."""
+CLOSE = 0.1
+"""What is left beside it, beyond the skull, is no farther from it, widths of a face."""
+ROUNDS, KINDS = 4, 5
+"""Of GrabCut; and of colors that a part has."""
 DOWN, CLOTHES = 0.25, 0.6
 """How far below the chin it may go on, and how far down clothes are looked at, widths of a face."""
 
@@ -73,15 +87,18 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
     size = [max(2, round(factor * side)) for side in high - low]
     small = np.asarray(cv2.resize(image[part], size, interpolation=cv2.INTER_AREA), np.uint8)
     soft, curls = (np.asarray(cv2.resize(np.asarray(one[part], np.float32), size,
-                                         interpolation=cv2.INTER_AREA)) for one in (matte, hair))
+                                         interpolation=cv2.INTER_AREA), np.float32)
+                   for one in (matte, hair))
     face, hull, middle = ((one - low) * factor for one in (landmarks, *skull))
     ground = np.zeros(soft.shape, bool) if cut_out else soft < 0.05
-    if not _hull(face, soft.shape).any():
+    if not _inner(face, soft.shape).any():
         return None
-    beyond = _beyond(small, soft > 0.5, ground, curls > 0.5, face, hull, middle)
-    if beyond is None:
+    person, locks = soft > 0.5, curls > 0.5
+    known = (_beyond(small, person, ground, locks, face, hull, middle)
+             | _crown(small, person & _hull(hull, person.shape), locks, face, middle))
+    if not known.any():
         return None
-    found = _spread(small, soft > 0.5, beyond, curls > 0.5, face, middle)
+    found = _spread(small, person, known, curls, face, hull, middle)
     whole = np.zeros(image.shape[:2], bool)
     whole[part] = cv2.resize(found.astype(np.float32), high - low,
                              interpolation=cv2.INTER_LINEAR) > 0.5
@@ -89,8 +106,8 @@ def headwear(image: UInt8, matte: NDArray[np.floating], hair: NDArray[np.floatin
 
 
 def _beyond(image: UInt8, person: Bool, ground: Bool, hair: Bool, face: Float64, skull: Float64,
-            middle: Float64) -> Bool | None:
-    """What lies over a crown and is neither skull, nor hair, nor ground, bool [h, w], or None."""
+            middle: Float64) -> Bool:
+    """What lies over a crown and is neither skull, nor hair, nor ground, bool [h, w]."""
     width = ear_to_ear(face)
     away = cv2.distanceTransform((~_hull(skull, person.shape)).astype(np.uint8), cv2.DIST_L2, 5)
     down, beside = _along(face, middle, person.shape)
@@ -108,7 +125,32 @@ def _beyond(image: UInt8, person: Bool, ground: Bool, hair: Bool, face: Float64,
                 np.linalg.norm(np.median(lab[part], axis=0) - skin) > UNLIKE
                 and not _is_ground(part, ground, lab, width)):
             out |= part
-    return out if out.any() else None
+    return out
+
+
+def _crown(image: UInt8, skull: Bool, hair: Bool, face: Float64, middle: Float64) -> Bool:
+    """What of a skull is covered over most of the crown, bool [h, w].
+
+    A head that is fitted to the outline of a cap has a skull as high as that.
+    """
+    width, tall = ear_to_ear(face), float(np.linalg.norm(face[8] - face[27]))
+    down, beside = _along(face, middle, skull.shape)
+    brows = _along(face, face[17:27].mean(axis=0), skull.shape)[0]
+    crown = skull & (brows < -BROW * tall) & (np.degrees(np.arctan2(np.abs(beside), -down)) < CROWN)
+    out = _opened(crown & ~hair & _unlike(image, face), width)
+    # A forehead may be as bright, but not all that is above it.
+    high = crown & (down <= np.quantile(down[crown], HIGH)) if crown.any() else crown
+    covered = all(out[part].sum() >= MOST * part.sum() for part in (crown, high))
+    return out & bool(covered and out.sum() >= LEAST * width ** 2)
+
+
+def _unlike(image: UInt8, face: Float64) -> Bool:
+    """What is unlike a face's skin, bool [h, w]."""
+    lab = np.asarray(cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB))
+    skin = np.median(lab[_hull(face, image.shape)], axis=0)
+    away = lab - skin
+    away[..., 0] *= np.where(away[..., 0] > 0, BRIGHT, LIGHTNESS)
+    return np.asarray(np.linalg.norm(away, axis=2) > COVERED)
 
 
 def _along(face: Float64, origin: Float64, shape: tuple[int, ...]) -> tuple[Float64, Float64]:
@@ -147,15 +189,18 @@ def _is_ground(part: Bool, ground: Bool, lab: Float32, width: float) -> bool:
     return float(np.median(np.linalg.norm(one - two, axis=1))) < OF_GROUND
 
 
-def _spread(image: UInt8, person: Bool, beyond: Bool, hair: Bool, face: Float64,
-            middle: Float64) -> Bool:
-    """All of what covers a head, by the colors of the part ``beyond`` it."""
-    width, skin = ear_to_ear(face), _hull(face, person.shape)
-    below = _along(face, face[8], person.shape)[0]
-    within = _below_hair(hair, *_along(face, middle, person.shape)) & ~beyond
+def _spread(image: UInt8, person: Bool, known: Bool, hair: Float32, face: Float64,
+            skull: Float64, middle: Float64) -> Bool:
+    """All of what covers a head, by the colors of the part that is ``known``."""
+    width, skin = ear_to_ear(face), _inner(face, person.shape)
+    down, beside = _along(face, middle, person.shape)
+    below, pieces = _along(face, face[8], person.shape)[0], ndimage.label(hair > 0.5)[0]
+    curls = (hair > 0.5) & np.isin(pieces, pieces[down < 0])  # else a beard
     mask = np.where(person, cv2.GC_PR_BGD, cv2.GC_BGD).astype(np.uint8)
-    mask[skin | (below > DOWN * width) | within] = cv2.GC_BGD
-    mask[beyond | (hair & (mask != cv2.GC_BGD))] = cv2.GC_FGD
+    mask[person & (below < 0) & _nearer(image, known, skin, width)] = cv2.GC_PR_FGD
+    mask[skin | (below > DOWN * width)] = cv2.GC_BGD
+    mask[_below_hair(_opened(hair > SURE, width), down, beside) & ~known] = cv2.GC_BGD
+    mask[known | (curls & (mask != cv2.GC_BGD))] = cv2.GC_FGD
     # The ground says nothing: it gets the colors of the face; clothes further down neither.
     shown = image[..., ::-1].copy()
     shown[~person] = np.median(shown[skin], axis=0)
@@ -167,8 +212,47 @@ def _spread(image: UInt8, person: Bool, beyond: Bool, hair: Bool, face: Float64,
                 np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK)
     found = np.zeros(person.shape, bool)
     found[rows, columns] = (cut == cv2.GC_FGD) | (cut == cv2.GC_PR_FGD)
+    # Beyond the skull nothing is left beside it: it would be no part of the head. Nor are gaps.
+    away = cv2.distanceTransform((~found).astype(np.uint8), cv2.DIST_L2, 5)
+    found |= person & ~_hull(skull, person.shape) & (down < 0) & (away < CLOSE * width)
+    found |= _gaps(found | curls, _unlike(image, face) | (away < CLOSE * width)) & ~skin
     pieces = cv2.connectedComponents(_opened(found & person, width).astype(np.uint8))[1]
-    return np.asarray((pieces > 0) & np.isin(pieces, pieces[beyond]))
+    return np.asarray((pieces > 0) & np.isin(pieces, pieces[known]))
+
+
+def _inner(face: Float64, shape: tuple[int, ...]) -> Bool:
+    """A face without its sides, which cloth may cover, bool [h, w]."""
+    axis = (face[8] - face[27]) / max(float(np.linalg.norm(face[8] - face[27])), 1e-9)
+    across = np.array([axis[1], -axis[0]])
+    beside = (face - face[27:36].mean(axis=0)) @ across
+    return _hull(face - (1 - INNER) * beside[:, None] * across, shape)
+
+
+def _nearer(image: UInt8, one: Bool, two: Bool, width: float) -> Bool:
+    """What is more like the colors of one part than like those of another, bool [h, w]."""
+    lab = np.asarray(cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB),
+                     np.float32) * np.array([LIGHTNESS, 1, 1], np.float32)
+    cv2.setRNGSeed(0)
+    away = []
+    for part in (one, two):
+        count = min(KINDS, int(part.sum()))
+        labels = np.zeros((len(lab[part]), 1), np.int32)
+        centers = cv2.kmeans(lab[part], count, labels, (cv2.TERM_CRITERIA_MAX_ITER, 10, 0.0), 1,
+                             cv2.KMEANS_PP_CENTERS)[2]
+        near = np.linalg.norm(lab[..., None, :] - centers, axis=3).min(axis=2)
+        away.append(cv2.GaussianBlur(near, (0, 0), THIN * width))
+    return np.asarray(away[0] < away[1])
+
+
+def _gaps(mask: Bool, filling: Bool) -> Bool:
+    """Holes in a mask that are of a ``filling`` for the most part, bool [h, w]."""
+    labels, count = ndimage.label(ndimage.binary_fill_holes(mask) & ~mask)
+    out = np.zeros(mask.shape, bool)
+    for one in range(1, count + 1):
+        hole = labels == one
+        if filling[hole].mean() > 0.5:
+            out |= hole
+    return out
 
 
 def _below_hair(hair: Bool, down: Float64, beside: Float64) -> Bool:

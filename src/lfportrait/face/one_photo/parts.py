@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
@@ -120,10 +121,26 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
     for corner in ((31, 2, 41), (35, 14, 46)):
         cv2.fillConvexPoly(cheeks, np.rint(landmarks[list(corner)]).astype(np.int32), 1)
     skin = lab[cheeks > 0]
-    if len(skin) and np.linalg.norm(np.median(lab[mask > 0], axis=0)
-                                    - np.median(skin, axis=0)) < UNLIKE:
-        return none
+    if len(skin):
+        two = np.median(lab[mask > 0], axis=0), np.median(skin, axis=0)
+        if np.linalg.norm(two[0] - two[1]) < UNLIKE:
+            return none
+        mask[_patches(mask > 0, np.asarray(matte) > 0.5, np.asarray(lab, np.float32), *two)] = 1
     return np.asarray(np.where(mask > 0, np.maximum(hair, 0.51), 0.0), np.float32)
+
+
+def _patches(hair: Bool, person: Bool, lab: Float32, curls: Float32, skin: Float32) -> Bool:
+    """Gaps in hair [H, W] that are more like it than like skin, by the colors of both."""
+    rows, columns = (np.flatnonzero(hair.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
+    labels, count = ndimage.label(ndimage.binary_fill_holes(hair[part]) & ~hair[part])
+    out = np.zeros(hair.shape, bool)
+    means = np.stack([ndimage.mean(lab[part][..., one], labels, np.arange(count + 1))
+                      for one in range(3)], axis=1)
+    alike = np.linalg.norm(means - curls, axis=1) < np.linalg.norm(means - skin, axis=1)
+    alike[0] = False
+    out[part] = alike[labels] & person[part]
+    return out
 
 
 FACE = 240.0
@@ -198,9 +215,9 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
     within = curls & ((deep <= 0) | (deep >= 1))
     if within.sum() < LONG * curls.sum():
         return np.zeros_like(curls)
-    # A narrow strip between hair and the outline is hair, or ground.
+    # A narrow strip between hair and the outline is hair, or ground; so is a small gap in hair.
     strips = thin((deep > 0) & ~curls, curls, 0.25 * width) & (deep < 0.5)
-    near = (curls & (deep > 0) & (deep < 1)) | strips
+    near = (((curls | strips) & (deep < 1)) | _gaps(curls, width ** 2)) & (deep > 0)
     lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     size = tuple(max(2, round(side * min(1.0, 4.0 / width))) for side in near.shape[::-1])
     found: list[Float32] = []
@@ -215,6 +232,13 @@ def ground_in_hair(image: NDArray[np.uint8], matte: NDArray[np.floating],
                                     axis=2))
     limit = INNER + (OUTER - INNER) * (1 - np.clip(deep, 0, 1))
     return np.asarray(near & (found[0] > UNLIKE) & (found[1] < limit * found[0]))
+
+
+def _gaps(part: Bool, largest: float) -> Bool:
+    """Gaps in a part [H, W] of fewer than so many pixels."""
+    labels = ndimage.label(ndimage.binary_fill_holes(part) & ~part)[0]
+    size = np.bincount(labels.ravel())
+    return np.asarray((labels > 0) & (size < largest)[labels])
 
 
 def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
@@ -273,9 +297,9 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
         cv2.resize(np.asarray(one, np.float32), size, interpolation=cv2.INTER_AREA),
         0, pad, pad, pad, cv2.BORDER_REPLICATE), np.float32) for one in (matte, hair))
     # What goes on beyond the sides ends there, round.
-    fall = np.clip(np.arange(pad) / max(0.6 * pad, 1), 0, 1).astype(np.float32)
-    soft[:, :pad] *= fall
-    soft[:, -pad:] *= fall[::-1]
+    if pad:
+        soft[:, :pad] *= _fall(soft[:height, pad] > 0.5, pad, height + pad)[:, ::-1]
+        soft[:, -pad:] *= _fall(soft[:height, -pad - 1] > 0.5, pad, height + pad)
     crown = None if head is None else _crown(soft[:, pad:-pad], curls[:, pad:-pad],
                                              small.project(head)[0][0], cell)
     top = 0 if crown is None else len(crown[0])
@@ -293,6 +317,25 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     found = (curls > 0.5) & (inside > 0)
     return Parts(wide, cell, np.asarray(inside, np.float32),
                  found if below is None else found & ~below, float(height + top), below)
+
+
+def _fall(edge: Bool, pad: int, rows: int) -> Float32:
+    """How much of a person is left beyond a side of a photo, float32 [rows, pad], outwards.
+
+    Hair that the side cuts off is closed round; what reaches the photo's lower end is shoulders.
+
+    Parameters
+    ----------
+    edge : bool [h], where the person reaches the side.
+    """
+    reach = np.full(rows, 1.0)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], edge, [False]]).astype(int)))
+    for first, last in ends.reshape(-1, 2):
+        if last < len(edge):
+            across = (2 * (np.arange(first, last) + 0.5) - first - last) / (last - first)
+            reach[first:last] = np.sqrt(1 - across ** 2)
+    out = np.arange(pad - 1, -1, -1) - (1 - reach[:, None]) * 0.7 * pad
+    return np.asarray(np.clip(out / max(0.6 * pad, 1), 0, 1), np.float32)
 
 
 def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,

@@ -44,7 +44,7 @@ from ..head_prior import HeadPrior, generic_prior, head_prior
 from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .beard import Beard, beard_of, beneath
-from .beside import faces_of_people, sitter_alone
+from .beside import faces_of_people, in_one_piece, seen_from_near, sitter_alone
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
@@ -243,12 +243,14 @@ class _Seen:
 def _matte_of(image: NDArray[np.uint8], soft: Float32, faces: list[Float64], name: str) -> Float32:
     """Where a photo shows its sitter, float32 [H, W], whose face is the first; ``soft``: people."""
     if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
-        alone = sitter_alone(image, soft, hair_mask(image), faces)
+        hair = hair_mask(image)
+        soft = seen_from_near(image, soft, hair, faces[0])
+        alone = sitter_alone(image, soft, hair, faces)
         if alone is not None:
             soft = alone
             warnings.warn(f"{name} shows other people, too: they are cut away; look at the "
                           "outline, or take a photo of one person", stacklevel=5)
-    return np.asarray(refine_matte(image, soft), np.float32)
+    return in_one_piece(np.asarray(refine_matte(image, soft), np.float32), faces[0])
 
 
 def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
