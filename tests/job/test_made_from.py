@@ -9,14 +9,15 @@ from PIL import Image
 
 from lfportrait.capture import CalibrateConfig, Photo, calibrate
 from lfportrait.errors import UserError
+from lfportrait.face import FROM_MEDIAPIPE, GENERIC_LANDMARKS
 from lfportrait.job import made_from, prepare
 from lfportrait.job.made_from import FaceLook, best_pictures, face_changes, reason_to_fit
 from lfportrait.job.work import say_poor
 from lfportrait.progress import Progress
 from tests.capture.calibration.test_head_motion import photos as moved_photos
 
-CALM = FaceLook(yaw=0, pitch=5, eyes=0.3, gaze=0, mouth=0.01, width=0.56, brows=0.24, size=150,
-                sharpness=0.3)
+CALM = FaceLook(yaw=0, pitch=5, roll=0, eyes=0.3, gaze=0, mouth=0.01, width=0.56, brows=0.24,
+                size=150, sharpness=0.3)
 
 
 @pytest.fixture
@@ -49,7 +50,11 @@ def still(count: int, arc: float) -> list[FaceLook | None]:
     (still(30, 28), ""), (still(30, 10), ""), (talking(30, 110), ""),
     (talking(30, 30), "the face moves in them"),
     (still(30, 4), "they show the face from one side only, over 4 degrees"),
-    ([*still(10, 4), *[None] * 20], "")])
+    ([*still(10, 4), *[None] * 20], ""),
+    # Up and down is an arc, too.
+    ([replace(CALM, pitch=2.0 * k) for k in range(15)], ""),
+    # No head is fitted to pictures that lie on their side.
+    ([replace(one, roll=88.0) for one in talking(30, 30) if one], "")])
 def test_what_the_faces_tell_of_many_pictures(seen, looks, reason):
     seen.extend(looks)
     assert reason_to_fit(pictures(len(looks))) == reason
@@ -94,7 +99,8 @@ def fitted(monkeypatch):
 
     def fit(given, progress):
         done.append([one.name for one in given])
-        return replace(capture, figures={"mattes": "given"}), {}
+        names = [given[0].name, *capture.names[1:]]
+        return replace(capture, names=names, figures={"mattes": "given"}), {}
     monkeypatch.setattr("lfportrait.face.portrait_capture", fit)
     monkeypatch.setattr(Progress, "say", lambda self, line: done.append(line))
     return done
@@ -115,9 +121,45 @@ def test_a_face_that_moves_is_not_placed_but_fitted(tmp_path, seen, fitted, monk
     seen.extend(talking(12, 20))
     monkeypatch.setattr(prepare, "calibrate", lambda *_, **__: pytest.fail("it was placed"))
     _, figures = prepared(folder(tmp_path, 12))
-    assert fitted == ["the best of 12 pictures, 06.png, as the face moves in them: a head is "
-                      "fitted to the face (--from face; --from photos uses all)", ["06.png"]]
+    assert fitted == [["06.png"], "the best of 12 pictures, 06.png, as the face moves in them: a "
+                      "head is fitted to the face (--from face; --from photos uses all)"]
     assert figures["fitted_because"] == "the face moves in them"
+
+
+def test_of_what_is_left_of_ten_the_best_is_taken(tmp_path, seen, fitted):
+    seen.extend(talking(10, 20))
+    (folder(tmp_path, 10) / "09.png").write_bytes(b"damaged")
+    with pytest.warns(UserWarning, match=r"09\.png"):
+        prepared(tmp_path)
+    assert fitted[0] == ["03.png"]
+    assert fitted[1].startswith("the best of 9 pictures, 03.png, as the face moves")
+
+
+def test_whoever_asks_for_the_room_gets_it(tmp_path, seen, fitted, monkeypatch):
+    seen.extend(talking(12, 20))
+    monkeypatch.setattr(prepare, "calibrate", lambda *_, **__: pytest.fail("it is placed"))
+    with pytest.raises(pytest.fail.Exception, match="it is placed"):
+        prepared(folder(tmp_path, 12), keep_background=True)
+    assert fitted == []
+
+
+def test_where_the_camera_is_does_not_depend_on_how_a_picture_lies(monkeypatch):
+    mesh = np.zeros((478, 2))
+    turn = np.radians(25.0)
+    points = GENERIC_LANDMARKS @ np.array([[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0],
+                                           [np.sin(turn), 0, np.cos(turn)]])
+    mesh[FROM_MEDIAPIPE] = 200 * points[:, :2] * [1, -1] + 300
+    for one, two in ((36, 468), (45, 473)):  # irises somewhere between the corners
+        mesh[two] = mesh[FROM_MEDIAPIPE[one]] + 1
+    seen = []
+    for pixels in (mesh, np.stack([mesh[:, 1], 600 - mesh[:, 0]], axis=1)):
+        monkeypatch.setattr(made_from, "face_mesh", lambda image, pixels=pixels: pixels)
+        seen.append(made_from.look_at_face(np.zeros((600, 600, 3), np.uint8)))
+    assert abs(seen[0].yaw) == pytest.approx(25, abs=2) and abs(seen[0].roll) < 3
+    assert seen[1].yaw == pytest.approx(seen[0].yaw, abs=0.5)
+    assert seen[1].pitch == pytest.approx(seen[0].pitch, abs=0.5)
+    assert abs(seen[1].roll) == pytest.approx(90, abs=3)
+    assert seen[1].width == pytest.approx(seen[0].width, rel=0.02)
 
 
 def test_the_next_best_is_tried_and_then_all(tmp_path, seen, fitted, monkeypatch):
@@ -133,12 +175,12 @@ def test_the_next_best_is_tried_and_then_all(tmp_path, seen, fitted, monkeypatch
     monkeypatch.setattr("lfportrait.face.portrait_capture", picky)
     good.add("03.png")
     prepared(folder(tmp_path, 12))
-    assert fitted[-1] == ["03.png"]
+    assert fitted[0] == ["03.png"] and fitted[1].startswith("the best of 12 pictures, 03.png, as")
     good.clear()
     monkeypatch.setattr(prepare, "calibrate", lambda *_, **__: pytest.fail("it is placed"))
     with pytest.raises(pytest.fail.Exception, match="it is placed"):
         prepared(tmp_path)
-    assert fitted[-1] == "06.png shows 2 faces; so all pictures are used (--from photos)"
+    assert fitted[2:] == ["06.png shows 2 faces; so all pictures are used (--from photos)"]
 
 
 def test_by_hand_they_are_placed(tmp_path, seen, fitted, monkeypatch):

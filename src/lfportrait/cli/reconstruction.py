@@ -110,8 +110,9 @@ class Reconstruct(Common):
     log: Path | None = None
     """File for a table of the training (.csv): PSNR, loss, rays per second, voxels."""
     made_from: MadeFrom = "auto"
-    """Of up to nine photos: fit a head to the face (face), or find cameras by what they share
-    (photos); auto: the face for one or two, and where they can't be placed together."""
+    """Of photos without cameras: fit a head to the face (face; of a video or of ten photos and
+    more to the best one), or find cameras by what up to nine share (photos); auto: the face for one
+    or two, and where they can't be placed together."""
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""

@@ -44,7 +44,8 @@ MadeFrom = Annotated[Literal["auto", "face", "photos"], tyro.conf.arg(name="from
 _FEWEST = 3
 """Photos from which on cameras are looked for by what the photos have in common."""
 _MANY = 10
-"""Photos from which on a head is fitted only where that was asked for."""
+"""Photos from which on a head is fitted to the best one, and only where that was asked for or the
+face decides (`reason_to_fit`)."""
 
 
 class NotTogether(Exception):
@@ -118,12 +119,27 @@ def _first_fitted(tries: list[list[Photo]], progress: Progress | None,
     raise refused
 
 
+def _say_fitted(progress: Progress | None, what: str, why: str, reason: str) -> None:
+    """Say what a head is fitted to, and why (`fit_to_face`)."""
+    if progress is None:
+        return
+    if why:
+        progress.say(f"{what} that can't be placed together: a head is fitted to the face (--from "
+                     "face)")
+    elif reason:
+        progress.say(f"{what}, as {reason}: a head is fitted to the face (--from face; --from "
+                     "photos uses all)")
+    else:
+        progress.say(f"{what}: a head is fitted to the face (--from face)")
+
+
 def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None = None, *,
                 why: str = "", reason: str = "", keep_background: bool = False,
                 read: list[Photo] | None = None) -> tuple[Capture, dict[str, Any]]:
     """A photo, a folder of some, or a video -> a capture with a head fitted to the face; figures.
 
-    Of more than nine pictures the best one is taken. ``why`` they can't be placed, or the
+    Of more than nine pictures, of a video, and where there is a ``reason``, the best one is taken.
+    ``why`` they can't be placed, or the
     ``reason`` why that was not tried (`reason_to_fit`), is for the line that says so; ``read`` are
     the pictures, where they were read already. Raises `UserError` as
     `lfportrait.face.portrait_capture`.
@@ -135,20 +151,14 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
         if progress is not None:
             progress.update(progress.done, "reading photos")
         read = read_source(photos, config.max_side, config.video_frames)
-    count, tries = f"{len(read)} photo{'s' * (len(read) > 1)}", [read]
-    if len(read) >= _MANY:
+    count = len(read)
+    if count > 1 and (reason or count >= _MANY or is_video(photos)):
         best = best_pictures(read, progress)[:_TRIES]
-        count, tries = f"the best of {len(read)} pictures, {best[0].name}", [[one] for one in best]
-    if progress is not None:
-        if why:
-            progress.say(f"{count} that can't be placed together: a head is fitted to the face "
-                         "(--from face)")
-        elif reason:
-            progress.say(f"{count}, as {reason}: a head is fitted to the face (--from face; --from "
-                         "photos uses all)")
-        else:
-            progress.say(f"{count}: a head is fitted to the face (--from face)")
-    capture, fit = _first_fitted(tries, progress)
+        capture, fit = _first_fitted([[one] for one in best], progress)
+        _say_fitted(progress, f"the best of {count} pictures, {capture.names[0]}", why, reason)
+    else:
+        _say_fitted(progress, f"{count} photo{'s' * (count > 1)}", why, reason)
+        capture, fit = _first_fitted([read], progress)
     for fault in _faults(capture):
         warnings.warn(fault, stacklevel=3)
     figures = {"source": "one photo" if len(capture) == 1 else "a few photos", "fit": fit,
@@ -168,6 +178,8 @@ _TURN = 60.0
 the head is seen from both sides."""
 _ONE_SIDE = 6.0
 """Degrees of the arc below which no shape can be seen, however still the head is held."""
+_LYING = 45.0
+"""Degrees by which heads lean in pictures that lie on their side."""
 _SEEN = 0.6
 """Share of the pictures that must show a face for its movements to decide."""
 _TRIES = 4
@@ -180,8 +192,10 @@ _FRONTAL = 30.0
 class FaceLook:
     """A face in one picture, as far as it tells which picture is good."""
 
-    yaw: float  # Degrees, as `lfportrait.face.face_pose`.
+    # Degrees by which the head is turned from the camera, and looks up; and how it leans.
+    yaw: float
     pitch: float
+    roll: float
     eyes: float  # Their opening over their width.
     gaze: float  # How far the irises lie beside the middle of the eyes, over the eyes' width.
     # Over the distance of the outer corners of the eyes: the mouth's opening and width, the height
@@ -201,7 +215,10 @@ def look_at_face(image: UInt8) -> FaceLook | None:
         return None
     points = mesh[FROM_MEDIAPIPE]
     pose = face_pose(points)
-    seen = max(float(np.cos(np.radians(pose.yaw))), 0.5)  # how much of its width is seen
+    # Where the camera is, in the head's frame: the same in a picture that lies on its side.
+    side, above, front = pose.rotation[2]
+    yaw, pitch = np.degrees([np.arctan2(-side, front), -np.arcsin(np.clip(above, -1, 1))])
+    seen = max(float(np.cos(np.radians(yaw))), 0.5)  # how much of its width is seen
 
     def apart(one: int, two: int) -> float:
         return float(np.linalg.norm(points[one] - points[two]))
@@ -217,8 +234,9 @@ def look_at_face(image: UInt8) -> FaceLook | None:
     high = points.max(axis=0).astype(int) + 1
     face = image[low[1]:high[1], low[0]:high[0]]
     sharp = float(fineness(face).mean()) if min(face.shape[:2]) > 8 else 0.0
-    return FaceLook(pose.yaw, pose.pitch, float(eyes), float(gaze), apart(62, 66) / max(size, 1e-6),
-                    apart(48, 54) / max(size, 1e-6) / seen, brows / max(size, 1e-6), size, sharp)
+    size = max(size, 1e-6)
+    return FaceLook(float(yaw), float(pitch), pose.roll, float(eyes), float(gaze),
+                    apart(62, 66) / size, apart(48, 54) / size / seen, brows / size, size, sharp)
 
 
 def _along(ends: Float64, point: Float64) -> float:
@@ -236,8 +254,9 @@ def face_changes(looks: Sequence[FaceLook]) -> bool:
 
 
 def arc_of(looks: Sequence[FaceLook]) -> float:
-    """Degrees of the arc, from side to side, over which a face is seen."""
-    return float(np.ptp(np.quantile([one.yaw for one in looks], [0.05, 0.95])))
+    """Degrees of the arc, from side to side or up and down, over which a face is seen."""
+    angles = np.array([(one.yaw, one.pitch) for one in looks])
+    return float(np.ptp(np.quantile(angles, [0.05, 0.95], axis=0), axis=0).max())
 
 
 def reason_to_fit(photos: Sequence[Photo], progress: Progress | None = None) -> str:
@@ -249,6 +268,8 @@ def reason_to_fit(photos: Sequence[Photo], progress: Progress | None = None) -> 
     chosen = photos[::max(1, -(-len(photos) // _LOOKS))]
     looks = [one for one in (look_at_face(photo.image) for photo in chosen) if one is not None]
     if len(looks) < max(_SEEN * len(chosen), 3):
+        return ""
+    if np.median([abs(one.roll) for one in looks]) > _LYING:  # no head is fitted to these
         return ""
     arc = arc_of(looks)
     if arc < _ONE_SIDE:
@@ -280,7 +301,7 @@ def best_pictures(photos: Sequence[Photo], progress: Progress | None = None) -> 
 
 def _costs(faces: Sequence[FaceLook]) -> Float64:
     """How far each picture is from a good one."""
-    yaw, pitch, eyes, gaze, mouth, width, brows, size, sharp = (
+    yaw, pitch, _, eyes, gaze, mouth, width, brows, size, sharp = (
         np.array([getattr(one, field.name) for one in faces]) for field in fields(FaceLook))
     open_wide = eyes - np.quantile(eyes, 0.6)
     relaxed = np.clip(np.median(width), *_RELAXED)

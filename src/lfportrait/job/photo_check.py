@@ -22,7 +22,15 @@ from PIL import Image, ImageDraw, ImageFont
 
 from .. import models
 from ..arrays import Float64, UInt8
-from ..capture import Photo, fineness, is_video, read_photos, read_video, relative_sharpness
+from ..capture import (
+    Photo,
+    fineness,
+    is_calibrated,
+    is_video,
+    read_photos,
+    read_video,
+    relative_sharpness,
+)
 from ..color import linear_light
 from ..face import (
     MOST_TURNED,
@@ -311,7 +319,8 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
         return PhotoCheck(facts, [], _few_advice(facts), images, [*notes, *_notes(path)])
     gaps = _gaps(facts)
     lenses = len({photo.lens for photo in photos})
-    reason = reason_to_fit(photos) if head_way(path, "auto") == "photos" else ""
+    placed = is_calibrated(path) or head_way(path, "auto") != "photos"
+    reason = "" if placed else reason_to_fit(photos)
     notes = [f"A head will be fitted to the best of these pictures, as {reason}. For one that all "
              "of them show, hold still, do not talk, and let the camera go around the head."
              ] if reason else []

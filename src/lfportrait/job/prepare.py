@@ -300,7 +300,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     if way == "face":
         return fit_to_face(photos, config, progress, keep_background=keep_background)
     read: list[Photo] | None = None
-    if way == "photos" and made_from == "auto" and not is_calibrated(photos):
+    if (way == "photos" and made_from == "auto" and not keep_background
+            and not is_calibrated(photos)):
         if progress is not None:
             progress.update(0, "reading photos")
         read = read_source(photos, config.max_side, config.video_frames)

@@ -232,19 +232,20 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
         result, figures = reconstruct_with_figures(
             capture, settings, progress, checkpoint=checkpoint, device=device, look=shown,
             fit_head=fit_to_surface)
-        say_poor(figures)
+        if capture.landmarks is not None and capture.alphas is not None:
+            say_poor(figures)
     result.save(target)
     return figures, result.as_read()
 
 
 def say_poor(figures: dict[str, Any]) -> None:
-    """Warn of a field that is far from the photos which were held out."""
+    """Warn of a head that is far from the photos which were held out."""
     test = figures.get("test", {})
     met = test.get("psnr_kept", test.get("psnr", POOR))
     if met < POOR:
         warnings.warn(f"photos that were held out are met with {met:.0f} dB only (30 are usual): "
-                      "the person moved, or the cameras are wrong; see report.html; --from face "
-                      "fits a head to the best photo instead", stacklevel=2)
+                      "the person moved, or the cameras are wrong; see report.html; of photos "
+                      "without cameras --from face takes the best one", stacklevel=2)
 
 
 POOR = 20.0

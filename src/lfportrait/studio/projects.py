@@ -245,9 +245,10 @@ class Projects:
         A small picture that was made while the folder went into the trash makes it again, with
         nothing but the studio's own files in it.
         """
-        path = self.folder / name
-        if path.is_dir() and [one.name for one in path.iterdir()] == [OWN]:
-            shutil.rmtree(path, ignore_errors=True)
+        for path in [*self.folder.iterdir()]:
+            if (path.name.lower() == name.lower() and path.is_dir() and not path.is_symlink()
+                    and [one.name for one in path.iterdir()] == [OWN]):
+                shutil.rmtree(path, ignore_errors=True)
 
 
 _WRITING = threading.RLock()
