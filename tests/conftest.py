@@ -7,7 +7,6 @@ import inspect
 import os
 import re
 import sys
-import zlib
 from contextlib import suppress
 from pathlib import Path
 
@@ -351,29 +350,20 @@ def plain_browser(playwright):
 
 
 def import_a_share(config: pytest.Config) -> None:
-    """Import some of the test files, and look through some sources: of each process others.
+    """Import some of the test files: of each process others.
 
-    In a new checkout each test file is rewritten for its asserts, which takes longer than all else
-    before the tests, and Hypothesis looks for numbers and words in each source file. What another
-    process has written is read.
+    In a new checkout each is rewritten for its asserts, which takes longer than all else before the
+    tests. What another process has written is read.
     """
     number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-    count = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
     for folder in config.getini("testpaths"):
         paths = sorted((config.rootpath / folder).rglob("test_*.py"))
         paths = [path for path in paths if not wholly_slow(path)]
-        for path in paths[number::count]:
+        for path in paths[number::int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
             # Whatever is wrong with one, or missing for it, is told when it is collected.
             with suppress(Exception, pytest.skip.Exception):
                 importlib.import_module(".".join(
                     path.relative_to(config.rootpath).with_suffix("").parts))
-    with suppress(ImportError):  # Hypothesis may do it elsewhere some day
-        from hypothesis.internal.constants_ast import constants_from_module, is_local_module_file
-
-        for module in list(sys.modules.values()):
-            path = getattr(module, "__file__", None)
-            if path and zlib.crc32(path.encode()) % count == number and is_local_module_file(path):
-                constants_from_module(module)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
