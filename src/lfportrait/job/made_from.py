@@ -6,8 +6,8 @@ share; up to nine often do not overlap, or are of different days: then a head is
 
 Many photos, and videos, share what does not move. Somebody who talks to a camera on a tripod moves,
 and is seen from one side: fields of such films were smeared monsters, or empty. The landmarks of a
-face in some forty of the pictures tell both (`face_changes`, `seen_from_one_side`), before anything
-else is computed; a head is then fitted to the best of the pictures (`best_pictures`).
+face in some forty of the pictures tell both (`face_changes`, `arc_of`), before anything else is
+computed; a head is then fitted to the best of the pictures (`best_pictures`).
 """
 
 from __future__ import annotations
@@ -139,10 +139,9 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
     """A photo, a folder of some, or a video -> a capture with a head fitted to the face; figures.
 
     Of more than nine pictures, of a video, and where there is a ``reason``, the best one is taken.
-    ``why`` they can't be placed, or the
-    ``reason`` why that was not tried (`reason_to_fit`), is for the line that says so; ``read`` are
-    the pictures, where they were read already. Raises `UserError` as
-    `lfportrait.face.portrait_capture`.
+    ``why`` they can't be placed, or the ``reason`` why that was not tried (`reason_to_fit`), is for
+    the line that says so; ``read`` are the pictures, where they were read already. Raises
+    `UserError` as `lfportrait.face.portrait_capture`, or if none of many pictures shows a face.
     """
     if keep_background:
         warnings.warn("the room behind the person is not kept: a head that is fitted to the face "
@@ -171,8 +170,9 @@ _LOOKS = 40
 """Pictures at most that are looked at to tell how a face moves."""
 _CHANGED = {"mouth": 0.07, "width": 0.065}
 """Spread (of the middle 80 %) of a mouth's opening and width, over the distance of the outer
-corners of the eyes, from which on a face moves. In twelve films of people who talk it is 0.08 to
-0.49 and 0.07 to 0.25; in those of heads that hold still up to 0.024 and 0.042."""
+corners of the eyes, from which on a face moves. In nine films of faces that do, the first is 0.08
+to 0.49 (0.005 where lips are pressed), the second 0.07 to 0.25; of a smile that is held both are
+0.057, of heads that hold still up to 0.024 and 0.042."""
 _TURN = 60.0
 """Degrees of the arc from which on photos are placed even if a mouth moves in them: all else of
 the head is seen from both sides."""

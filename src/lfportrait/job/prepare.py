@@ -308,8 +308,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         reason = reason_to_fit(read, progress)
         if reason:
             try:
-                return fit_to_face(photos, config, progress, reason=reason,
-                                   keep_background=keep_background, read=read)
+                return fit_to_face(photos, config, progress, reason=reason, read=read)
             except UserError as error:
                 if progress is not None:
                     progress.say(f"{error}; so all pictures are used (--from photos)")

@@ -62,14 +62,20 @@ def test_a_crown_that_the_photo_shows_stays():
     assert one.bottom == two.bottom
 
 
-@pytest.mark.parametrize(("color", "kept"), [((0.85, 0.75, 0.45), False), ((0.3, 0.2, 0.1), True)])
-def test_an_earring_is_no_hair_and_a_lock_is(color, kept):
+def face():
+    """Landmarks as far as hair is cleaned by them."""
     landmarks = np.zeros((68, 2))
     landmarks[[0, 16, 33, 8]] = (70, 110), (170, 110), (120, 140), (120, 200)
     for corner, place in zip((31, 2, 41, 35, 14, 46), ((110, 140), (80, 150), (100, 120),
                                                       (130, 140), (160, 150), (140, 120)),
                              strict=True):
         landmarks[corner] = place
+    return landmarks
+
+
+@pytest.mark.parametrize(("color", "kept"), [((0.85, 0.75, 0.45), False), ((0.3, 0.2, 0.1), True)])
+def test_an_earring_is_no_hair_and_a_lock_is(color, kept):
+    landmarks = face()
     image = np.tile(np.uint8([210, 160, 135]), (SIDE, SIDE, 1))
     hair = np.zeros((SIDE, SIDE), np.float32)
     hair[30:160, 50:70] = hair[30:60, 50:190] = hair[30:230, 170:190] = 1.0
@@ -85,12 +91,7 @@ def test_an_earring_is_no_hair_and_a_lock_is(color, kept):
 
 @pytest.mark.parametrize(("color", "hair_there"), [((70, 50, 30), True), ((210, 160, 135), False)])
 def test_a_gap_in_hair_is_hair_by_its_color(color, hair_there):
-    landmarks = np.zeros((68, 2))
-    landmarks[[0, 16, 33, 8]] = (70, 110), (170, 110), (120, 140), (120, 200)
-    for corner, place in zip((31, 2, 41, 35, 14, 46), ((110, 140), (80, 150), (100, 120),
-                                                      (130, 140), (160, 150), (140, 120)),
-                             strict=True):
-        landmarks[corner] = place
+    landmarks = face()
     image = np.tile(np.uint8([210, 160, 135]), (SIDE, SIDE, 1))
     image[20:80, 50:190] = (60, 40, 25)
     image[45:60, 100:120] = color
