@@ -5,6 +5,7 @@ from .guides.position import Guides, position_guide
 from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_openings, shut_eyes
 from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
+from .mouth import parts_lips
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchSearch
@@ -89,6 +90,7 @@ __all__ = [
     "not_worn",
     "paint",
     "painted_shares",
+    "parts_lips",
     "photo_method",
     "photo_regions",
     "position_guide",

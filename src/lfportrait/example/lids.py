@@ -163,7 +163,7 @@ def _drawn_down(image: UInt8, points: Float64, first: int) -> UInt8:
     rows, columns = np.mgrid[low[1]:high[1], low[0]:high[0]]
     along, up = np.moveaxis((np.stack([columns, rows], axis=-1) + 0.5 - eye[0]) @ axes.T, -1, 0)
     flat, back = (eye - eye[0]) @ axes.T, np.asarray(np.linalg.inv(axes).T, np.float64)
-    upper, lower = (_curve(flat[[0, *middle, 3]], along) for middle in ((1, 2), (5, 4)))
+    upper, lower = (curve_through(flat[[0, *middle, 3]], along) for middle in ((1, 2), (5, 4)))
     over = (brow - eye[0]) @ axes.T
     # Not in the brow: no more than a part of the way there.
     room = NEAR * float(over[:, 1].mean() - flat[1:3, 1].mean())
@@ -265,7 +265,7 @@ def _edge(image: UInt8, eye: Float64, corner: Float64, back: Float64, room: floa
     ``back`` turns into pixels.
     """
     along = np.linspace(0.2, 0.8, 25)
-    lid = _curve(eye[[0, 1, 2, 3]], along)
+    lid = curve_through(eye[[0, 1, 2, 3]], along)
     step = 0.01
     most = min(SOUGHT[1], room)
     heights = np.arange(SOUGHT[0] - LASHES, most + LASHES + step / 2, step)
@@ -302,8 +302,8 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
     return np.asarray(inside * np.where(up >= lower, lid, -below * EDGE))
 
 
-def _curve(points: Float64, along: Float64) -> Float64:
-    """Height of a lid's edge through points [4, 2] at places along the eye; corners go on.
+def curve_through(points: Float64, along: Float64) -> Float64:
+    """Height of an edge of lids or lips through points [K, 2] at places along it; corners go on.
 
     It rises and falls as the points do (Fritsch & Carlson 1980).
     """

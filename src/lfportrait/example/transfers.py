@@ -49,6 +49,7 @@ from .guides.regions import (
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
 from .lids import Lids, asked_lids, closed, lids_together
+from .mouth import part_lips, parts_lips
 from .painter.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
 from .photo_guide import GRID, FlatGuide
 from .styleblit import (
@@ -363,6 +364,8 @@ class Transfer:
             made.image = self._painter().refine(photo, points, regions, made, self.scale(points),
                                                 aside is not None)
             made.seconds["patches_seconds"] = time.perf_counter() - start
+        if flat and parts_lips(self.exemplar, landmarks):
+            part_lips(made.image, photo, landmarks, self.exemplar)
         if worn is not None:
             made.image = worn.over(made.image)
             made.mask = np.maximum(made.mask, worn.cover * np.float32(config.strength))

@@ -18,6 +18,7 @@ from .landmarks import (
     face_pose,
     generic_depth,
     is_portrait,
+    mouth_opening,
     read_landmarks,
     symmetric_landmarks,
     write_landmarks,
@@ -31,7 +32,7 @@ __all__ = ["FROM_MEDIAPIPE", "GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "P
            "FacePose", "capture_from_faces", "dark_glasses", "detect_faces", "detect_landmarks",
            "detectors_key", "drawn_spectacles", "face_mask", "face_mesh", "face_pose", "face_yaw",
            "faces_of_people", "find_spectacles", "fit_to_surface", "frontal_order",
-           "generic_depth", "hair_mask", "is_portrait", "landmarks_of_capture", "mattes", "parts",
-           "person_matte", "portrait_capture", "portrait_field", "read_landmarks",
-           "spectacle_lenses", "spectacles", "symmetric_landmarks", "triangulate",
+           "generic_depth", "hair_mask", "is_portrait", "landmarks_of_capture", "mattes",
+           "mouth_opening", "parts", "person_matte", "portrait_capture", "portrait_field",
+           "read_landmarks", "spectacle_lenses", "spectacles", "symmetric_landmarks", "triangulate",
            "write_landmarks"]

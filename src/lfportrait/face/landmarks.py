@@ -47,6 +47,12 @@ to the landmarks of 14 painted and sculpted portraits. The jaw's are all on the 
 """
 
 
+def mouth_opening(points: NDArray[np.floating]) -> float:
+    """Height of the gap between the lips over the mouth's width, from landmarks [68, 2 or 3]."""
+    gaps = [np.linalg.norm(points[a] - points[b]) for a, b in ((61, 67), (62, 66), (63, 65))]
+    return float(np.mean(gaps)) / max(float(np.linalg.norm(points[48] - points[54])), 1e-9)
+
+
 _LEAN = {
     17: (1.2, -5.0), 18: (0.1, -1.2), 19: (-2.9, -0.6), 20: (-4.0, -1.6), 21: (-4.5, -4.9),  # brow
     28: (0.0, 2.5), 29: (0.0, 2.9),  # nose

@@ -23,11 +23,11 @@ from ..capture import Camera
 from ..demo import demo_landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, Regions, frontal_view, head_mesh, shut_eyes
-from ..face import FacePose, detect_faces, face_pose, read_landmarks, write_landmarks
+from ..face import FacePose, detect_faces, face_pose, mouth_opening, read_landmarks, write_landmarks
 from ..files import write_image
 from ..lightfield import Display, EncodeConfig
 from ..media.pictures import read_image
-from ..stylize import PARTED, StylizeConfig, mouth_opening, stylize_with_figures
+from ..stylize import PARTED, StylizeConfig, stylize_with_figures
 from .made_from import hand_at_face
 from .photo_check import BAD, FAIR, GOOD, INK, PAPER, font, wrapped
 from .session import preview_head

@@ -3,17 +3,9 @@ from .losses import has_half_numbers, load_network
 from .mixing import MixConfig, StyledField, load_styled
 from .refinement import rehearse
 from .skin import kept_skin, row_labels
-from .stylization import (
-           PARTED,
-           NearbyPainters,
-           Painters,
-           mouth_opening,
-           paint,
-           stylize,
-           stylize_with_figures,
-)
+from .stylization import PARTED, NearbyPainters, Painters, paint, stylize, stylize_with_figures
 
 __all__ = ["PARTED", "FieldMethod", "FieldTask", "MixConfig", "NearbyPainters", "Painters",
            "StyledField", "StylizeConfig", "has_half_numbers", "kept_skin", "load_network",
-           "load_styled", "mouth_opening", "paint", "rehearse", "row_labels", "stylize",
+           "load_styled", "paint", "rehearse", "row_labels", "stylize",
            "stylize_with_figures"]

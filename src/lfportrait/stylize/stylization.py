@@ -36,7 +36,9 @@ from ..example import (
     closed_words,
     known_ground,
     not_worn,
+    parts_lips,
 )
+from ..face import mouth_opening
 from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..files import write_image
 from ..labels import PICTURE_LABELS
@@ -295,18 +297,6 @@ COARSE = 100.0
 """An exemplar whose face is smaller (`face_size`, pixels) is coarse beside a display's rows."""
 
 
-def _opening(points: Points, pairs: Sequence[tuple[int, int]], ends: tuple[int, int]) -> float:
-    """Mean distance of pairs of landmarks over that of two ends; NaN where they are unknown."""
-    width = float(np.linalg.norm(points[ends[0]] - points[ends[1]]))
-    return float(np.mean([np.linalg.norm(points[a] - points[b]) for a, b in pairs])) / max(
-        width, 1e-9)
-
-
-def mouth_opening(points: Points) -> float:
-    """Height of the gap between the lips over the mouth's width, from landmarks [68, 2 or 3]."""
-    return _opening(points, ((61, 67), (62, 66), (63, 65)), (48, 54))
-
-
 def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConfig) -> list[str]:
     """Notes for the user about the result, one line each."""
     out: list[str] = []
@@ -328,7 +318,8 @@ def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConf
                    + (f": --eyes auto closes {them}" if config.on_skin else ""))
             out.append(f"{closed_words(lids)} closed, {how}, --keep eyes leaves the photo's")
         mouths = mouth_opening(points), mouth_opening(theirs)
-        if "lips" not in kept and (mouths[0] > PARTED) != (mouths[1] > PARTED):
+        if "lips" not in kept and (mouths[0] > PARTED) != (mouths[1] > PARTED) and not (
+                config.on_skin and parts_lips(exemplar, points)):
             which = "open" if mouths[0] > PARTED else "closed"
             other = "closed" if mouths[0] > PARTED else "open"
             out.append(f"the sitter's mouth is {which}, that of {exemplar.name} is {other}: "

@@ -8,7 +8,7 @@ from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.paint import Shot
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.skin import clothes, not_skin
+from lfportrait.face.one_photo.skin import clothes, not_skin, open_mouth
 from lfportrait.face.one_photo.solid import BODY, HEAD
 
 SIDE = 320
@@ -69,6 +69,29 @@ def test_what_is_before_skin_colors_hair_and_body_alone(head):
     for skin, least, most in ((True, 0.0, 0.1), (False, 0.99, 1.0)):
         weight = shot.look(point, towards, depth, 0.02,
                            np.array([HEAD if skin else BODY], np.uint8)).weight[0]
+        assert least <= weight <= most
+
+
+def test_an_open_mouth_is_colored_however_slanted_and_a_little_behind_the_lips(head):
+    camera, _, landmarks = head
+    parted = landmarks.copy()
+    parted[[61, 62, 63], 1] -= 4
+    parted[[67, 66, 65], 1] += 4
+    shut = landmarks.copy()
+    shut[[61, 62, 63]] = shut[[67, 66, 65]]
+    assert open_mouth(shut, (SIDE, SIDE)) is None
+    mouth = open_mouth(parted, (SIDE, SIDE))
+    middle = parted[60:68].mean(axis=0)
+    assert mouth[int(middle[1]), int(middle[0])] > 0.9 and mouth.sum() < 0.05 * SIDE ** 2
+    shot = Shot.of(camera, shaded(), None, mouth=mouth)
+    for pixel, behind, least, most in ((middle, 0.0, 0.9, 1.01), (middle, 0.015, 0.9, 1.01),
+                                       (middle, 0.05, 0.0, 0.1), (middle + 80, 0.0, 0.0, 0.1)):
+        origin, ray = camera.rays(0, pixel[None])
+        point = origin + (4.0 + behind / METRES) * ray
+        far = camera.project(point)[1][0, 0] - behind / METRES
+        away = np.cross(ray, [0.0, 1.0, 0.0])  # It is seen edge on.
+        weight = shot.look(point, away, np.full((SIDE, SIDE), far), 0.005,
+                           np.array([HEAD], np.uint8)).weight[0]
         assert least <= weight <= most
 
 

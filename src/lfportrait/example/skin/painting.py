@@ -32,6 +32,7 @@ from ..kernels.labels import largest_share, move_to_material
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..lids import Lids
+from ..mouth import parts_lips, with_open_mouth
 from ..painter.light import evened_beside, light_beside
 from ..painter.materials import (
     FEW,
@@ -357,6 +358,8 @@ class SkinPainter:
         color = self._painter.paint(canvas, size, request.pop())
         even_edge(places, canvas, core, bare, color)
         shade_ears(places, canvas, color)
+        if parts_lips(self.exemplar, skin.plane.landmarks):
+            paint_mouth(places, canvas, self.given, color)
         if self._hat is not None:
             self._hat.paint(places, canvas, position, anchor, size, color)
         exchange(canvas.owner, color)
@@ -455,6 +458,17 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
     if factors is not None:
         color[canvas.own] *= factors[canvas.slots[canvas.own]][:, None]
         np.minimum(color, 1, out=color)
+
+
+def paint_mouth(skin: Skin, canvas: Canvas, exemplar: Exemplar, color: Float32) -> None:
+    """Paint what the photo shows between a sitter's lips, as for `even_edge`, in place."""
+    width = skin.atlas.depth.shape[1]
+    photo = skin.atlas.color_of((skin.index // width, skin.index % width))
+    paint = np.stack([canvas.gathered(color[..., channel], len(photo)) for channel in range(3)], 1)
+    landmarks = skin.plane.unwrap(np.nan_to_num(skin.plane.landmarks))
+    painted = with_open_mouth(paint, photo, skin.flat, landmarks, exemplar)
+    if painted is not paint:
+        color[canvas.own] = painted[canvas.slots[canvas.own]]
 
 
 def _meeting_behind(skin: Skin) -> Float32:

@@ -63,6 +63,8 @@ DARKEST = 0.02
 """Added to luminance before its logarithm."""
 UNDER = 0.008 / METRES
 """How far under a chin a beard goes on beside what hangs down of it, portrait units."""
+LIP = 0.025 / METRES
+"""So far behind what a photo shows of an open mouth things are of the same color."""
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -80,19 +82,22 @@ class Shot:
     # float32 [H, W], how much it shows a beard, and what lies below one (`beard`); or None.
     beard: Float32 | None = None
     beneath: Float32 | None = None
+    # float32 [H, W], where lips and what is between them are seen, however slanted; or None.
+    mouth: Float32 | None = None
 
     @staticmethod
     def of(camera: Camera, colors: Float32, hair: Float32 | None, other: Float32 | None = None,
-           beard: Float32 | None = None, beneath: Float32 | None = None) -> Shot:
+           beard: Float32 | None = None, beneath: Float32 | None = None,
+           mouth: Float32 | None = None) -> Shot:
         """A photo whose hairlines are made as wide as hair and skin mix there."""
         if hair is None or not (hair > 0.5).any():
-            return Shot(camera, colors, None, other, beard, beneath)
+            return Shot(camera, colors, None, other, beard, beneath, mouth)
         pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         mask = (hair > 0.5).astype(np.uint8)
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
-        return Shot(camera, colors, soft, other, beard, beneath)
+        return Shot(camera, colors, soft, other, beard, beneath, mouth)
 
     def contrast(self) -> Float64:
         """How strong strands of hair are in it (`strand_contrast`)."""
@@ -120,8 +125,12 @@ class Shot:
         small = np.floor(pixels / size * np.array(depth.shape[::-1])).astype(np.int64)
         within = (small >= 0).all(axis=1) & (small < np.array(depth.shape[::-1])).all(axis=1)
         small = np.clip(small, 0, np.array(depth.shape[::-1]) - 1)
-        seen = within & (far < depth[small[:, 1], small[:, 0]] + 3.0 * voxel)
+        behind = np.where(within, far - depth[small[:, 1], small[:, 0]], np.inf)
+        seen = behind < 3.0 * voxel
         weight = np.where(seen, share * share * (3 - 2 * share), 0.0)
+        if self.mouth is not None:
+            # Above teeth lies the underside of a lip, which the photo may not see.
+            weight = np.maximum(weight, (behind < LIP) * Parts.at(self.mouth, at))
         for kind, wrong in ((HEAD, self.other), (BEARD, self.beneath)):
             if wrong is not None:
                 weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)

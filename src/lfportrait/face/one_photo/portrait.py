@@ -53,7 +53,7 @@ from .paint import Shot, painted
 from .parts import FUZZ, Parts, clean_colors, clean_hair, ground_in_hair, parts_of, signed_distance
 from .piece import METRES
 from .samples import MeshSamples, depth_maps
-from .skin import clothes, not_skin
+from .skin import clothes, not_skin, open_mouth
 from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
@@ -423,7 +423,8 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
     colors = clean_colors(image, matte, fuzz)
     other = not_skin(colors, hair, picture.landmarks, camera, samples)
     below = None if beard is None else beneath(beard.below, unit)
-    return Shot.of(camera, colors, hair, other, None if beard is None else beard.whole, below)
+    return Shot.of(camera, colors, hair, other, None if beard is None else beard.whole, below,
+                   open_mouth(picture.landmarks, matte.shape))
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,

@@ -14,10 +14,11 @@ from scipy import ndimage
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
 from ..head_fit import ear_to_ear
+from ..landmarks import mouth_opening
 from .samples import MeshSamples
 from .solid import STANDS, standing_out
 
-__all__ = ["clothes", "not_skin"]
+__all__ = ["clothes", "not_skin", "open_mouth"]
 
 
 CELL = 0.012
@@ -48,6 +49,8 @@ BEARD, SHARE = 0.045, 0.2
 jaw; of how much of it there one counts."""
 FACE = 120.0
 """Pixels that a face is wide, at most, where clothes are looked for."""
+PARTED = 0.05
+"""Height of the gap between lips over the mouth's width from which on they are open."""
 BORDER = 0.024
 """How wide the two mix in a photo, portrait units."""
 
@@ -173,6 +176,19 @@ def _nearest(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:
     seen = which >= 0
     return (np.where(seen[..., None], samples.rest[which], np.nan),
             np.where(seen, cosine[which], np.nan))
+
+
+def open_mouth(landmarks: Float64, shape: tuple[int, ...]) -> Float32 | None:
+    """Where lips and what lies between them are, float32 [H, W]; None where they are closed.
+
+    ``landmarks`` are [68, 2] in pixels of a picture [H, W].
+    """
+    if mouth_opening(landmarks) < PARTED:
+        return None
+    out = np.zeros(shape[:2], np.float32)
+    cv2.fillPoly(out, [np.rint(landmarks[48:60] - 0.5).astype(np.int32)], 1.0)
+    width = float(np.linalg.norm(landmarks[54] - landmarks[48]))
+    return np.asarray(cv2.GaussianBlur(out, (0, 0), max(0.02 * width, 0.5)), np.float32)
 
 
 def _features(landmarks: Float64, shape: tuple[int, int]) -> Bool:

@@ -1,0 +1,224 @@
+"""Open mouths: teeth and the dark between the lips, where the painter's sitter has them closed.
+
+The guide finds nothing in a closed mouth for what an open one shows, and draws the line between the
+painter's lips out over it. So what lies between a sitter's lips is painted by itself: as much of
+the painter's white and of the painter's dark as the photo has of its own there. The white is that
+of the painted eyes, in the light of the face; the dark is the darkest between the painted lips.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bool, Float32, Float64
+from ..face import mouth_opening
+from .exemplar import Exemplar
+from .guides.filters import grey
+from .guides.regions import polygon
+from .lids import EYES, curve_through
+
+Points = NDArray[np.floating]
+
+OPEN, SHOWN = 0.07, 0.12
+"""Height of the gap over the mouth's width from which on a sitter's is painted so, and from which
+on a painted one shows what is in it, and is copied."""
+UPPER, LOWER = (60, 61, 62, 63, 64), (60, 67, 66, 65, 64)
+"""Landmarks of the lips' inner edges from corner to corner."""
+EDGE, GROWN = 0.02, 0.012
+"""Half of the width in which lips go over into what is between them, and how far it is moved into
+the lips, where the painter's line between them would be left; over the mouth's width."""
+CHEEKS = (0.1, 0.5), (-0.9, -0.2)
+"""Cheeks lie so far aside of the corners, and so far below the mouth; over its width."""
+WHITE, BLACK = 0.9, 0.05
+"""Quantiles of light between the lips: teeth, and the dark behind them."""
+DULL, DEEP = 0.85, 0.35
+"""The gap's white is no less bright than so much of the cheeks, as it may show no teeth, and its
+dark no lighter than that."""
+LIGHT, DARK = 0.75, 0.1
+"""Quantiles of light in the painted eyes and between the painted lips: the white and the dark."""
+BRIGHTER = 1.3
+"""White is that much brighter than the painted cheeks, at most; or as bright as the eyes."""
+FLESH = 0.7
+"""What is as red as the lips stays as it is painted by so much: gums, a tongue."""
+FEW = 12
+"""Fewer pixels say nothing."""
+
+
+def parts_lips(exemplar: Exemplar, points: Points) -> bool:
+    """Whether a sitter's mouth is open, by landmarks [68, 2 or 3], and the painted one is not."""
+    return mouth_opening(points) > OPEN and mouth_opening(exemplar.landmarks) < SHOWN
+
+
+def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: Points,
+                    exemplar: Exemplar) -> Float32:
+    """Paint with what a photo shows between a sitter's lips.
+
+    Parameters
+    ----------
+    paint, photo : float32 [N, 3], sRGB in [0, 1].
+    places : float32 [N, 2], where they are; y points down.
+    landmarks : [68, 2], as ``places``.
+    exemplar : What the paint is of, its eyes open.
+
+    Returns
+    -------
+    paint : float32 [N, 3]; the same array where the mouth can't be made out.
+    """
+    mouth = _Mouth.of(landmarks)
+    if mouth is None:
+        return paint
+    near = mouth.near(places)
+    if near.sum() < FEW:
+        return paint
+    gap = np.zeros(len(places), np.float32)
+    gap[near] = mouth.gap(places[near])
+    inside, cheeks = gap > 0.5, near.copy()
+    cheeks[near] = mouth.cheeks(places[near])
+    painter = _Palette.of(exemplar.opened or exemplar)
+    if painter is None or min(inside.sum(), cheeks.sum()) < FEW:
+        return paint
+    skin = float(np.median(grey(photo[cheeks][None])))
+    light = grey(photo[near][None])[0]
+    white = max(float(np.quantile(light[inside[near]], WHITE)), DULL * skin)
+    black = min(float(np.quantile(light[inside[near]], BLACK)), DEEP * skin)
+    share = np.clip((light - black) / max(white - black, 1e-3), 0, 1)[:, None]
+    mixed = painter.dark + share * (painter.white_in(white / max(skin, 1e-3)) - painter.dark)
+    lips = near.copy()
+    lips[near] = mouth.lips(places[near])
+    flesh = FLESH * _flesh(photo[near], light, inside[near] & (light > 0.8 * white), lips[near])
+    weight = (gap[near] * (1 - flesh))[:, None]
+    out = paint.copy()
+    out[near] += weight * (mixed - paint[near])
+    return np.asarray(out, np.float32)
+
+
+def part_lips(paint: Float32, photo: NDArray[np.generic], landmarks: Points,
+              exemplar: Exemplar) -> None:
+    """Paint what a photo shows between the lips, in place, as `with_open_mouth`.
+
+    ``paint`` is float32 [H, W, 3] in [0, 1], the photo uint8 or float in [0, 1], [H, W, 3], and
+    ``landmarks`` [68, 2] in its pixels.
+    """
+    points = np.asarray(landmarks, np.float64)
+    middle, reach = points[48:68].mean(axis=0), 2 * np.ptp(points[48:68], axis=0).max()
+    if not np.isfinite(reach):
+        return
+    low = np.maximum(np.floor(middle - reach).astype(int), 0)
+    high = np.minimum(np.ceil(middle + reach).astype(int), paint.shape[1::-1])
+    if (high <= low).any():
+        return
+    part = slice(low[1], high[1]), slice(low[0], high[0])
+    rows, columns = np.mgrid[part]
+    places = np.stack([columns, rows], axis=-1).reshape(-1, 2) + np.float32(0.5)
+    colors = photo[part][..., :3].reshape(-1, 3)
+    if colors.dtype == np.uint8:
+        colors = colors / np.float32(255)
+    paint[part] = with_open_mouth(
+        np.ascontiguousarray(paint[part].reshape(-1, 3)), np.asarray(colors, np.float32),
+        places.astype(np.float32), points, exemplar).reshape(paint[part].shape)
+
+
+def _flesh(colors: Float32, light: Float32, teeth: Bool, lips: Bool) -> Float32:
+    """How far colors [n, 3] are as red as the lips rather than as teeth, [n] in [0, 1]."""
+    if min(teeth.sum(), lips.sum()) < FEW:
+        return np.zeros(len(colors), np.float32)
+    red = (colors[:, 0] - 0.5 * (colors[:, 1] + colors[:, 2])) / np.maximum(light, 0.05)
+    low, high = float(np.median(red[teeth])), float(np.median(red[lips]))
+    # The dark has no color of its own.
+    lit = np.clip(light / max(float(np.median(light[lips])), 1e-3), 0, 1)
+    return np.asarray(lit * np.clip((red - low) / max(high - low, 0.1), 0, 1), np.float32)
+
+
+class _Mouth(NamedTuple):
+    """The inner edges of lips in a plane, x from one corner (0) to the other (1), y down."""
+
+    corner: Float64  # [2]
+    axes: Float64  # [2, 2], from the plane to these.
+    points: Float64  # [68, 2], landmarks.
+
+    @staticmethod
+    def of(landmarks: Points) -> _Mouth | None:
+        """By landmarks [68, 2]; None where those of the mouth are unknown."""
+        points = np.asarray(landmarks, np.float64)
+        across = points[64] - points[60]
+        width = float(across @ across)
+        if not (np.isfinite(points[48:68]).all() and width > 0):
+            return None
+        axes = np.array([across, [-across[1], across[0]]]).T / width
+        return _Mouth(points[60], axes, (points - points[60]) @ axes)
+
+    def near(self, places: NDArray[np.floating]) -> Bool:
+        """Places [N, 2] at the mouth or on the cheeks, bool [N]."""
+        x, y = ((places - self.corner) @ self.axes).T
+        return np.asarray((np.abs(x - 0.5) < 0.5 + CHEEKS[0][1]) & (np.abs(y) < -CHEEKS[1][0]))
+
+    def gap(self, places: NDArray[np.floating]) -> Float32:
+        """How far places [N, 2] lie between the lips, [N] in [0, 1]."""
+        x, y = ((places - self.corner) @ self.axes).T
+        upper, lower = (curve_through(self.points[list(edge)], x) for edge in (UPPER, LOWER))
+        within = 0.5 + (GROWN + np.minimum(y - upper, lower - y)) / (2 * EDGE)
+        # Towards the corners the gap is thinner than its edges.
+        thick = np.clip((lower - upper) / (2 * EDGE), 0, 1) * ((x > 0) & (x < 1))
+        return np.asarray(np.clip(within, 0, 1) * thick, np.float32)
+
+    def lips(self, places: NDArray[np.floating]) -> Bool:
+        """Places [N, 2] on the lips, bool [N]."""
+        x, y = ((places - self.corner) @ self.axes).T
+        top, bottom = (curve_through(self.points[list(edge)], x)
+                       for edge in (range(48, 55), (48, *range(59, 53, -1))))
+        outer = (y > top + EDGE) & (y < bottom - EDGE) & (x > 0.1) & (x < 0.9)
+        return np.asarray(outer & (self.gap(places) == 0))
+
+    def cheeks(self, places: NDArray[np.floating]) -> Bool:
+        """Places [N, 2] on the cheeks, bool [N]."""
+        x, y = ((places - self.corner) @ self.axes).T
+        aside = np.abs(x - 0.5) - 0.5
+        (least, most), (high, low) = CHEEKS
+        return np.asarray((aside > least) & (aside < most) & (y > high) & (y < low))
+
+
+class _Palette(NamedTuple):
+    """What a painter paints an open mouth with: sRGB in [0, 1]."""
+
+    white: Float64  # [3]
+    dark: Float64  # [3]
+    skin: float  # Light of the cheeks.
+    brightest: float  # Light of the painting.
+
+    @staticmethod
+    def of(exemplar: Exemplar) -> _Palette | None:
+        """Of a painting; None where its face is too small."""
+        image, points = exemplar.image, exemplar.landmarks
+        mouth = _Mouth.of(points)
+        eyes = np.logical_or(*(polygon(image.shape[:2], points[first:first + 6]) > 0
+                               for first in EYES))
+        lips = polygon(image.shape[:2], points[48:60]) > 0
+        if mouth is None or min(eyes.sum(), lips.sum()) < FEW:
+            return None
+        rows, columns = np.mgrid[:image.shape[0], :image.shape[1]]
+        places = np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5
+        cheeks = mouth.cheeks(places).reshape(image.shape[:2])
+        light = grey(image)
+        if cheeks.sum() < FEW:
+            return None
+        return _Palette(_mean(image, light, eyes, LIGHT, True),
+                        _mean(image, light, lips, DARK, False),
+                        float(np.median(light[cheeks])), float(np.quantile(light, 0.999)))
+
+    def white_in(self, ratio: float) -> Float64:
+        """White paint that is ``ratio`` times as bright as the cheeks, [3]."""
+        light = float(grey(self.white[None, None].astype(np.float32))[0, 0])
+        most = min(max(BRIGHTER * self.skin, light), self.brightest)
+        wanted = np.clip(ratio * self.skin, min(light, most), most)
+        return np.asarray(np.clip(self.white * wanted / max(light, 1e-3), 0, 1))
+
+
+def _mean(image: NDArray[np.uint8], light: Float32, inside: Bool, quantile: float,
+          lighter: bool) -> Float64:
+    """Mean color of what is lighter, or darker, than a quantile of what lies inside, [3]."""
+    limit = np.quantile(light[inside], quantile)
+    chosen = inside & ((light >= limit) if lighter else (light <= limit))
+    return np.asarray(image[chosen].mean(axis=0) / 255, np.float64)
