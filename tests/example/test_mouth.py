@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example import TransferConfig, parts_lips, transfer
-from lfportrait.example.mouth import part_lips, with_open_mouth
+from lfportrait.example.mouth import Palette, part_lips, with_open_mouth
 from lfportrait.face import mouth_opening
 from tests.portraits import drawn_face
 
@@ -18,8 +18,8 @@ def with_gap(points, opening):
     width = np.linalg.norm(points[54] - points[48])
     for upper, lower in ((61, 67), (62, 66), (63, 65)):
         middle = 0.5 * (points[upper] + points[lower])
-        points[upper] = middle - [0, 0.5 * opening * width]
-        points[lower] = middle + [0, 0.5 * opening * width]
+        points[upper] = middle - np.array([0, 0.5 * opening * width])
+        points[lower] = middle + np.array([0, 0.5 * opening * width])
     # The lips around it.
     for one in range(49, 54):
         points[one, 1] = points[61:64, 1].mean() - 0.12 * width
@@ -98,7 +98,7 @@ def test_whole_numbers_and_places_in_another_plane_give_the_same(painting, smile
     places = np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5
     second = with_open_mouth(np.full((photo.size // 3, 3), 0.5, np.float32),
                              photo.reshape(-1, 3), (0.01 * places @ turn.T).astype(np.float32),
-                             0.01 * points @ turn.T, painting).reshape(photo.shape)
+                             0.01 * points @ turn.T, Palette.of(painting)).reshape(photo.shape)
     np.testing.assert_allclose(first, second, atol=0.02)
 
 
@@ -107,11 +107,10 @@ def test_a_mouth_that_cannot_be_made_out_leaves_the_paint(painting, smile):
     paint = np.full((photo.size // 3, 3), 0.5, np.float32)
     rows, columns = np.mgrid[:400, :300]
     places = np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(np.float32)
-    unknown = points.copy()
+    unknown, far, painter = points.copy(), points + 5000, Palette.of(painting)
     unknown[62] = np.nan
-    assert with_open_mouth(paint, photo.reshape(-1, 3), places, unknown, painting) is paint
-    far = points + 5000
-    assert with_open_mouth(paint, photo.reshape(-1, 3), places, far, painting) is paint
+    assert with_open_mouth(paint, photo.reshape(-1, 3), places, unknown, painter) is paint
+    assert with_open_mouth(paint, photo.reshape(-1, 3), places, far, painter) is paint
     part_lips(photo.copy(), photo, far, painting)
 
 

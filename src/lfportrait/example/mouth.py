@@ -53,7 +53,7 @@ def parts_lips(exemplar: Exemplar, points: Points) -> bool:
 
 
 def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: Points,
-                    exemplar: Exemplar) -> Float32:
+                    painter: Palette) -> Float32:
     """Paint with what a photo shows between a sitter's lips.
 
     Parameters
@@ -61,7 +61,7 @@ def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: 
     paint, photo : float32 [N, 3], sRGB in [0, 1].
     places : float32 [N, 2], where they are; y points down.
     landmarks : [68, 2], as ``places``.
-    exemplar : What the paint is of, its eyes open.
+    painter : Of the painting that the paint is of.
 
     Returns
     -------
@@ -77,8 +77,7 @@ def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: 
     gap[near] = mouth.gap(places[near])
     inside, cheeks = gap > 0.5, near.copy()
     cheeks[near] = mouth.cheeks(places[near])
-    painter = _Palette.of(exemplar.opened or exemplar)
-    if painter is None or min(inside.sum(), cheeks.sum()) < FEW:
+    if min(inside.sum(), cheeks.sum()) < FEW:
         return paint
     skin = float(np.median(grey(photo[cheeks][None])))
     light = grey(photo[near][None])[0]
@@ -102,9 +101,9 @@ def part_lips(paint: Float32, photo: NDArray[np.generic], landmarks: Points,
     ``paint`` is float32 [H, W, 3] in [0, 1], the photo uint8 or float in [0, 1], [H, W, 3], and
     ``landmarks`` [68, 2] in its pixels.
     """
-    points = np.asarray(landmarks, np.float64)
+    points, painter = np.asarray(landmarks, np.float64), Palette.of(exemplar)
     middle, reach = points[48:68].mean(axis=0), 2 * np.ptp(points[48:68], axis=0).max()
-    if not np.isfinite(reach):
+    if painter is None or not np.isfinite(reach):
         return
     low = np.maximum(np.floor(middle - reach).astype(int), 0)
     high = np.minimum(np.ceil(middle + reach).astype(int), paint.shape[1::-1])
@@ -118,7 +117,7 @@ def part_lips(paint: Float32, photo: NDArray[np.generic], landmarks: Points,
         colors = colors / np.float32(255)
     paint[part] = with_open_mouth(
         np.ascontiguousarray(paint[part].reshape(-1, 3)), np.asarray(colors, np.float32),
-        places.astype(np.float32), points, exemplar).reshape(paint[part].shape)
+        places.astype(np.float32), points, painter).reshape(paint[part].shape)
 
 
 def _flesh(colors: Float32, light: Float32, teeth: Bool, lips: Bool) -> Float32:
@@ -180,18 +179,21 @@ class _Mouth(NamedTuple):
         return np.asarray((aside > least) & (aside < most) & (y > high) & (y < low))
 
 
-class _Palette(NamedTuple):
-    """What a painter paints an open mouth with: sRGB in [0, 1]."""
+class Palette(NamedTuple):
+    """What a painter draws an open mouth and spectacles with: sRGB in [0, 1]."""
 
     white: Float64  # [3]
-    dark: Float64  # [3]
+    dark: Float64  # [3], between the lips.
+    black: Float64  # [3], in the eyes.
+    cheeks: Float64  # [3]
     skin: float  # Light of the cheeks.
     brightest: float  # Light of the painting.
 
     @staticmethod
-    def of(exemplar: Exemplar) -> _Palette | None:
-        """Of a painting; None where its face is too small."""
-        image, points = exemplar.image, exemplar.landmarks
+    def of(exemplar: Exemplar) -> Palette | None:
+        """Of a painting, its eyes open; None where its face is too small."""
+        shown = exemplar.opened or exemplar
+        image, points = shown.image, shown.landmarks
         mouth = _Mouth.of(points)
         eyes = np.logical_or(*(polygon(image.shape[:2], points[first:first + 6]) > 0
                                for first in EYES))
@@ -204,9 +206,11 @@ class _Palette(NamedTuple):
         light = grey(image)
         if cheeks.sum() < FEW:
             return None
-        return _Palette(_mean(image, light, eyes, LIGHT, True),
-                        _mean(image, light, lips, DARK, False),
-                        float(np.median(light[cheeks])), float(np.quantile(light, 0.999)))
+        return Palette(_mean(image, light, eyes, LIGHT, True),
+                       _mean(image, light, lips, DARK, False),
+                       _mean(image, light, eyes, DARK, False),
+                       np.median(image[cheeks], axis=0) / 255,
+                       float(np.median(light[cheeks])), float(np.quantile(light, 0.999)))
 
     def white_in(self, ratio: float) -> Float64:
         """White paint that is ``ratio`` times as bright as the cheeks, [3]."""

@@ -32,7 +32,7 @@ from ..kernels.labels import largest_share, move_to_material
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..lids import Lids
-from ..mouth import parts_lips, with_open_mouth
+from ..mouth import Palette, parts_lips, with_open_mouth
 from ..painter.light import evened_beside, light_beside
 from ..painter.materials import (
     FEW,
@@ -68,6 +68,7 @@ from .face import DRAWN_OUT, CopiedFace
 from .hair import below_hair, hair_by_place, without_bays
 from .hat import HatPainter
 from .sitter import Canvas, Skin, canvas_of
+from .wires import painted_wires, wires
 
 MIDDLING = 0.25, 0.75
 """Hair that no photo saw has tones between these quantiles of what they saw."""
@@ -358,13 +359,26 @@ class SkinPainter:
         color = self._painter.paint(canvas, size, request.pop())
         even_edge(places, canvas, core, bare, color)
         shade_ears(places, canvas, color)
-        if parts_lips(self.exemplar, skin.plane.landmarks):
-            paint_mouth(places, canvas, self.given, color)
+        self._draw(places, canvas, color)
         if self._hat is not None:
             self._hat.paint(places, canvas, position, anchor, size, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
         return Painting(skin, color, step, clock.seconds)
+
+    def _draw(self, skin: Skin, canvas: Canvas, color: Float32) -> None:
+        """Draw what only the photo knows: an open mouth, spectacles; as for `even_edge`."""
+        smiles, palette = parts_lips(self.exemplar, skin.plane.landmarks), Palette.of(self.given)
+        if palette is None or not (smiles or wires(skin).any()):
+            return
+        width = skin.atlas.depth.shape[1]
+        photo = skin.atlas.color_of((skin.index // width, skin.index % width))
+        paint = np.stack([canvas.gathered(color[..., n], len(photo)) for n in range(3)], axis=1)
+        if smiles:
+            landmarks = skin.plane.unwrap(np.nan_to_num(skin.plane.landmarks))
+            paint = with_open_mouth(paint, photo, skin.flat, landmarks, palette)
+        paint = painted_wires(skin, paint, grey(photo[None])[0], palette)
+        color[canvas.own] = paint[canvas.slots[canvas.own]]
 
     def _positions(self, guide: SurfaceGuide, skin: Skin) -> tuple[Float32, Float32]:
         """Exemplar places [N, 2] of a skin's, and how much slower than the plane they change."""
@@ -458,17 +472,6 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
     if factors is not None:
         color[canvas.own] *= factors[canvas.slots[canvas.own]][:, None]
         np.minimum(color, 1, out=color)
-
-
-def paint_mouth(skin: Skin, canvas: Canvas, exemplar: Exemplar, color: Float32) -> None:
-    """Paint what the photo shows between a sitter's lips, as for `even_edge`, in place."""
-    width = skin.atlas.depth.shape[1]
-    photo = skin.atlas.color_of((skin.index // width, skin.index % width))
-    paint = np.stack([canvas.gathered(color[..., channel], len(photo)) for channel in range(3)], 1)
-    landmarks = skin.plane.unwrap(np.nan_to_num(skin.plane.landmarks))
-    painted = with_open_mouth(paint, photo, skin.flat, landmarks, exemplar)
-    if painted is not paint:
-        color[canvas.own] = painted[canvas.slots[canvas.own]]
 
 
 def _meeting_behind(skin: Skin) -> Float32:
