@@ -63,6 +63,9 @@ DARKEST = 0.02
 """Added to luminance before its logarithm."""
 UNDER = 0.008 / METRES
 """How far under a chin a beard goes on beside what hangs down of it, portrait units."""
+BAY, BAY_CELL = 0.014 / METRES, 0.0025 / METRES
+"""Hair has no bays narrower than twice this where no photo sees them; and cells that this is looked
+at in, portrait units."""
 LIP = 0.025 / METRES
 """So far behind what a photo shows of an open mouth things are of the same color."""
 SHARPEST = 0.25
@@ -219,6 +222,8 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
         look = coming.result()
         other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
     hair = _hairy(shell, own)
+    # A little skin that a photo shows in passing is no line through hair.
+    own.best *= 1 - skin * hair * (1 - own.share)
     bearded = shell.owner == BEARD
     beard = np.zeros(len(points))
     if bearded.any():
@@ -269,7 +274,31 @@ def _hairy(shell: Shell, own: _Mean) -> Float64:
     # What no photo shows has hair, too, where hair grows; so has what shows through.
     unseen = np.clip(1 - own.best / HIDDEN, 0, 1)
     shown = np.clip(2 * own.share - 0.5, 0, 1)
-    return np.asarray(np.maximum(hair, shell.scalp * np.maximum(unseen, shown)))
+    out = np.maximum(hair, shell.scalp * np.maximum(unseen, shown))
+    # At a temple that a photo hardly sees the outline of hair has bays.
+    head = (shell.owner == HEAD) | (shell.owner == HAIR)
+    within = _closed(shell.on[head], out[head] > 0.5)
+    out[head] = np.maximum(out[head], within * unseen[head])
+    return np.asarray(out)
+
+
+def _closed(points: Float64, inside: Bool) -> Float64:
+    """How far a surface's points [N, 3] belong to a part without bays narrower than twice `BAY`.
+
+    By cells: what is near the part, but for what is as near to anything that is not. [N] in [0, 1].
+    """
+    places = ((points - points.min(axis=0)) / BAY_CELL + 1).T
+    cells = tuple(np.round(places).astype(int))
+    size = tuple(int(axis.max()) + 2 for axis in cells)
+    surface, part = np.zeros(size, bool), np.zeros(size, bool)
+    surface[cells] = True
+    part[tuple(axis[inside] for axis in cells)] = True
+    reach = BAY / BAY_CELL
+    beyond = surface & (ndimage.distance_transform_edt(~part) > reach)
+    if not beyond.any():
+        return np.ones(len(points))
+    away = ndimage.map_coordinates(ndimage.distance_transform_edt(~beyond), places, order=1)
+    return np.clip((away - reach) / 2 + 0.5, 0, 1)
 
 
 def _fill(points: Float64, own: _Mean, other: _Mean, grown: Float64, skin: Bool) -> Float64:
