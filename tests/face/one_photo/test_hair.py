@@ -12,9 +12,12 @@ from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.hair import grown_out
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import (
+    BAY,
+    BAY_CELL,
     HIDDEN,
     WIDTHS,
     Shot,
+    _closed,
     _hairy,
     painted,
     strand_contrast,
@@ -131,7 +134,8 @@ def test_a_head_knows_its_hair_whatever_its_color(long):
 
 def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
     shell = SimpleNamespace(owner=np.array([HAIR, *[HEAD] * 6]),
-                            scalp=np.array([False, *[True] * 5, False]))
+                            scalp=np.array([False, *[True] * 5, False]),
+                            on=np.arange(7.0)[:, None] * [0.3, 0, 0])
     own = SimpleNamespace(best=np.array([1, 0, HIDDEN / 2, 1, 1, 1, 0]),
                           share=np.array([0, 0, 0, 0, 0.5, 1, 0]))
     assert np.allclose(_hairy(shell, own), [1, 1, 0.5, 0, 0.5, 1, 0])
@@ -240,3 +244,20 @@ def test_hair_stands_off_the_skull_as_far_as_its_outline():
     assert moved[front & (samples.points[:, 1] < line - 0.03)].max() == 0
     rising = front & (samples.points[:, 1] > line) & (samples.points[:, 1] < line + 0.05)
     assert 0 < moved[rising].mean() < 0.1
+
+
+def test_a_surface_part_loses_bays_but_not_its_shape():
+    """A bay narrower than the limit is filled, a wide one and a straight border stay."""
+    across, down = np.meshgrid(np.arange(0.0, 1.0, 0.004), np.arange(0.0, 1.0, 0.004))
+    points = np.stack([across.ravel(), down.ravel(), np.zeros(across.size)], axis=1)
+    narrow, wide = BAY, 5 * BAY
+    part = (down < 0.5).ravel()
+    bay = (np.abs(across - 0.2) < narrow / 2) & (down > 0.3) & (down < 0.5)
+    gulf = (np.abs(across - 0.7) < wide / 2) & (down > 0.3) & (down < 0.5)
+    found = _closed(points, part & ~(bay | gulf).ravel())
+    assert found[bay.ravel()].mean() > 0.9
+    deep = (np.abs(across - 0.7) < wide / 2 - BAY) & (down > 0.3 + BAY)
+    assert found[deep.ravel()].max() < 0.1
+    assert found[part & ~(bay | gulf).ravel()].min() > 0.4
+    assert found[(down > 0.5 + BAY_CELL * 2).ravel()].max() < 0.1
+    assert (_closed(points, np.ones(len(points), bool)) == 1).all()

@@ -63,7 +63,7 @@ DARKEST = 0.02
 """Added to luminance before its logarithm."""
 UNDER = 0.008 / METRES
 """How far under a chin a beard goes on beside what hangs down of it, portrait units."""
-BAY, BAY_CELL = 0.014 / METRES, 0.0025 / METRES
+BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
 """Hair has no bays narrower than twice this where no photo sees them; and cells that this is looked
 at in, portrait units."""
 LIP = 0.025 / METRES
