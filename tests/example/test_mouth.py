@@ -69,7 +69,7 @@ def test_a_mouth_is_open_where_the_painted_one_is_not(painting):
 def test_teeth_are_the_painters_white_and_the_gap_his_dark(painting, smile):
     photo, points, (x, upper, middle, lower) = smile
     paint = np.full(photo.shape, 0.5, np.float32)
-    part_lips(paint, photo, points, painting)
+    part_lips(paint, photo, points, Palette.of(painting))
     teeth, dark = paint[(upper + middle) // 2, x], paint[(middle + lower) // 2, x]
     assert teeth.mean() > 0.7 and dark.mean() < 0.3
     # Nothing but the gap is painted.
@@ -85,14 +85,14 @@ def test_what_is_as_red_as_the_lips_stays_painted(painting, smile):
     tongue = photo.copy()
     tongue[middle:lower] = LIPS
     paint = np.full(photo.shape, 0.5, np.float32)
-    part_lips(paint, tongue, points, painting)
+    part_lips(paint, tongue, points, Palette.of(painting))
     assert np.abs(paint[(middle + lower) // 2, x] - 0.5).max() < 0.15
 
 
 def test_whole_numbers_and_places_in_another_plane_give_the_same(painting, smile):
     photo, points, _ = smile
     first = np.full(photo.shape, 0.5, np.float32)
-    part_lips(first, np.uint8(255 * photo + 0.5), points, painting)
+    part_lips(first, np.uint8(255 * photo + 0.5), points, Palette.of(painting))
     rows, columns = np.mgrid[:400, :300]
     turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     places = np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5
@@ -111,7 +111,7 @@ def test_a_mouth_that_cannot_be_made_out_leaves_the_paint(painting, smile):
     unknown[62] = np.nan
     assert with_open_mouth(paint, photo.reshape(-1, 3), places, unknown, painter) is paint
     assert with_open_mouth(paint, photo.reshape(-1, 3), places, far, painter) is paint
-    part_lips(photo.copy(), photo, far, painting)
+    part_lips(photo.copy(), photo, far, painter)
 
 
 def test_a_transfer_paints_the_smile(painting, smile):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import shift as moved
 
-from lfportrait.example import Transfer, VideoTransfer
+from lfportrait.example import Transfer, VideoTransfer, parts_lips
 from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.kernels.video import (
     carry_shifts,
@@ -225,6 +225,7 @@ def test_a_frame_painted_onward_shows_what_the_one_before_did():
     def unused():
         raise AssertionError("nothing of the photo is left, so no mask is needed")
 
+    assert not parts_lips(style.exemplar, points), "a smile follows its own photo"
     still = paint_onward(style, frame, points, unused, plane, motion, motion.trusted, first)
     assert np.abs(still.image - first.image).max() < 1e-5
     back[..., 0] = -4

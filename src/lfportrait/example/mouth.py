@@ -22,11 +22,14 @@ from .lids import EYES, curve_through
 
 Points = NDArray[np.floating]
 
-OPEN, SHOWN = 0.07, 0.12
-"""Height of the gap over the mouth's width from which on a sitter's is painted so, and from which
-on a painted one shows what is in it, and is copied."""
+OPEN, WIDER, SHOWN = 0.07, 0.05, 0.12
+"""Height of the gap over the mouth's width from which on a sitter's is painted so, if the painted
+one is so much less; and from which on a painted one shows what is in it, and is copied."""
 UPPER, LOWER = (60, 61, 62, 63, 64), (60, 67, 66, 65, 64)
-"""Landmarks of the lips' inner edges from corner to corner."""
+TOP, BOTTOM = (48, 49, 50, 51, 52, 53, 54), (48, 59, 58, 57, 56, 55, 54)
+"""Landmarks of the lips' inner and outer edges from corner to corner."""
+STEPS = 200
+"""Places that a curve is sampled at."""
 EDGE, GROWN = 0.02, 0.012
 """Half of the width in which lips go over into what is between them, and how far it is moved into
 the lips, where the painter's line between them would be left; over the mouth's width."""
@@ -49,7 +52,8 @@ FEW = 12
 
 def parts_lips(exemplar: Exemplar, points: Points) -> bool:
     """Whether a sitter's mouth is open, by landmarks [68, 2 or 3], and the painted one is not."""
-    return mouth_opening(points) > OPEN and mouth_opening(exemplar.landmarks) < SHOWN
+    theirs = mouth_opening(exemplar.landmarks)
+    return theirs < SHOWN and mouth_opening(points) > max(OPEN, theirs + WIDER)
 
 
 def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: Points,
@@ -70,40 +74,35 @@ def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: 
     mouth = _Mouth.of(landmarks)
     if mouth is None:
         return paint
-    near = mouth.near(places)
-    if near.sum() < FEW:
-        return paint
-    gap = np.zeros(len(places), np.float32)
-    gap[near] = mouth.gap(places[near])
-    inside, cheeks = gap > 0.5, near.copy()
-    cheeks[near] = mouth.cheeks(places[near])
+    x, y = mouth.plane(places)
+    near = np.flatnonzero(mouth.around(x, y))
+    cheeks = _on_cheeks(x, y)
+    gap, lips = mouth.parts(x[near], y[near])
+    inside = gap > 0.5
     if min(inside.sum(), cheeks.sum()) < FEW:
         return paint
-    skin = float(np.median(grey(photo[cheeks][None])))
-    light = grey(photo[near][None])[0]
-    white = max(float(np.quantile(light[inside[near]], WHITE)), DULL * skin)
-    black = min(float(np.quantile(light[inside[near]], BLACK)), DEEP * skin)
+    shown = photo[near]
+    skin, light = float(np.median(grey(photo[cheeks][None]))), grey(shown[None])[0]
+    white = max(float(np.quantile(light[inside], WHITE)), DULL * skin)
+    black = min(float(np.quantile(light[inside], BLACK)), DEEP * skin)
     share = np.clip((light - black) / max(white - black, 1e-3), 0, 1)[:, None]
     mixed = painter.dark + share * (painter.white_in(white / max(skin, 1e-3)) - painter.dark)
-    lips = near.copy()
-    lips[near] = mouth.lips(places[near])
-    flesh = FLESH * _flesh(photo[near], light, inside[near] & (light > 0.8 * white), lips[near])
-    weight = (gap[near] * (1 - flesh))[:, None]
+    flesh = FLESH * _flesh(shown, light, inside & (light > 0.8 * white), lips)
     out = paint.copy()
-    out[near] += weight * (mixed - paint[near])
+    out[near] += ((1 - flesh) * gap)[:, None] * (mixed - paint[near])
     return np.asarray(out, np.float32)
 
 
 def part_lips(paint: Float32, photo: NDArray[np.generic], landmarks: Points,
-              exemplar: Exemplar) -> None:
+              painter: Palette) -> None:
     """Paint what a photo shows between the lips, in place, as `with_open_mouth`.
 
     ``paint`` is float32 [H, W, 3] in [0, 1], the photo uint8 or float in [0, 1], [H, W, 3], and
     ``landmarks`` [68, 2] in its pixels.
     """
-    points, painter = np.asarray(landmarks, np.float64), Palette.of(exemplar)
-    middle, reach = points[48:68].mean(axis=0), 2 * np.ptp(points[48:68], axis=0).max()
-    if painter is None or not np.isfinite(reach):
+    points = np.asarray(landmarks, np.float64)
+    middle, reach = points[48:68].mean(axis=0), 1.5 * np.ptp(points[48:68], axis=0).max()
+    if not np.isfinite(reach):
         return
     low = np.maximum(np.floor(middle - reach).astype(int), 0)
     high = np.minimum(np.ceil(middle + reach).astype(int), paint.shape[1::-1])
@@ -112,11 +111,11 @@ def part_lips(paint: Float32, photo: NDArray[np.generic], landmarks: Points,
     part = slice(low[1], high[1]), slice(low[0], high[0])
     rows, columns = np.mgrid[part]
     places = np.stack([columns, rows], axis=-1).reshape(-1, 2) + np.float32(0.5)
-    colors = photo[part][..., :3].reshape(-1, 3)
-    if colors.dtype == np.uint8:
-        colors = colors / np.float32(255)
+    colors = np.asarray(photo[part][..., :3].reshape(-1, 3), np.float32)
+    if photo.dtype == np.uint8:
+        colors /= np.float32(255)
     paint[part] = with_open_mouth(
-        np.ascontiguousarray(paint[part].reshape(-1, 3)), np.asarray(colors, np.float32),
+        np.ascontiguousarray(paint[part].reshape(-1, 3)), colors,
         places.astype(np.float32), points, painter).reshape(paint[part].shape)
 
 
@@ -149,34 +148,37 @@ class _Mouth(NamedTuple):
         axes = np.array([across, [-across[1], across[0]]]).T / width
         return _Mouth(points[60], axes, (points - points[60]) @ axes)
 
-    def near(self, places: NDArray[np.floating]) -> Bool:
-        """Places [N, 2] at the mouth or on the cheeks, bool [N]."""
-        x, y = ((places - self.corner) @ self.axes).T
-        return np.asarray((np.abs(x - 0.5) < 0.5 + CHEEKS[0][1]) & (np.abs(y) < -CHEEKS[1][0]))
+    def plane(self, places: NDArray[np.floating]) -> tuple[Float64, Float64]:
+        """Coordinates of places [N, 2], [N] each."""
+        x, y = (np.asarray(places - self.corner) @ self.axes).T
+        return x, y
 
-    def gap(self, places: NDArray[np.floating]) -> Float32:
-        """How far places [N, 2] lie between the lips, [N] in [0, 1]."""
-        x, y = ((places - self.corner) @ self.axes).T
-        upper, lower = (curve_through(self.points[list(edge)], x) for edge in (UPPER, LOWER))
+    def around(self, x: Float64, y: Float64) -> Bool:
+        """The lips and what lies between them, roughly; bool [N]."""
+        low, high = self.points[48:68].min(axis=0), self.points[48:68].max(axis=0)
+        return np.asarray((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
+
+    def parts(self, x: Float64, y: Float64) -> tuple[Float32, Bool]:
+        """How far places lie between the lips, float32 [N] in [0, 1], and what lies on them."""
+        upper, lower = self._edge(UPPER, x), self._edge(LOWER, x)
         within = 0.5 + (GROWN + np.minimum(y - upper, lower - y)) / (2 * EDGE)
         # Towards the corners the gap is thinner than its edges.
         thick = np.clip((lower - upper) / (2 * EDGE), 0, 1) * ((x > 0) & (x < 1))
-        return np.asarray(np.clip(within, 0, 1) * thick, np.float32)
+        gap = np.asarray(np.clip(within, 0, 1) * thick, np.float32)
+        lips = (y > self._edge(TOP, x) + EDGE) & (y < self._edge(BOTTOM, x) - EDGE)
+        return gap, np.asarray(lips & (x > 0.1) & (x < 0.9) & (gap == 0))
 
-    def lips(self, places: NDArray[np.floating]) -> Bool:
-        """Places [N, 2] on the lips, bool [N]."""
-        x, y = ((places - self.corner) @ self.axes).T
-        top, bottom = (curve_through(self.points[list(edge)], x)
-                       for edge in (range(48, 55), (48, *range(59, 53, -1))))
-        outer = (y > top + EDGE) & (y < bottom - EDGE) & (x > 0.1) & (x < 0.9)
-        return np.asarray(outer & (self.gap(places) == 0))
+    def _edge(self, marks: tuple[int, ...], x: Float64) -> Float64:
+        """How low a curve through landmarks lies, [N]."""
+        along = np.linspace(0, 1, STEPS)
+        return np.interp(x, along, curve_through(self.points[list(marks)], along))
 
-    def cheeks(self, places: NDArray[np.floating]) -> Bool:
-        """Places [N, 2] on the cheeks, bool [N]."""
-        x, y = ((places - self.corner) @ self.axes).T
-        aside = np.abs(x - 0.5) - 0.5
-        (least, most), (high, low) = CHEEKS
-        return np.asarray((aside > least) & (aside < most) & (y > high) & (y < low))
+
+def _on_cheeks(x: Float64, y: Float64) -> Bool:
+    """Places on the cheeks by coordinates of `_Mouth`, bool [N]."""
+    (least, most), (high, low) = CHEEKS
+    aside = np.abs(x - 0.5) - 0.5
+    return np.asarray((aside > least) & (aside < most) & (y > high) & (y < low))
 
 
 class Palette(NamedTuple):
@@ -202,7 +204,7 @@ class Palette(NamedTuple):
             return None
         rows, columns = np.mgrid[:image.shape[0], :image.shape[1]]
         places = np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5
-        cheeks = mouth.cheeks(places).reshape(image.shape[:2])
+        cheeks = _on_cheeks(*mouth.plane(places)).reshape(image.shape[:2])
         light = grey(image)
         if cheeks.sum() < FEW:
             return None

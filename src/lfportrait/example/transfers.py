@@ -49,7 +49,7 @@ from .guides.regions import (
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
 from .lids import Lids, asked_lids, closed, lids_together
-from .mouth import part_lips, parts_lips
+from .mouth import Palette, part_lips, parts_lips
 from .painter.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
 from .photo_guide import GRID, FlatGuide
 from .styleblit import (
@@ -244,7 +244,7 @@ class Transfer:
     def moved(self, landmarks: NDArray[np.floating]) -> Transfer:
         """The same exemplar with landmarks [68, 2] a little beside, in the same regions."""
         other = copy.copy(self)
-        for name in ("_like", "_bald", "_flat"):
+        for name in ("_like", "_bald", "_flat", "_palette"):
             other.__dict__.pop(name, None)
         other.exemplar = replace(self.exemplar, landmarks=np.asarray(landmarks, np.float64))
         regions = self.regions
@@ -364,8 +364,8 @@ class Transfer:
             made.image = self._painter().refine(photo, points, regions, made, self.scale(points),
                                                 aside is not None)
             made.seconds["patches_seconds"] = time.perf_counter() - start
-        if flat and parts_lips(self.exemplar, landmarks):
-            part_lips(made.image, photo, landmarks, self.exemplar)
+        if flat:
+            self.part_lips(made.image, photo, landmarks)
         if worn is not None:
             made.image = worn.over(made.image)
             made.mask = np.maximum(made.mask, worn.cover * np.float32(config.strength))
@@ -374,6 +374,19 @@ class Transfer:
             blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, made.mask,
                   made.image)
         return made
+
+    def part_lips(self, paint: Float32, photo: NDArray[np.generic],
+                  landmarks: NDArray[np.floating]) -> None:
+        """Paint what a photo shows between open lips where the exemplar has them closed, in place.
+
+        ``paint`` is float32 [H, W, 3], the rest as for `apply`.
+        """
+        if self._palette is not None and parts_lips(self.exemplar, landmarks):
+            part_lips(paint, photo, landmarks, self._palette)
+
+    @functools.cached_property
+    def _palette(self) -> Palette | None:
+        return Palette.of(self.exemplar)
 
     def _painter(self) -> PhotoPatches:
         """What paints around the face, made when it is first wanted."""

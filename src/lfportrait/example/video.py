@@ -259,6 +259,7 @@ def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
     pitch = anchor_scale(anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)
     vote(prepared.colors(pitch), anchor, reach, shift, margin, config.radius, False, image)
+    prepared.part_lips(image, frame, landmarks)
     result, cover = image, before.mask
     if not prepared.covers_all:
         cover = prepared.cover(frame, landmarks, person())
