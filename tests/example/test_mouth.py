@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example import TransferConfig, parts_lips, transfer
-from lfportrait.example.mouth import Palette, part_lips, with_open_mouth
+from lfportrait.example.mouth import Palette, lips_apart, part_lips, with_open_mouth
 from lfportrait.face import mouth_opening
 from tests.portraits import drawn_face
 
@@ -124,3 +124,13 @@ def test_a_transfer_paints_the_smile(painting, smile):
                       with_gap(points, 0.03)).image
     place = (upper + middle) // 2, x
     assert made[place].mean() > closed[place].mean() + 0.1
+
+
+def test_the_line_between_painted_lips_is_in_the_gap(painting):
+    points = painting.landmarks
+    apart = lips_apart(points)
+    moved = np.flatnonzero((apart != points).any(axis=1))
+    assert set(moved) == {61, 62, 63, 65, 66, 67}
+    assert (apart[61:64, 1] < points[61:64, 1]).all()
+    assert (apart[65:68, 1] > points[65:68, 1]).all()
+    assert (apart[61:64, 1] > points[50:53, 1]).all()

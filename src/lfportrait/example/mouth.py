@@ -28,6 +28,8 @@ one is so much less; and from which on a painted one shows what is in it, and is
 UPPER, LOWER = (60, 61, 62, 63, 64), (60, 67, 66, 65, 64)
 TOP, BOTTOM = (48, 49, 50, 51, 52, 53, 54), (48, 59, 58, 57, 56, 55, 54)
 """Landmarks of the lips' inner and outer edges from corner to corner."""
+LINE = 0.4
+"""Share of a painted lip next to the other that is the line between them."""
 STEPS = 200
 """Places that a curve is sampled at."""
 EDGE, GROWN = 0.02, 0.012
@@ -54,6 +56,17 @@ def parts_lips(exemplar: Exemplar, points: Points) -> bool:
     """Whether a sitter's mouth is open, by landmarks [68, 2 or 3], and the painted one is not."""
     theirs = mouth_opening(exemplar.landmarks)
     return theirs < SHOWN and mouth_opening(points) > max(OPEN, theirs + WIDER)
+
+
+def lips_apart(points: Float64) -> Float64:
+    """Landmarks [68, 2] of a painted mouth without the dark line between its lips.
+
+    It would be drawn out over the lips of an open mouth; between these it is painted over.
+    """
+    out = points.copy()
+    for inner, outer in (((61, 62, 63), (50, 51, 52)), ((67, 66, 65), (58, 57, 56))):
+        out[list(inner)] += LINE * (points[list(outer)] - points[list(inner)])
+    return out
 
 
 def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: Points,

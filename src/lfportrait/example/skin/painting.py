@@ -32,7 +32,7 @@ from ..kernels.labels import largest_share, move_to_material
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..kernels.seeds import nearest_sites
 from ..lids import Lids
-from ..mouth import Palette, parts_lips, with_open_mouth
+from ..mouth import Palette, lips_apart, parts_lips, with_open_mouth
 from ..painter.light import evened_beside, light_beside
 from ..painter.materials import (
     FEW,
@@ -314,7 +314,10 @@ class SkinPainter:
     def _painted(self, skin: Skin, step: int, aside: ThreadPoolExecutor) -> Painting:
         """The painting; what depends only on the exemplar is computed ``aside``."""
         clock = _Clock()
-        guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
+        exemplar = self.exemplar
+        if parts_lips(exemplar, skin.plane.landmarks):
+            exemplar = replace(exemplar, landmarks=lips_apart(exemplar.landmarks))
+        guide = SurfaceGuide(skin.plane.landmarks, exemplar, self.transfer.regions)
         size = skin.pixels / guide.scale / step
         if abs(size - self._like) < ALMOST * size:
             size = self._like  # its pictures are there already
