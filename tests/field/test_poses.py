@@ -119,6 +119,7 @@ def test_what_corrections_have_in_common_is_taken_out():
     np.testing.assert_allclose(back.pose, cameras.pose, atol=1e-9)
 
 
+@pytest.mark.slow  # cameras are found in a known field above, refined in a training below
 def test_refinement_recovers_shaken_cameras():
     field, capture = rendered_capture()
     off = replace(capture, cameras=shaken(capture.cameras))

@@ -81,9 +81,13 @@ def test_every_example_is_run():
     assert list(SMALL) == list(WRITTEN) == NAMES
 
 
-# The batch has the stages of the first example, and is tested in tests/job/batch.
+# What the slow ones show has tests of its own: tests/stylize, tests/lightfield/screens,
+# tests/share/test_splats.py, tests/job/batch, tests/face/one_photo.
+SLOW = "03_style", "06_live", "08_splats", "09_batch", "10_losses", "11_head"
+
+
 @pytest.mark.parametrize("name", [
-    pytest.param(name, marks=pytest.mark.slow if name == "09_batch" else ()) for name in NAMES])
+    pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in NAMES])
 def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch):
     if name == "11_head" and models.missing(["face-landmarker"]):
         pytest.skip("the network for landmarks is not here")

@@ -115,6 +115,7 @@ def test_splats_lie_on_the_surface_and_face_outwards():
     assert (splats.scales[:, 2] < 0.5 * splats.scales[:, 0]).all()
 
 
+@pytest.mark.slow  # slopes and colors that are fitted: below
 def test_a_fit_comes_closer_to_views_it_has_not_seen():
     field = head_field(48)
     before = place_splats(field, 12_000)

@@ -84,6 +84,7 @@ def test_a_lens_that_is_not_in_the_middle(moved):
     assert np.median(pose_errors(result.cameras.pose, boxes.pose)[0]) < 0.3
 
 
+@pytest.mark.slow  # what moved is followed above
 def test_some_photos_are_enough_to_say_that_it_held_still(moved, followed, monkeypatch):
     looked_at = []
     seen = head_motion._seen
@@ -100,6 +101,7 @@ def test_some_photos_are_enough_to_say_that_it_held_still(moved, followed, monke
     assert np.array_equal(result.cameras.pose, followed[0].cameras.pose), "the same once more"
 
 
+@pytest.mark.slow  # follows once more
 def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     capture, mattes, _ = moved
     blind = [matte if view else np.zeros_like(matte) for view, matte in enumerate(mattes)]

@@ -15,6 +15,8 @@ from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.lightfield import Display
 
+from .inline import Inline, single_thread
+
 PANEL = Display(96, 64, views=9, pitch=6.3, slant=0.15, cone=40, quilt=(3, 2),
                 quilt_size=(96, 64), name="tiny")
 JOBS = """
@@ -93,8 +95,11 @@ def made_once(tmp_path_factory):
         if not kept.exists():
             write_studio(folder / "studio")
             events: list[dict] = []
-            figures = batch(folder / "studio" / "jobs.toml", folder / "results",
-                            BatchConfig(cores=1), watchers=[events.append])
+            # Without processes, which import all again; slow tests make the same by those.
+            with single_thread(), pytest.MonkeyPatch.context() as patch:
+                patch.setattr("lfportrait.job.batch.driver.LocalRunner", Inline)
+                figures = batch(folder / "studio" / "jobs.toml", folder / "results",
+                                BatchConfig(cores=1), watchers=[events.append])
             assert not figures["failed"], figures["failed"]
             kept.write_bytes(pickle.dumps((figures, events)))
     return folder, *pickle.loads(kept.read_bytes())

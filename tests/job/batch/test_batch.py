@@ -13,10 +13,8 @@ from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
-import torch
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
@@ -26,20 +24,15 @@ from lfportrait.job.batch import driver as driver_module
 from lfportrait.job.pipeline import make
 
 from .conftest import digests, of_anna
-from .inline import Inline
+from .inline import Inline, single_thread
 
 STAGES = {"capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page": 4}
 
 
 @pytest.fixture
 def one_thread():
-    """As many threads as a worker has: torch adds up in another order with more of them."""
-    before = numba.get_num_threads(), torch.get_num_threads()
-    numba.set_num_threads(1)
-    torch.set_num_threads(1)
-    yield
-    numba.set_num_threads(before[0])
-    torch.set_num_threads(before[1])
+    with single_thread():
+        yield
 
 
 @pytest.fixture
@@ -64,6 +57,7 @@ def test_each_stage_is_done_once_and_all_files_are_there(made):
     assert [row["state"] for row in figures["jobs"]] == ["done"] * 12
 
 
+@pytest.mark.slow  # a job of its own; what a batch leaves is above
 def test_the_files_are_those_of_make(made, studio, tmp_path, one_thread):
     config = load_jobs(studio / "jobs.toml").parameters("anna", "chalk", "desk")
     make(studio / "sittings" / "anna", studio / "chalk.png", tmp_path / "out", studio / "tiny.toml",
@@ -229,6 +223,7 @@ def full_for(word):
     return opened
 
 
+@pytest.mark.slow  # other failures: here
 def test_a_full_disk_fails_what_is_written_then_and_the_rest_is_made_later(
         made, studio, copy, inline, monkeypatch):
     shutil.rmtree(copy / "bert" / "ken")

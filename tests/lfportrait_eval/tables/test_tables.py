@@ -129,6 +129,7 @@ def test_tables_of_what_is_done_start_nothing(brush, files, tmp_path):
         ("skin", "not run yet")]
 
 
+@pytest.mark.slow  # only the project measures; other tests paint by `Brush`
 def test_the_tables_hold_what_was_measured(finished):
     _, figures = finished
     cells = {(cell["sitter"], cell["style"], cell["method"]): cell["figures"]
@@ -148,6 +149,7 @@ def test_the_tables_hold_what_was_measured(finished):
     assert spread == {"mean": ours["patches"], "deviation": 0.0, "count": 1}
 
 
+@pytest.mark.slow  # only the project measures
 def test_what_needs_weights_is_not_measured_and_told(finished):
     out, figures = finished
     waiting = figures["not_measured"]["networks"]
@@ -160,6 +162,7 @@ def test_what_needs_weights_is_not_measured_and_told(finished):
     assert "FID-2048: not measured: weights missing (inception-2048)." in text
 
 
+@pytest.mark.slow  # only the project measures
 def test_the_files_say_the_same(finished):
     out, figures = finished
     assert json.loads((out / "tables.json").read_text()) == json.loads(json.dumps(figures))
@@ -174,6 +177,7 @@ def test_the_files_say_the_same(finished):
     assert "http" not in page.replace("http://www.w3.org/2000/svg", "")
 
 
+@pytest.mark.slow  # only the project measures
 def test_nothing_is_done_twice(finished, files, brush):
     out, figures = finished
     again = compare(files, out)
@@ -262,6 +266,7 @@ def run(*words) -> int:
     return main([*map(str, words), "--quiet"])
 
 
+@pytest.mark.slow  # only the project measures
 def test_the_command_fills_a_document(finished, files, capsys, tmp_path):
     out, _ = finished
     document = tmp_path / "comparisons.md"

@@ -52,6 +52,7 @@ def test_varied_photos_take_their_landmarks_along():
         assert np.abs(centre - moved.mean(axis=0)).max() < 0.3
 
 
+@pytest.mark.slow  # the same seed trains, too, below
 def test_training_learns_the_colors_of_one_pair():
     from lfportrait_eval.baselines.transfer.unet import run, train
 
