@@ -169,8 +169,10 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
             "`make test-all` runs these, too; LFPORTRAIT_SLOW=1 pytest FILE those of one file.")
 
 
-TOGETHER = ("studio/web/", "lfportrait_eval/study/"), ("share/page/",)
-"""Folders whose files one process runs, as they share what starts slowly: a browser, a studio."""
+TOGETHER = (("studio/web/", "lfportrait_eval/study/"), ("share/page/",),
+            ("lfportrait_eval/baselines/field/",))
+"""Folders whose files one process runs, as they share what takes long: a browser, a studio, a
+trained field."""
 
 
 def scope_of(nodeid: str) -> str:

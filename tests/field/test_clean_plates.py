@@ -127,6 +127,7 @@ def test_linen_of_the_walls_color_stays():
         result, [cv2.erode(mask.astype(np.uint8), np.ones((9, 9))) > 0 for mask in masks])) > 0.5
 
 
+@pytest.mark.slow  # makes all plates once more
 def test_a_photo_tells_nothing_of_its_own_plate(scene):
     capture, masks = scene
     given = said(masks)

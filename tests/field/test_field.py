@@ -603,6 +603,7 @@ def test_the_finest_level_follows_the_pixels():
         replace(config, resolution=3).resolved(False, 4.0, 0.0041)
 
 
+@pytest.mark.slow  # a budget ends a training above
 def test_a_time_budget_is_used_up_and_a_coarse_level_has_its_share():
     config = ReconstructConfig(resolutions=(24, 40), batch=(4096,))
     reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01)))  # compiles the kernels

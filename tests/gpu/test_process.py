@@ -61,6 +61,7 @@ def test_bands_cover_all_rows_once(process):
         assert [row for since, until in seen for row in range(since, until)] == list(range(total))
 
 
+@pytest.mark.slow  # one that is lost: below
 def test_what_is_kept_is_forgotten_with_the_process(adapter):
     own = GpuProcess(adapter)
     own.note("fields", own.call(WORK + "keep", "a", 1))
@@ -81,6 +82,7 @@ def test_a_lost_device_is_replaced_once_and_then_given_up(adapter):
     own.close()
 
 
+@pytest.mark.slow  # one that is lost: above
 def test_a_driver_that_hangs_is_ended(adapter):
     own = GpuProcess(adapter)
     own.call(WORK + "echo")  # its start may take long
@@ -92,6 +94,7 @@ def test_a_driver_that_hangs_is_ended(adapter):
     own.close()
 
 
+@pytest.mark.slow  # one that is lost: above
 def test_work_that_can_not_be_done_leaves_a_line_and_the_caller_goes_on(adapter, monkeypatch):
     own = GpuProcess(adapter)
     monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: own)
@@ -111,6 +114,7 @@ def test_an_adapter_that_is_gone_is_a_lost_one():
     own.close()
 
 
+@pytest.mark.slow  # other processes do: tests/runner/test_processes.py
 def test_the_child_ends_with_its_parent(adapter):
     code = ("import os, sys; from lfportrait.gpu import GpuProcess, adapters;"
             "found = [one for one in adapters() if one.title == sys.argv[1]];"

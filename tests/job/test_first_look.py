@@ -266,6 +266,7 @@ def test_it_waits_for_kernels_only_if_it_is_all_that_is_wanted(capture, painting
         assert offered(look, **how) and look.figures
 
 
+@pytest.mark.slow  # whole jobs
 def test_a_rough_field_is_painted_with_its_ground(quick, capture, painting):
     styled = painted_roughly(quick[2][0], capture, painting, CONFIG.stylize)
     assert isinstance(styled, StyledField) and styled.styles == ("fauve",)

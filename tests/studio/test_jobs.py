@@ -151,6 +151,7 @@ def test_a_stage_that_takes_longer_makes_those_that_wait_longer_too():
     assert job.left() == pytest.approx(70, abs=1), "a quick stage promises nothing"
 
 
+@pytest.mark.slow  # who may pause: below
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system can't pause processes")
 def test_a_paused_job_stands_still_and_goes_on(page):
     project, folder = sitter(page, "Anna", "wait")
@@ -301,6 +302,7 @@ def test_an_export_says_that_it_is_a_preview(page):
     assert page.wait(export["id"])["state"] == page.wait(fine["id"])["state"] == "done"
 
 
+@pytest.mark.slow  # one that says so: above
 def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
     project, folder, version = version_of(page)
     export = exported(page, project, version, fine=True)
@@ -320,6 +322,7 @@ def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
     assert page.ask("GET", entry["file"]).content == b"styled"
 
 
+@pytest.mark.slow  # one that waits: above
 def test_a_cancelled_export_goes_on_with_its_fine_version(page):
     project, folder, version = version_of(page)
     export = exported(page, project, version, fine=True)

@@ -106,6 +106,7 @@ def stylised(small_head):
     return stylize_with_figures(*small_head, SMALL, device="cpu")
 
 
+@pytest.mark.slow  # only for comparisons; its steps are above
 def test_a_head_in_arfs_manner(small_head, stylised):
     field, capture, exemplar = small_head
     styled, figures = stylised
@@ -127,6 +128,7 @@ def test_arf_on_another_device_gives_the_same(small_head, stylised, other_device
     assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
 
 
+@pytest.mark.slow  # only for comparisons
 def test_arf_needs_no_landmarks_and_writes_its_views(small_head, tmp_path):
     field, capture, exemplar = small_head
     quick = SMALL.with_section(replace(SMALL.parameters[0], steps=1))

@@ -87,6 +87,7 @@ def stylised(small_head):
     return stylize_with_figures(*small_head, SMALL, device="cpu")
 
 
+@pytest.mark.slow  # only for comparisons; its steps are above
 def test_a_head_in_the_manner_of_one_painted_view(small_head, stylised):
     field, capture, exemplar = small_head
     styled, figures = stylised

@@ -131,6 +131,7 @@ def taught(small_head):
     return paint_by_mutual_teaching(FieldTask(*small_head, device="cpu"), SMALL, random_network())
 
 
+@pytest.mark.slow  # only for comparisons; its steps are above
 def test_a_head_and_a_network_teach_each_other(small_head, taught):
     field = small_head[0]
     colors, figures = taught

@@ -132,7 +132,9 @@ def test_torch_is_not_imported_for_the_other_methods():
     assert found.strip() == "False"
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [  # one that is quick, and the network: it has more files
+    pytest.param(name, marks=() if name in ("facestyle", "network") else pytest.mark.slow)
+    for name in METHODS])
 def test_every_method_is_a_choice_of_the_command(method, tmp_path, monkeypatch):
     style, photo = drawn_face(128, 96, skin=(120, 90, 200)), drawn_face(100, 90, seed=1)
     Image.fromarray(style.image).save(tmp_path / "style.png")
