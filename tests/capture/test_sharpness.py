@@ -94,6 +94,7 @@ def test_moved_photos_among_real_ones_are_found_and_no_others(shared_data: Path,
     assert blurred(photos, CalibrateConfig().blur_threshold) == chosen
 
 
+@pytest.mark.slow  # calibrates; which are blurred: above
 def test_blurred_photos_are_left_out_in_one_line(tmp_path: Path) -> None:
     cameras = room_cameras(8)
     for view in range(8):

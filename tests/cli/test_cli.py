@@ -107,6 +107,7 @@ def test_two_photos(tmp_path, style, capsys):
     assert not left_in(tmp_path / "out")
 
 
+@pytest.mark.slow  # the same error: tests/capture/test_calibrate.py
 def test_photos_that_do_not_overlap(tmp_path, style, capsys, networks_at_hand):
     generator = np.random.default_rng(0)
     for number in range(4):

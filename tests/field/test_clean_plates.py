@@ -99,7 +99,7 @@ def test_a_plate_shows_the_wall_behind_the_person(scene):
     assert np.median(np.abs(capture.images[5] / 255 - wall).mean(axis=-1)[hidden]) > 0.1
 
 
-@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("plain", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_mattes_wrong_in_all_photos_are_corrected(plain):
     # Each photo is exposed by itself.
     capture, masks = filmed(plain, gains=1 + 0.06 * np.sin(np.arange(VIEWS)))

@@ -70,6 +70,7 @@ def test_what_is_kept_is_forgotten_with_the_process(adapter):
     assert not own.holds("fields", "a")
 
 
+@pytest.mark.slow  # one that is gone: below
 def test_a_lost_device_is_replaced_once_and_then_given_up(adapter):
     own = GpuProcess(adapter)
     with pytest.raises(GpuLostError, match="was lost"):

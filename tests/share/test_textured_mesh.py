@@ -193,6 +193,7 @@ def test_the_names_inside_an_obj_are_plain_letters(tmp_path, field, stem):
     assert read_with_trimesh(tmp_path / f"{stem}.obj")[3].size > 100
 
 
+@pytest.mark.slow  # names of materials: above
 def test_objs_in_one_folder_have_materials_of_their_own(tmp_path, field):
     stems = ("a b", "a_b", "a  b", "a#b", "ä b", "a-b")
     for stem in (*stems, *stems[:2]):  # the same name again gives the same files

@@ -120,6 +120,7 @@ def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, la
     assert 0 < away.mean() < 0.02 and np.quantile(away, 0.95) < 0.1
 
 
+@pytest.mark.slow  # paints twice; patches of a seed: tests/example/test_patches.py
 def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled, skin):
     again, _ = stylize_with_figures(head, capture, violet, SMALL, skin=skin)
     assert np.array_equal(again.sh, styled[0].sh)
@@ -141,6 +142,7 @@ def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet, skin, m
     assert errors[-1] < 0.9 * errors[0]
 
 
+@pytest.mark.slow  # paints thrice; what a file of two does: test_mixing.py
 def test_several_styles_share_one_file(head, capture, violet, styled, skin, tmp_path):
     green = named("green", seed=2, skin=(90, 200, 90), hair=(200, 30, 30))
     both, figures = stylize_with_figures(head, capture, [violet, green], SMALL, skin=skin)

@@ -73,6 +73,7 @@ def test_cameras_follow_what_moved(moved, followed):
     assert np.abs(result.cameras.position.mean(0) - capture.cameras.position.mean(0)).max() < 0.15
 
 
+@pytest.mark.slow  # followed once more
 def test_a_lens_that_is_not_in_the_middle(moved):
     capture, mattes, boxes = moved
     cut = replace(capture, images=[image[20:, 30:] for image in capture.images],
