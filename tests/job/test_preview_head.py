@@ -7,12 +7,23 @@ from lfportrait.example import Skin
 from lfportrait.job.session import preview_head
 
 
+@pytest.fixture(scope="module")
+def known():
+    """The head's skin, which is always the same: it is drawn in earnest once."""
+    return []
+
+
 @pytest.fixture
-def drawn(monkeypatch):
+def drawn(monkeypatch, known):
     """How often a skin is drawn."""
     calls, draw = [], Skin.of
-    monkeypatch.setattr(Skin, "of", lambda *words, **options: (
-        calls.append(words), draw(*words, **options))[1])
+
+    def of(*words, **options):
+        calls.append(words)
+        known[:] = known or [draw(*words, **options)]
+        return known[0]
+
+    monkeypatch.setattr(Skin, "of", of)
     return calls
 
 

@@ -27,6 +27,7 @@ def run(script, *arguments):
                           stdout=subprocess.PIPE).stdout.split()
 
 
+@pytest.mark.slow  # nor does the job of test_pipeline.py, in a process of its own
 def test_the_second_run_compiles_nothing():
     with Warmup(("encode",)) as ahead:  # another process has compiled it
         ahead.wait(("encode",))

@@ -120,7 +120,6 @@ def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, la
     assert 0 < away.mean() < 0.02 and np.quantile(away, 0.95) < 0.1
 
 
-@pytest.mark.slow  # paints twice; patches of a seed: tests/example/test_patches.py
 def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled, skin):
     again, _ = stylize_with_figures(head, capture, violet, SMALL, skin=skin)
     assert np.array_equal(again.sh, styled[0].sh)

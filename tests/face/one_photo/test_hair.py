@@ -67,6 +67,12 @@ def long() -> Solid:
     return bust(-1.1, -1.1)
 
 
+@pytest.fixture(scope="module")
+def bare() -> Solid:
+    """One whose hair ends above the neck."""
+    return bust(-0.2, -0.2)
+
+
 def ends(solid: Solid, x: float, y: float) -> tuple[float, float, int]:
     """How far in front and behind the solid reaches on a line, and whose its back is."""
     z = np.linspace(-1.5, 1.5, 601)
@@ -75,10 +81,10 @@ def ends(solid: Solid, x: float, y: float) -> tuple[float, float, int]:
     return float(z[inside[-1]]), float(z[inside[0]]), int(owner[inside[0]])
 
 
-def test_the_back_of_a_neck_has_hair_if_it_hangs_down_on_both_sides(long):
+def test_the_back_of_a_neck_has_hair_if_it_hangs_down_on_both_sides(long, bare):
     for height in (-0.3, -0.5, -0.7, -0.9):
         assert ends(long, 0.0, height)[2] == HAIR, height
-    assert ends(bust(-0.2, -0.2), 0.0, -0.6)[2] != HAIR
+    assert ends(bare, 0.0, -0.6)[2] != HAIR
 
 
 def test_hair_on_one_side_ends_behind_in_a_slope():
@@ -87,8 +93,7 @@ def test_hair_on_one_side_ends_behind_in_a_slope():
     assert ends(one, 0.3, -0.85)[2] != HAIR
 
 
-def test_hair_lies_on_the_chest(long):
-    bare = bust(-0.2, -0.2)
+def test_hair_lies_on_the_chest(long, bare):
     for height in (-0.9, -1.0):
         before, skin = ends(long, 0.42, height)[0], ends(bare, 0.42, height)[0]
         assert skin - 0.12 < before < skin + 0.17, height
