@@ -147,6 +147,7 @@ def test_a_style_is_added_and_corrected(tmp_path, photo, capsys):
     assert stopped.value.code == 2
 
 
+@pytest.mark.slow  # paintings from the side: tests/job/test_style_check.py
 def test_a_photo_from_the_side_is_told(tmp_path, photo, style, monkeypatch, capsys):
     write_image(tmp_path / "in.png", photo.image)
     call = ["transfer", str(tmp_path / "in.png"), "--style", str(style), "--out",

@@ -190,6 +190,7 @@ def test_a_page_that_does_not_read_costs_nothing():
     run_apart(run())
 
 
+@pytest.mark.slow  # many requests
 def test_hours_of_idling_do_not_grow(server):
     """What each request leaves behind: files, threads, memory."""
     def state():

@@ -151,6 +151,7 @@ def test_the_time_left_is_that_of_the_methods(capsys):
     assert "b, s, slow: not measured: no weights; 3 of 4" in lines
 
 
+@pytest.mark.slow  # only for comparisons
 def test_lpips_joins_the_figures_where_its_weights_are(sitter, style, tmp_path, monkeypatch):
     folder = tmp_path / "models"
     folder.mkdir()
