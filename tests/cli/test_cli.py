@@ -181,6 +181,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+@pytest.mark.slow  # a process of its own
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library's memory")
 def test_memory_that_was_freed_is_used_again():
     """Twenty arrays of 16 MiB, one after the other; what the user's environment says, holds."""

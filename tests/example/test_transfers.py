@@ -78,6 +78,7 @@ def test_necks_and_ears_are_regions_of_a_photo():
     assert skin.max() > 0.5 and ears.mean() < skin.mean()
 
 
+@pytest.mark.slow  # a picture and a video are carried over, too
 def test_folder(tmp_path, photo, style, capsys):
     for name in ("b", "a"):
         write_image(tmp_path / "in" / f"{name}.jpg", photo.image)

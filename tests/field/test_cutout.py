@@ -148,6 +148,7 @@ def test_held_out_photos_tell_nothing_of_the_shape(scene, result):
         assert np.array_equal(result[view], again[view])
 
 
+@pytest.mark.slow  # agreement: below
 def test_the_network_is_taken_at_its_word_where_it_agrees_with_itself(scene, known):
     capture, masks = scene
     good = iter(masks)
@@ -160,6 +161,7 @@ def test_the_network_is_taken_at_its_word_where_it_agrees_with_itself(scene, kno
     assert min(overlap(matte / 255, mask) for matte, mask in zip(cut.alphas, masks)) > 0.87
 
 
+@pytest.mark.slow  # depth is searched twice; once: above
 def test_depth_frees_good_mattes_of_what_lies_elsewhere(scene):
     capture, masks = scene
     given = [mask.astype(np.float32) for mask in masks]

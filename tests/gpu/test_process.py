@@ -22,6 +22,7 @@ def process(adapter):
     one.close()
 
 
+@pytest.mark.slow  # a device; a panel is coded in tests/lightfield/gpu
 def test_arrays_go_in_and_out(process):
     values = np.random.default_rng(0).normal(size=1001).astype(np.float32)
     np.testing.assert_array_equal(process.call(WORK + "double", values), 2 * values)
@@ -32,18 +33,21 @@ def test_arrays_go_in_and_out(process):
     got[0][:] = 5  # a result is the caller's own
 
 
+@pytest.mark.slow  # a device
 def test_a_device_has_the_default_limits_whatever_the_card_could(process):
     limits = process.call(WORK + "limits")
     asked = ("max-storage-buffer-binding-size", "max-buffer-size")
     assert {name: limits[name] for name in asked} == {name: LIMITS[name] for name in asked}
 
 
+@pytest.mark.slow  # a device
 @pytest.mark.parametrize("size", [(1, 1), (3, 5), (257, 130)])
 def test_textures_of_odd_sizes_are_filled(process, size):
     texels = np.random.default_rng(1).integers(0, 256, (*size, 4)).astype(np.uint8)
     np.testing.assert_array_equal(process.call(WORK + "texture_back", texels), texels)
 
 
+@pytest.mark.slow  # a device
 def test_an_error_there_is_an_error_here_and_the_process_lives_on(process):
     starts = process.starts
     with pytest.raises(ValueError, match="no such thing"):
@@ -54,6 +58,7 @@ def test_an_error_there_is_an_error_here_and_the_process_lives_on(process):
     assert process.starts == starts
 
 
+@pytest.mark.slow  # a device
 def test_bands_cover_all_rows_once(process):
     for total in (1, 2, 7, 100):
         size, seen = process.call(WORK + "banded", total)

@@ -36,6 +36,7 @@ def test_its_skin_is_drawn_once_and_read_then(drawn, tmp_path):
     assert shot.alpha.max() > 0.99 and 0.05 < shot.alpha.mean() < 0.7
 
 
+@pytest.mark.slow  # drawn once: above
 def test_a_damaged_file_is_replaced_and_a_missing_folder_is_no_hindrance(drawn, tmp_path):
     preview_head(48.0, tmp_path)
     file, = tmp_path.iterdir()

@@ -93,6 +93,7 @@ def test_what_is_tried_in_full_is_exact(session, violet, made):  # noqa: F811
     assert len(made) == 2
 
 
+@pytest.mark.slow  # paints once more; mixes: tests/stylize/test_mixing.py
 def test_mixtures_and_light_fields(session, violet):  # noqa: F811
     with pytest.raises(UserError, match="nothing is stylised"):
         session.mix(strength=0.5)

@@ -83,7 +83,7 @@ def test_every_example_is_run():
 
 # What the slow ones show has tests of its own: tests/stylize, tests/lightfield/screens,
 # tests/share/test_splats.py, tests/job/batch, tests/face/one_photo.
-SLOW = "03_style", "06_live", "08_splats", "09_batch", "10_losses", "11_head"
+SLOW = "02_photo", "03_style", "06_live", "08_splats", "09_batch", "10_losses", "11_head"
 
 
 @pytest.mark.parametrize("name", [

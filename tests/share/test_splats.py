@@ -360,6 +360,7 @@ def test_names_say_what_is_written(tmp_path, fitted_once):
     assert "faces" in export_field(field, tmp_path / "head.glb", config)
 
 
+@pytest.mark.slow  # fits once more; ways up: above
 def test_splats_in_the_sources_coordinates(tmp_path):
     field = head_field(24)
     field.frame = np.array([[0, 0, 2.0, 1], [2, 0, 0, 2], [0, 2, 0, 3], [0, 0, 0, 1]])

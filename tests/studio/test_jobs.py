@@ -188,7 +188,8 @@ def test_a_paused_job_stands_still_and_goes_on(page):
     assert gone(*numbers)
 
 
-@pytest.mark.parametrize("how", ["die", "kill", "fail", "full"])
+@pytest.mark.parametrize("how", ["fail", *(
+    pytest.param(how, marks=pytest.mark.slow) for how in ("die", "kill", "full"))])
 def test_a_job_that_fails_says_why_and_can_go_on(page, how):
     project, folder = sitter(page, "Anna", *(["wait"] if how == "kill" else [how]))
     job = head(page, project)
@@ -206,6 +207,7 @@ def test_a_job_that_fails_says_why_and_can_go_on(page, how):
     assert found["state"] == "done" and found["error"] is None
 
 
+@pytest.mark.slow  # jobs that go on: above
 def test_a_server_that_is_started_again_goes_on(page, tmp_path):
     folder = tmp_path / "other"
     first = opened(folder)
@@ -273,6 +275,7 @@ def exported(page, project, version, **more):
         "kind": "field", "version": version, "name": "out", **more})
 
 
+@pytest.mark.slow  # an export: below
 def test_an_export_waits_for_its_fine_version(page):
     project, folder, version = version_of(page)
     export = exported(page, project, version, fine=True)

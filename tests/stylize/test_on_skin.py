@@ -120,6 +120,7 @@ def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, la
     assert 0 < away.mean() < 0.02 and np.quantile(away, 0.95) < 0.1
 
 
+@pytest.mark.slow  # so does its painter: tests/example/skin/test_painting.py
 def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled, skin):
     again, _ = stylize_with_figures(head, capture, violet, SMALL, skin=skin)
     assert np.array_equal(again.sh, styled[0].sh)
@@ -134,6 +135,7 @@ def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, viole
     assert np.abs(front(field)[0] - whole)[inside].mean() < 0.06
 
 
+@pytest.mark.slow  # fits: tests/stylize/test_stylize.py
 def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet, skin, monkeypatch):
     monkeypatch.setattr(stylization, "RELAXATION", 1.0)
     config = replace(SMALL, steps=0, fit_iterations=6)
@@ -186,6 +188,7 @@ def test_without_agreement_chunks_alone_paint_the_head(head, capture, violet, sk
     assert np.isfinite(field.sh).all()
 
 
+@pytest.mark.slow  # one that is too old: below
 def test_a_skin_is_kept_beside_its_field(head, capture, tmp_path, monkeypatch):
     path = tmp_path / "field.npz"
     head.save(path)

@@ -119,6 +119,7 @@ def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     assert result is capture and not motion.moved and np.isnan(motion.pixels)
 
 
+@pytest.mark.slow  # followed once more
 def test_what_is_not_rigid_is_not_followed(moved, monkeypatch):
     capture, mattes, _ = moved
     # Cameras that explain the person no better than the room's.
@@ -168,6 +169,7 @@ def test_only_the_head_counts_where_the_face_is_known():
             assert (head[pixels[:, 1], pixels[:, 0]] == inside).all()
 
 
+@pytest.mark.slow  # followed once more
 def test_what_moved_places_the_photos_from_rough_cameras(moved):
     capture, mattes, boxes = moved
     random = np.random.default_rng(5)

@@ -150,6 +150,7 @@ def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch)
     assert len(colors) > 4000 and green.mean() < 0.001
 
 
+@pytest.mark.slow  # paints a head twice
 def test_landmarks_a_little_beside_are_painted_by_with_what_was_found(painter, skin, preview):
     given = painter.given
     same = painter.moved(given.landmarks).paint(skin, step=2)

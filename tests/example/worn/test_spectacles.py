@@ -91,6 +91,7 @@ def test_they_are_found_on_faces_that_are_turned(kind):
     assert found > 0.85 and beside > 0.7
 
 
+@pytest.mark.slow  # forms: above
 def test_a_mirrored_picture_has_the_mirrored_mask():
     image, landmarks = sitter("impression", TURN)
     worn, _ = put_on(image, landmarks, KINDS["round"])
@@ -149,6 +150,7 @@ def test_a_pair_wants_both_rims():
         assert find_spectacles(half, landmarks) is None
 
 
+@pytest.mark.slow  # forms: above
 def test_grain_neither_makes_rims_nor_hides_them():
     image, landmarks = sitter("impression")
     worn, _ = put_on(image, landmarks, KINDS["round"])

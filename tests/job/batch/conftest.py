@@ -5,6 +5,7 @@ import hashlib
 import os
 import pickle
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,9 +82,9 @@ def write_studio(folder: Path) -> None:
     (folder / "jobs.toml").write_text(JOBS)
 
 
-@pytest.fixture(scope="session")
-def made_once(tmp_path_factory):
-    """The studio, and its batch, undisturbed: made by the first test process that asks."""
+@contextmanager
+def for_all(tmp_path_factory):
+    """A folder of all test processes, which one of them has for itself at a time."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
@@ -91,9 +92,24 @@ def made_once(tmp_path_factory):
     folder.mkdir(exist_ok=True)
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def studio(tmp_path_factory):
+    """A folder with two sittings, two paintings, a display and a file of jobs."""
+    with for_all(tmp_path_factory) as folder:
+        if not (folder / "studio" / "jobs.toml").exists():  # it is written last
+            write_studio(folder / "studio")
+    return folder / "studio"
+
+
+@pytest.fixture(scope="session")
+def made_once(studio, tmp_path_factory):
+    """The studio's batch, undisturbed: made by the first test process that asks."""
+    with for_all(tmp_path_factory) as folder:
         kept = folder / "made.pickle"
         if not kept.exists():
-            write_studio(folder / "studio")
             events: list[dict] = []
             # Without processes, which import all again; slow tests make the same by those.
             with single_thread(), pytest.MonkeyPatch.context() as patch:
@@ -103,12 +119,6 @@ def made_once(tmp_path_factory):
             assert not figures["failed"], figures["failed"]
             kept.write_bytes(pickle.dumps((figures, events)))
     return folder, *pickle.loads(kept.read_bytes())
-
-
-@pytest.fixture(scope="session")
-def studio(made_once):
-    """A folder with two sittings, two paintings, a display and a file of jobs."""
-    return made_once[0] / "studio"
 
 
 @pytest.fixture(scope="session")

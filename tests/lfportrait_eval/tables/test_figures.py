@@ -71,6 +71,7 @@ def plain_rmse(pictures, sitter, first, second) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
+@pytest.mark.slow  # only for comparisons
 def test_consistency_is_that_of_a_plain_loop(sitter):
     """Shades that grow with the view, over a ramp across the picture: large against resampling."""
     ramp = np.linspace(0, 120, 64)[None, :, None]

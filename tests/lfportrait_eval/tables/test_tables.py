@@ -118,6 +118,7 @@ def test_where_nothing_is_done_that_is_told(brush, files, tmp_path):
     assert not brush.painted and not list((tmp_path / "out").rglob("*.npz"))
 
 
+@pytest.mark.slow  # only for comparisons
 def test_tables_of_what_is_done_start_nothing(brush, files, tmp_path):
     compare(files, tmp_path / "out", replace(SMALL, methods=("views",)))
     before = list(brush.painted)
@@ -185,6 +186,7 @@ def test_nothing_is_done_twice(finished, files, brush):
     assert again["cells"] == json.loads(json.dumps(figures["cells"]))
 
 
+@pytest.mark.slow  # only for comparisons
 def test_only_what_is_new_is_painted(files, tmp_path, brush):
     compare(files, tmp_path)
     first = len(brush.painted)
@@ -206,6 +208,7 @@ def test_figures_come_with_their_spread(files, tmp_path, brush):
         tmp_path / "tables.md").read_text("utf-8")
 
 
+@pytest.mark.slow  # only for comparisons
 def test_a_methods_parameters_change_that_method_alone(files, tmp_path, brush):
     config = replace(SMALL, methods=("skin", "surface", "views"))
     compare(files, tmp_path, config)
