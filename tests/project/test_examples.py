@@ -81,13 +81,9 @@ def test_every_example_is_run():
     assert list(SMALL) == list(WRITTEN) == NAMES
 
 
-# What the slow ones show has tests of its own: tests/stylize, tests/lightfield/screens,
-# tests/share/test_splats.py, tests/job/batch, tests/face/one_photo.
-SLOW = "02_photo", "03_style", "06_live", "08_splats", "09_batch", "10_losses", "11_head"
-
-
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in NAMES])
+# They take the same paths as the tests of what they show.
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch):
     if name == "11_head" and models.missing(["face-landmarker"]):
         pytest.skip("the network for landmarks is not here")
@@ -110,6 +106,7 @@ def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch)
     assert [file for file in others if not (first / file).is_file()] == []
 
 
+@pytest.mark.slow  # of an example
 def test_eyes_see_different_pictures(first):
     if not (first / "display.png").is_file():
         run("04_display", first)

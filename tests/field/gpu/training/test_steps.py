@@ -67,11 +67,11 @@ def on_gpu(process, kind=GpuSteps):
     return lambda behind, *given: kind(process, *given, tiles=24, behind=behind)
 
 
+@pytest.mark.slow  # shaders; by the CPU: tests/field
 @pytest.mark.parametrize("basis, kind, more", [
-    (9, GpuSteps, {}), *(pytest.param(*case, marks=pytest.mark.slow) for case in (
-        (4, GpuSteps, {}),
-        # Notes that find no room and are begun again, colors in several pages.
-        (9, SmallSteps, {}), (9, SmallSteps, {"lambda_tv_sh": 0.02})))])
+    (9, GpuSteps, {}), (4, GpuSteps, {}),
+    # Notes that find no room and are begun again, colors in several pages.
+    (9, SmallSteps, {}), (9, SmallSteps, {"lambda_tv_sh": 0.02})])
 def test_steps_equal_the_cpus(process, basis, kind, more):
     values = {"lambda_tv": 0.02, "polyak_fraction": 1.0, **more}
     wanted, wanted_errors, wanted_sums, wanted_table, _ = taken_steps(on_cpu, basis, **values)
