@@ -11,13 +11,17 @@ SITE_STAMP := $(VENV)/.site-installed
 # modules again: a second and more.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-vectors lint site clean
+.PHONY: demo test test-all test-vectors lint site clean
 
 demo: $(STAMP)
 	$(BIN)/lfportrait demo --out demo-out
 
 test: $(STAMP)
 	$(BIN)/python -m pytest
+
+# Slow tests, too: pages in a browser, shaders, whole jobs, processes that are killed, examples.
+test-all: $(STAMP)
+	LFPORTRAIT_SLOW=1 $(BIN)/python -m pytest
 
 # Tests that run kernels, and the small demo, as on processors with fewer instructions than this.
 KERNEL_TESTS := tests/simd tests/lightfield $(addprefix tests/field/test_, background.py \

@@ -50,7 +50,7 @@ def pytest_collection_finish() -> None:
     from lfportrait.measure import keep_memory
 
     keep_memory()
-    if "PYTEST_XDIST_WORKER" in os.environ and os.environ.get("LFPORTRAIT_SLOW") != "1":
+    if "PYTEST_XDIST_WORKER" in os.environ and not all_run():
         workers = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
         numba.set_num_threads(max(1, numba.get_num_threads() // workers))
     gc.freeze()
@@ -95,9 +95,14 @@ def seconds_of_files(config: pytest.Config) -> dict[str, float]:
     return guessed | (cache.get(SECONDS, {}) if cache is not None else {})
 
 
+def all_run() -> bool:
+    """Whether slow tests are run, too: ``make test-all``, and continuous integration."""
+    return os.environ.get("LFPORTRAIT_SLOW") == "1"
+
+
 def wholly_slow(path: Path) -> bool:
     """Whether all tests of a file are slow, by its mark, and none of them is to run."""
-    if os.environ.get("LFPORTRAIT_SLOW") == "1":
+    if all_run():
         return False
     return re.search(r"^pytestmark = .*\bpytest\.mark\.slow\b", path.read_text("utf-8"),
                      re.MULTILINE) is not None
@@ -105,8 +110,10 @@ def wholly_slow(path: Path) -> bool:
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
     """Leave files out whose tests are all slow: some take seconds to import, in each process."""
-    slow = collection_path.suffix == ".py" and wholly_slow(collection_path)
-    return True if slow else None
+    if collection_path.suffix != ".py" or not wholly_slow(collection_path):
+        return None
+    LEFT_OUT.files.add(str(collection_path))
+    return True
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -116,14 +123,56 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """
     seconds = seconds_of_files(config)
     items.sort(key=lambda item: -seconds.get(file_of(item.nodeid), 0.0))
-    if os.environ.get("LFPORTRAIT_SLOW") != "1":
+    if not all_run():
         slow = [item for item in items if item.get_closest_marker("slow")]
         items[:] = [item for item in items if not item.get_closest_marker("slow")]
+        LEFT_OUT.tests.update(item.nodeid for item in slow)
         config.hook.pytest_deselected(items=slow)
 
 
-TOGETHER = ("studio/web/", "lfportrait_eval/study/"), ("share/page/",)
-"""Folders whose files one process runs, as they share what starts slowly: a browser, a studio."""
+class LeftOut:
+    """What is left out as slow: tests one by one, and files without any other."""
+
+    def __init__(self) -> None:
+        self.tests: set[str] = set()
+        self.files: set[str] = set()
+
+
+LEFT_OUT = LeftOut()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Let the process that hands out tests know what this one has left out of its own."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["left out"] = sorted(LEFT_OUT.tests), sorted(LEFT_OUT.files)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error) -> None:
+    """Take what a test process has left out; all of them leave out the same."""
+    tests, files = getattr(node, "workeroutput", {}).get("left out", ((), ()))
+    LEFT_OUT.tests.update(tests)
+    LEFT_OUT.files.update(files)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
+    """Say at the end what was left out, and how to run it."""
+    asked = [(config.invocation_params.dir / word.partition("::")[0]).resolve()
+             for word in config.args]
+    files = [path for path in map(Path, LEFT_OUT.files)
+             if any(path.is_relative_to(place) for place in asked)]
+    if LEFT_OUT.tests or files:
+        terminalreporter.write_line(
+            f"Left out as slow: {len(LEFT_OUT.tests)} tests, and {len(files)} whole files (pages "
+            "in a browser, shaders, jobs from end to end, examples).\n"
+            "`make test-all` runs these, too; LFPORTRAIT_SLOW=1 pytest FILE those of one file.")
+
+
+TOGETHER = (("studio/web/", "lfportrait_eval/study/"), ("share/page/",),
+            ("lfportrait_eval/baselines/field/",))
+"""Folders whose files one process runs, as they share what takes long: a browser, a studio, a
+trained field."""
 
 
 def scope_of(nodeid: str) -> str:

@@ -52,6 +52,7 @@ def test_the_page_is_there_while_the_browser_runs(start):
     process.wait(20)
 
 
+@pytest.mark.slow  # processes; other ones: above
 def test_a_browser_that_fetches_the_page_before_it_ends(start, tmp_path):
     start(FETCHES, tmp_path / "mark")
     end = time.monotonic() + 30

@@ -81,6 +81,7 @@ def test_own_captures(tmp_path):
         one_line(Capture.load, tmp_path / "capture")
 
 
+@pytest.mark.slow  # other formats: here
 @pytest.mark.parametrize("text", [False, True])
 def test_colmap_models(tmp_path, text):
     model = tmp_path / "sparse"
@@ -93,6 +94,7 @@ def test_colmap_models(tmp_path, text):
     each_damaged(tmp_path, sorted(model.iterdir()), 125, np.random.default_rng(2))
 
 
+@pytest.mark.slow  # other formats: here
 @pytest.mark.parametrize("write", [metashape, bundler, visualsfm, meshroom, openmvg,
                                    reality_capture])
 def test_cameras_of_programs(tmp_path, write):

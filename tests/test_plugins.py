@@ -225,6 +225,7 @@ assert main(["transfer", "--help-all"]) == 0
 '''
 
 
+@pytest.mark.slow  # nor does it import it: tests/project
 def test_the_product_does_without_the_laboratory():
     done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -109,6 +109,7 @@ def test_cameras_of_a_rendered_room_are_recovered(room: tuple[Path, Camera]) -> 
     assert np.abs(middle - [180, 135]).max() < 15
 
 
+@pytest.mark.slow  # by points: calibration/test_head_motion.py
 def test_a_camera_that_stands_still_before_what_turns(tmp_path: Path,
                                                        capsys: pytest.CaptureFixture[str]) -> None:
     cameras = room_cameras(6, 400, 400)
@@ -125,6 +126,7 @@ def test_a_camera_that_stands_still_before_what_turns(tmp_path: Path,
     assert np.median(position) < 0.02
 
 
+@pytest.mark.slow  # calibrates once more
 def test_the_same_photos_give_the_same_cameras(room: tuple[Path, Camera],
                                                tmp_path: Path) -> None:
     for view in range(5):
@@ -136,6 +138,7 @@ def test_the_same_photos_give_the_same_cameras(room: tuple[Path, Camera],
     assert first.figures == second.figures
 
 
+@pytest.mark.slow  # calibrates once more
 def test_a_stranger_among_the_photos_is_left_out(room: tuple[Path, Camera],
                                                  tmp_path: Path) -> None:
     shutil.copytree(room[0], tmp_path / "photos")
@@ -215,6 +218,7 @@ def test_of_equal_stems_one_is_taken(tmp_path: Path) -> None:
     assert names == ["a.jpg"]
 
 
+@pytest.mark.slow  # a rendered room is calibrated above
 def test_photos_of_a_phone_held_both_ways_share_their_lens(room: tuple[Path, Camera],
                                                            tmp_path: Path) -> None:
     """HEIC and JPEG, upright by their note (EXIF) or by a program that forgot it."""

@@ -256,6 +256,7 @@ def write_llff(folder: Path, cameras: Camera, width: int, height: int) -> None:
     np.save(folder / "poses_bounds.npy", np.array(rows))
 
 
+@pytest.mark.slow  # a large picture
 def test_llff_prefers_a_copy_that_is_not_too_large(tmp_path: Path) -> None:
     cameras = rig(3, 16)
     write_llff(tmp_path, cameras, 2560, 1920)
@@ -387,6 +388,7 @@ def test_colmap_texts_that_do_not_add_up_are_refused(tmp_path: Path, points: lis
         read_model(text_model(tmp_path, points, head))
 
 
+@pytest.mark.slow  # a process of its own
 def test_texts_are_utf8_whatever_the_locale(tmp_path: Path) -> None:
     text_model(tmp_path, [None] * 4)
     code = ("import sys, pathlib; from lfportrait.capture.formats.colmap import read_model; "

@@ -94,6 +94,7 @@ def test_moved_photos_among_real_ones_are_found_and_no_others(shared_data: Path,
     assert blurred(photos, CalibrateConfig().blur_threshold) == chosen
 
 
+@pytest.mark.slow  # calibrates; which are blurred: above
 def test_blurred_photos_are_left_out_in_one_line(tmp_path: Path) -> None:
     cameras = room_cameras(8)
     for view in range(8):
@@ -134,6 +135,7 @@ def film(shifts: np.ndarray, wide: np.ndarray, sharp: set[int] | None = None) ->
 WIDE = np.uint8(texture(7, 960)[:144] * 255)
 
 
+@pytest.mark.slow  # a video; sharpness: above
 def test_video_frames_are_evenly_spaced_in_parallax_and_sharp(tmp_path: Path) -> None:
     # The camera stands still for half of the time, then walks, then runs.
     pace = np.concatenate([np.zeros(60), np.full(30, 4.0), np.full(30, 12.0)])

@@ -107,6 +107,7 @@ def test_two_photos(tmp_path, style, capsys):
     assert not left_in(tmp_path / "out")
 
 
+@pytest.mark.slow  # the same error: tests/capture/test_calibrate.py
 def test_photos_that_do_not_overlap(tmp_path, style, capsys, networks_at_hand):
     generator = np.random.default_rng(0)
     for number in range(4):
@@ -180,6 +181,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+@pytest.mark.slow  # a process of its own
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library's memory")
 def test_memory_that_was_freed_is_used_again():
     """Twenty arrays of 16 MiB, one after the other; what the user's environment says, holds."""

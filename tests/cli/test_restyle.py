@@ -90,6 +90,7 @@ def test_a_field_that_was_never_stylised_is_told(tmp_path, capsys):
     assert not (tmp_path / "out.npz").exists()
 
 
+@pytest.mark.slow  # a process of its own
 def test_torch_is_not_waited_for(styled, tmp_path):
     script = ("import sys\nfrom lfportrait.cli import main\ncode = main(sys.argv[1:])\n"
               "print(*[name for name in ('torch', 'mediapipe') if name in sys.modules])\n"

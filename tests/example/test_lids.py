@@ -126,6 +126,7 @@ def test_detected_lids_of_shut_eyes_meet_at_the_lashes(painting):
     assert eye_openings(moved)[0] < 0.1
 
 
+@pytest.mark.slow  # paints a photo
 def test_photos_with_closed_eyes_are_painted_so(painting):
     sitter = drawn_face(400, 300, seed=3)
     points = with_openings(sitter.landmarks, 0.1, 0.1)

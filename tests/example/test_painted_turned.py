@@ -39,6 +39,7 @@ def frontal(head):
     return styled, patches, views_fidelity(styled, patches, (0.0,), SIZE)
 
 
+@pytest.mark.slow  # paints a head twice; turned: test_turned.py
 def test_the_visible_side_is_painted_as_from_the_front(head, frontal):
     turn = 40.0
     straight, patches, fidelity = frontal

@@ -145,6 +145,7 @@ def test_a_pattern_survives_in_the_exemplars_paint(photo, results):
     assert agreement(results["best"].image) > max(0.5, agreement(results["fast"].image) + 0.2)
 
 
+@pytest.mark.slow  # paints a photo twice; in a video: test_video.py
 def test_the_seed_decides(style, photo, regions, results):
     config = TransferConfig(quality="best")
     again = Transfer(style, config).apply(photo.image, photo.landmarks, regions=regions)

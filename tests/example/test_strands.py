@@ -69,6 +69,7 @@ def test_what_is_under_a_strand_is_painted_nowhere():
     assert (shares[..., SKIN] == 1 - strand).all() and (shares[..., FEATURES] == strand).all()
 
 
+@pytest.mark.slow  # nor is a lock: test_photo_face.py
 def test_a_strand_is_not_copied_onto_a_bare_cheek():
     sitter = drawn_face(HEIGHT, WIDTH, seed=5)
     regions = find_regions(sitter.image, sitter.landmarks, sitter.mask, networks=False)

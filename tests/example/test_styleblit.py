@@ -65,6 +65,7 @@ def test_equals_the_plain_form(scale, width):
     assert len(np.unique(level)) >= 3
 
 
+@pytest.mark.slow  # equal to the plain form: above
 @pytest.mark.parametrize("width", [5, 16, 21])
 def test_tiles_do_not_show(width):
     """A torn anchor plane, whose tiles have too many seeds to share, gives the same chunks."""
@@ -198,6 +199,7 @@ def test_transfer_region_and_strength():
     assert np.allclose(nothing.image, photo.image / 255, atol=1e-6)
 
 
+@pytest.mark.slow  # whole pictures: beside this
 def test_transfer_scales_strokes_with_the_face():
     style, photo = drawn_face(384, 288), drawn_face(128, 96, seed=1)
     result = transfer(photo.image, style, landmarks=photo.landmarks)

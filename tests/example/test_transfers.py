@@ -78,6 +78,7 @@ def test_necks_and_ears_are_regions_of_a_photo():
     assert skin.max() > 0.5 and ears.mean() < skin.mean()
 
 
+@pytest.mark.slow  # a picture and a video are carried over, too
 def test_folder(tmp_path, photo, style, capsys):
     for name in ("b", "a"):
         write_image(tmp_path / "in" / f"{name}.jpg", photo.image)
@@ -147,6 +148,7 @@ def test_a_style_is_added_and_corrected(tmp_path, photo, capsys):
     assert stopped.value.code == 2
 
 
+@pytest.mark.slow  # paintings from the side: tests/job/test_style_check.py
 def test_a_photo_from_the_side_is_told(tmp_path, photo, style, monkeypatch, capsys):
     write_image(tmp_path / "in.png", photo.image)
     call = ["transfer", str(tmp_path / "in.png"), "--style", str(style), "--out",

@@ -272,6 +272,7 @@ def test_frontal_faces_stay_as_they_are_and_profiles_are_told():
         frontalised(profile)
 
 
+@pytest.mark.slow  # rays: tests/field
 @pytest.mark.parametrize("yaw", [20.0, -40.0, 58.0])
 def test_what_a_painter_saw_is_what_rays_reach(yaw):
     pose = posed(yaw, pitch=6.0)

@@ -50,12 +50,14 @@ def test_pose_and_shape_are_recovered():
     assert away.mean() < 0.003
 
 
+@pytest.mark.slow  # fits a head once more
 def test_an_unknown_focal_length_takes_a_usual_distance():
     landmarks, _ = _seen(0.0)
     fit = fit_head(generic_prior(), [Picture((SIZE, SIZE), landmarks)])
     assert 0.5 < fit.views[0].shift[2] < 1.3
 
 
+@pytest.mark.slow  # fits a head once more
 def test_an_outline_that_draws_a_face_from_its_landmarks_is_not_its_own(monkeypatch):
     prior = generic_prior()
     landmarks, vertices = _seen(0.0)
@@ -115,6 +117,7 @@ def test_what_can_not_fit_is_refused():
         fit_head(prior, [Picture((SIZE, SIZE), profile, FOCAL)], ["profile.jpg"])
 
 
+@pytest.mark.slow  # fits a head once more
 def test_a_photo_of_another_face_is_found_among_several():
     prior = generic_prior()
     pictures = [Picture((SIZE, SIZE), _seen(yaw)[0], FOCAL) for yaw in (0.0, 15.0)]
@@ -220,6 +223,7 @@ def test_clothes_draw_no_outline():
     assert np.allclose(slope, [[-1, 0], [-1, 0]])
 
 
+@pytest.mark.slow  # fits a head once more
 def test_ground_that_a_matte_takes_for_the_person_bends_no_head():
     prior = generic_prior()
     landmarks, vertices = _seen(0.0)

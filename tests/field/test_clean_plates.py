@@ -99,6 +99,7 @@ def test_a_plate_shows_the_wall_behind_the_person(scene):
     assert np.median(np.abs(capture.images[5] / 255 - wall).mean(axis=-1)[hidden]) > 0.1
 
 
+@pytest.mark.slow  # makes plates once more
 @pytest.mark.parametrize("plain", [False, True])
 def test_mattes_wrong_in_all_photos_are_corrected(plain):
     # Each photo is exposed by itself.
@@ -111,6 +112,7 @@ def test_mattes_wrong_in_all_photos_are_corrected(plain):
     assert wrong(result, masks) < (0.5 if plain else 0.25) * wrong(given, masks)
 
 
+@pytest.mark.slow  # makes plates once more
 def test_linen_of_the_walls_color_stays():
     capture, masks = filmed(plain=True)
     mattes = [mask.astype(np.float32) for mask in masks]
@@ -127,6 +129,7 @@ def test_linen_of_the_walls_color_stays():
         result, [cv2.erode(mask.astype(np.uint8), np.ones((9, 9))) > 0 for mask in masks])) > 0.5
 
 
+@pytest.mark.slow  # makes all plates once more
 def test_a_photo_tells_nothing_of_its_own_plate(scene):
     capture, masks = scene
     given = said(masks)
@@ -139,6 +142,7 @@ def test_a_photo_tells_nothing_of_its_own_plate(scene):
         assert np.array_equal(before.plate(view)[2].color, after.plate(view)[2].color)
 
 
+@pytest.mark.slow  # makes plates once more
 def test_there_are_no_plates_where_nothing_tells_the_room_apart(scene):
     capture, masks = scene
     mattes = [mask.astype(np.float32) for mask in masks]

@@ -108,6 +108,7 @@ def test_all_photos_show_the_object_whatever_the_network_says(scene, result):
                for matte in result)
 
 
+@pytest.mark.slow  # the shape is found once more
 def test_a_photo_without_the_object_is_named(scene):
     capture, masks = scene
     # One camera is turned away.
@@ -134,6 +135,7 @@ def test_edges_are_followed_unless_they_contradict_the_outline(seen, follows):
     assert overlap(matte, radius < edge) > 0.97
 
 
+@pytest.mark.slow  # the shape is found once more
 def test_held_out_photos_tell_nothing_of_the_shape(scene, result):
     capture, masks = scene
     images = [image if not out else image[::-1].copy()
@@ -146,6 +148,7 @@ def test_held_out_photos_tell_nothing_of_the_shape(scene, result):
         assert np.array_equal(result[view], again[view])
 
 
+@pytest.mark.slow  # agreement: below
 def test_the_network_is_taken_at_its_word_where_it_agrees_with_itself(scene, known):
     capture, masks = scene
     good = iter(masks)
@@ -158,6 +161,7 @@ def test_the_network_is_taken_at_its_word_where_it_agrees_with_itself(scene, kno
     assert min(overlap(matte / 255, mask) for matte, mask in zip(cut.alphas, masks)) > 0.87
 
 
+@pytest.mark.slow  # depth is searched twice; once: above
 def test_depth_frees_good_mattes_of_what_lies_elsewhere(scene):
     capture, masks = scene
     given = [mask.astype(np.float32) for mask in masks]
@@ -182,6 +186,7 @@ def test_photos_without_texture_have_no_shape(scene):
     assert cut_out(capture, wrong_mattes(masks)) is None
 
 
+@pytest.mark.slow  # no shape: above
 def test_what_most_mattes_call_no_person_is_not_cut_out(scene, monkeypatch):
     capture, masks = scene
     random = np.random.default_rng(0)
@@ -201,6 +206,7 @@ def test_what_most_mattes_call_no_person_is_not_cut_out(scene, monkeypatch):
     assert cut.alphas is None and how.startswith("none")
 
 
+@pytest.mark.slow  # what is cut out: above
 def test_reconstruct_cuts_the_object_out_unless_told_otherwise(scene, known, tmp_path,
                                                                monkeypatch):
     capture, masks = scene

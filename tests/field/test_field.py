@@ -390,6 +390,7 @@ def test_a_cropped_lattice_has_its_points_where_they_were():
     assert 4 * there.sum() < fine.count < 14 * there.sum()
 
 
+@pytest.mark.slow  # trains once more
 def test_the_room_can_be_kept(tmp_path):
     ball_capture(count=6, size=24).save(tmp_path / "capture")
     figures = Reconstruct(tmp_path / "capture", tmp_path / "field.npz", keep_background=True,
@@ -417,6 +418,7 @@ def test_a_ball_is_reconstructed(degree):
     assert alpha[truth == 1].min() > 0.85
 
 
+@pytest.mark.slow  # trains once more
 def test_densities_below_zero_put_the_outline_between_lattice_points():
     capture = ball_capture()
     config = replace(TINY, resolutions=(16, 24))
@@ -438,6 +440,7 @@ def test_small_voxels_keep_their_densities_above_zero():
     assert ReconstructConfig().resolved(room=True, distance=4.0).density_floor == 0.3
 
 
+@pytest.mark.slow  # trains once more
 def test_a_ball_without_mattes_is_reconstructed_on_white(monkeypatch):
     monkeypatch.setitem(_ROOM, "lr_sigma", 3.0)
     capture = ball_capture(alpha=False)
@@ -552,6 +555,7 @@ def test_curves_that_can_not_be_written_are_told(tmp_path):
         CurveFile(tmp_path / "file" / "curves.csv")
 
 
+@pytest.mark.slow  # trains once more
 def test_a_field_that_is_wrong_from_part_to_part_tells_no_exposures():
     capture = ball_capture(40)
     field = reconstruct(capture, TINY)
@@ -573,6 +577,7 @@ def test_a_field_that_is_wrong_from_part_to_part_tells_no_exposures():
     assert gains is not None and np.log(gains).mean(axis=1).std() > 0.02
 
 
+@pytest.mark.slow  # trains once more; exposures: test_head_surface.py
 def test_exposures_of_photos_with_mattes_are_found():
     capture = ball_capture(count=28)
     _, plain = reconstruct_with_figures(capture, TINY)
@@ -603,6 +608,7 @@ def test_the_finest_level_follows_the_pixels():
         replace(config, resolution=3).resolved(False, 4.0, 0.0041)
 
 
+@pytest.mark.slow  # a budget ends a training above
 def test_a_time_budget_is_used_up_and_a_coarse_level_has_its_share():
     config = ReconstructConfig(resolutions=(24, 40), batch=(4096,))
     reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01)))  # compiles the kernels

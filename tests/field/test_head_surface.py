@@ -166,6 +166,7 @@ def whole(arc, surface):
                                                                seed=1))
 
 
+@pytest.mark.slow  # trains a head; what photos see: test_closing.py
 def test_photos_cover_the_face_and_not_the_back(arc, whole):
     field, _ = whole
     coverage = Coverage(field, arc)
@@ -186,6 +187,7 @@ def closed_alone(arc, surface, whole):
     return close_sides(whole[0], surface, arc)[0]
 
 
+@pytest.mark.slow  # closed once more
 def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole, closed_alone):
     field, _ = whole
     given = []
@@ -216,6 +218,7 @@ def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole,
     assert np.array_equal(plain.sh, closed_alone.sh)
 
 
+@pytest.mark.slow  # trains a head; knots: test_knots.py
 def test_a_knot_is_closed_as_it_was_found(arc, surface, whole, closed_alone):
     field, _ = whole
     chart = surface.chart
@@ -268,6 +271,7 @@ def test_a_surface_that_no_photo_faces_tells_no_exposures(arc, surface):
     assert surface_gains(aside, arc, arc.training(), arc.testing()) is None
 
 
+@pytest.mark.slow  # trains a head
 def test_a_face_holds_beyond_the_arc(whole):
     field, figures = whole
     assert figures["geometry"]["span_degrees"] == pytest.approx(32, abs=1)

@@ -119,6 +119,7 @@ def test_what_corrections_have_in_common_is_taken_out():
     np.testing.assert_allclose(back.pose, cameras.pose, atol=1e-9)
 
 
+@pytest.mark.slow  # cameras are found in a known field above, refined in a training below
 def test_refinement_recovers_shaken_cameras():
     field, capture = rendered_capture()
     off = replace(capture, cameras=shaken(capture.cameras))
@@ -143,6 +144,7 @@ def test_refinement_recovers_shaken_cameras():
     assert 0.002 < figures["cameras"]["median_share_of_distance"] < 0.01
 
 
+@pytest.mark.slow  # trains twice; cameras are found above
 def test_a_resumed_run_with_refinement_gives_the_same_bytes(tmp_path, monkeypatch):
     _, capture = rendered_capture(count=16, size=40)
     capture = replace(capture, cameras=shaken(capture.cameras))

@@ -22,6 +22,7 @@ def process(adapter):
     one.close()
 
 
+@pytest.mark.slow  # a device; a panel is coded in tests/lightfield/gpu
 def test_arrays_go_in_and_out(process):
     values = np.random.default_rng(0).normal(size=1001).astype(np.float32)
     np.testing.assert_array_equal(process.call(WORK + "double", values), 2 * values)
@@ -32,18 +33,21 @@ def test_arrays_go_in_and_out(process):
     got[0][:] = 5  # a result is the caller's own
 
 
+@pytest.mark.slow  # a device
 def test_a_device_has_the_default_limits_whatever_the_card_could(process):
     limits = process.call(WORK + "limits")
     asked = ("max-storage-buffer-binding-size", "max-buffer-size")
     assert {name: limits[name] for name in asked} == {name: LIMITS[name] for name in asked}
 
 
+@pytest.mark.slow  # a device
 @pytest.mark.parametrize("size", [(1, 1), (3, 5), (257, 130)])
 def test_textures_of_odd_sizes_are_filled(process, size):
     texels = np.random.default_rng(1).integers(0, 256, (*size, 4)).astype(np.uint8)
     np.testing.assert_array_equal(process.call(WORK + "texture_back", texels), texels)
 
 
+@pytest.mark.slow  # a device
 def test_an_error_there_is_an_error_here_and_the_process_lives_on(process):
     starts = process.starts
     with pytest.raises(ValueError, match="no such thing"):
@@ -54,6 +58,7 @@ def test_an_error_there_is_an_error_here_and_the_process_lives_on(process):
     assert process.starts == starts
 
 
+@pytest.mark.slow  # a device
 def test_bands_cover_all_rows_once(process):
     for total in (1, 2, 7, 100):
         size, seen = process.call(WORK + "banded", total)
@@ -61,6 +66,7 @@ def test_bands_cover_all_rows_once(process):
         assert [row for since, until in seen for row in range(since, until)] == list(range(total))
 
 
+@pytest.mark.slow  # one that is lost: below
 def test_what_is_kept_is_forgotten_with_the_process(adapter):
     own = GpuProcess(adapter)
     own.note("fields", own.call(WORK + "keep", "a", 1))
@@ -69,6 +75,7 @@ def test_what_is_kept_is_forgotten_with_the_process(adapter):
     assert not own.holds("fields", "a")
 
 
+@pytest.mark.slow  # one that is gone: below
 def test_a_lost_device_is_replaced_once_and_then_given_up(adapter):
     own = GpuProcess(adapter)
     with pytest.raises(GpuLostError, match="was lost"):
@@ -81,6 +88,7 @@ def test_a_lost_device_is_replaced_once_and_then_given_up(adapter):
     own.close()
 
 
+@pytest.mark.slow  # one that is lost: above
 def test_a_driver_that_hangs_is_ended(adapter):
     own = GpuProcess(adapter)
     own.call(WORK + "echo")  # its start may take long
@@ -92,6 +100,7 @@ def test_a_driver_that_hangs_is_ended(adapter):
     own.close()
 
 
+@pytest.mark.slow  # one that is lost: above
 def test_work_that_can_not_be_done_leaves_a_line_and_the_caller_goes_on(adapter, monkeypatch):
     own = GpuProcess(adapter)
     monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: own)
@@ -111,6 +120,7 @@ def test_an_adapter_that_is_gone_is_a_lost_one():
     own.close()
 
 
+@pytest.mark.slow  # other processes do: tests/runner/test_processes.py
 def test_the_child_ends_with_its_parent(adapter):
     code = ("import os, sys; from lfportrait.gpu import GpuProcess, adapters;"
             "found = [one for one in adapters() if one.title == sys.argv[1]];"

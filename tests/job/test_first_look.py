@@ -121,6 +121,7 @@ def digests(out: Path) -> dict[str, str]:
     return {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in FILES}
 
 
+@pytest.mark.slow  # whole jobs; one is in test_pipeline.py, which has a look
 def test_the_page_is_there_before_the_painting_and_leaves_no_trace(looked, plain):
     out, run, looks, early = looked
     assert LOOK in early[0] and b"data-stream" in early[0]
@@ -132,6 +133,7 @@ def test_the_page_is_there_before_the_painting_and_leaves_no_trace(looked, plain
     assert len(looks) == 1 and max(looks[0].links.shape) < 48, "of the coarse level"
 
 
+@pytest.mark.slow  # whole jobs
 def test_quick_ends_there_and_the_same_without_it_goes_on(job, plain, looks, tmp_path):
     out = tmp_path / "out"
     run = job(out, quick=True)
@@ -152,6 +154,7 @@ def test_quick_ends_there_and_the_same_without_it_goes_on(job, plain, looks, tmp
     assert digests(out) == digests(plain) and len(looks) == 1
 
 
+@pytest.mark.slow  # whole jobs
 def test_a_page_that_is_missing_is_made_again(job, quick, looks, tmp_path):
     out = Path(shutil.copytree(quick[0], tmp_path / "out"))
     (out / "portrait.html").unlink()
@@ -159,6 +162,7 @@ def test_a_page_that_is_missing_is_made_again(job, quick, looks, tmp_path):
     assert LOOK in (out / "portrait.html").read_bytes() and len(looks) == 1
 
 
+@pytest.mark.slow  # whole jobs
 def test_the_look_at_another_painting_is_not_taken_for_the_finished_page(job, plain, looked,
                                                                          looks, tmp_path):
     out = Path(shutil.copytree(looked[0], tmp_path / "out"))
@@ -171,6 +175,7 @@ def test_the_look_at_another_painting_is_not_taken_for_the_finished_page(job, pl
     assert digests(out) == digests(plain)
 
 
+@pytest.mark.slow  # whole jobs
 @pytest.mark.skipif(models.missing(["face-landmarker"]) != [],
                     reason="the network for landmarks is not here")
 def test_one_photo_is_looked_at_before_its_field_is_made(painting, looks, tmp_path, monkeypatch,
@@ -192,8 +197,9 @@ def test_one_photo_is_looked_at_before_its_field_is_made(painting, looks, tmp_pa
     assert LOOK not in page.read_bytes() and len(looks) == 1
 
 
+@pytest.mark.slow  # whole jobs
 @pytest.mark.parametrize("error", [
-    UserError("the field shows no surface"), pytest.param(IndexError("7"), marks=pytest.mark.slow)])
+    UserError("the field shows no surface"), IndexError("7")])
 def test_a_look_that_fails_is_one_line(job, plain, tmp_path, monkeypatch, capsys, error):
     def fail(*_):
         raise error
@@ -260,6 +266,7 @@ def test_it_waits_for_kernels_only_if_it_is_all_that_is_wanted(capture, painting
         assert offered(look, **how) and look.figures
 
 
+@pytest.mark.slow  # whole jobs
 def test_a_rough_field_is_painted_with_its_ground(quick, capture, painting):
     styled = painted_roughly(quick[2][0], capture, painting, CONFIG.stylize)
     assert isinstance(styled, StyledField) and styled.styles == ("fauve",)

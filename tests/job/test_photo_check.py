@@ -102,6 +102,7 @@ def test_a_gap_a_missing_side_and_few_photos(tmp_path, faces):
     assert "6 usable photos are too few" in text
 
 
+@pytest.mark.slow  # photos that are well, and gaps: above
 def test_blur_and_light_that_changes(tmp_path, faces):
     def change(index, picture):
         if index == 4:

@@ -12,6 +12,7 @@ from tests.capture.calibration.test_head_motion import COUNT, photos
 from tests.capture.test_calibrate import pose_errors
 
 
+@pytest.mark.slow  # follows: tests/capture/calibration/test_head_motion.py
 def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     found, mattes, boxes = photos(3.0)
     mattes[5] = np.zeros_like(mattes[5])

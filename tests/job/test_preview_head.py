@@ -7,12 +7,23 @@ from lfportrait.example import Skin
 from lfportrait.job.session import preview_head
 
 
+@pytest.fixture(scope="module")
+def known():
+    """The head's skin, which is always the same: it is drawn in earnest once."""
+    return []
+
+
 @pytest.fixture
-def drawn(monkeypatch):
+def drawn(monkeypatch, known):
     """How often a skin is drawn."""
     calls, draw = [], Skin.of
-    monkeypatch.setattr(Skin, "of", lambda *words, **options: (
-        calls.append(words), draw(*words, **options))[1])
+
+    def of(*words, **options):
+        calls.append(words)
+        known[:] = known or [draw(*words, **options)]
+        return known[0]
+
+    monkeypatch.setattr(Skin, "of", of)
     return calls
 
 
@@ -25,6 +36,7 @@ def test_its_skin_is_drawn_once_and_read_then(drawn, tmp_path):
     assert shot.alpha.max() > 0.99 and 0.05 < shot.alpha.mean() < 0.7
 
 
+@pytest.mark.slow  # drawn once: above
 def test_a_damaged_file_is_replaced_and_a_missing_folder_is_no_hindrance(drawn, tmp_path):
     preview_head(48.0, tmp_path)
     file, = tmp_path.iterdir()

@@ -39,6 +39,7 @@ def made(monkeypatch):
     return every
 
 
+@pytest.mark.slow  # whole stylisations; what a session keeps: below
 def test_what_it_gives_is_what_a_stylisation_gives(head, capture, violet):  # noqa: F811
     session = Session(head, capture, SMALL)
     styled = session.stylize(violet)
@@ -61,6 +62,7 @@ def test_painters_and_surface_are_made_once(head, capture, violet, made):  # noq
     assert len(made) == 2
 
 
+@pytest.mark.slow  # painters that are kept: above
 def test_what_is_tried_is_painted_by_landmarks_close_by(session, violet, made):  # noqa: F811
     def tried(point, way):
         landmarks = violet.landmarks + (np.arange(68) == point)[:, None] * np.multiply(
@@ -82,6 +84,7 @@ def test_what_is_tried_is_painted_by_landmarks_close_by(session, violet, made): 
     assert len(made) == 3, "and serves, too"
 
 
+@pytest.mark.slow  # whole stylisations; previews: above
 def test_what_is_tried_in_full_is_exact(session, violet, made):  # noqa: F811
     unrefined = replace(SMALL, steps=0)
     session.stylize(violet, unrefined)
@@ -90,6 +93,7 @@ def test_what_is_tried_in_full_is_exact(session, violet, made):  # noqa: F811
     assert len(made) == 2
 
 
+@pytest.mark.slow  # paints once more; mixes: tests/stylize/test_mixing.py
 def test_mixtures_and_light_fields(session, violet):  # noqa: F811
     with pytest.raises(UserError, match="nothing is stylised"):
         session.mix(strength=0.5)

@@ -101,6 +101,7 @@ def test_a_profile_is_told(drawing):
     assert style_picture(check).shape[1] == 1680
 
 
+@pytest.mark.slow  # painted in tests/stylize, too
 def test_the_preview_shows_the_embedded_head_in_the_paintings_colors(picture, exemplar,
                                                                      monkeypatch):
     # A fourth of its skin's pixels are enough to tell the colors.
@@ -129,6 +130,7 @@ def test_faces_are_numbered_by_size_and_found_by_a_place(two_faces):
     assert detect(image, (355.0, 310.0)) == []
 
 
+@pytest.mark.slow  # faces are found and numbered above
 def test_another_face_is_added_and_checked_by_its_number(two_faces, capsys):
     path, faces, _ = two_faces
     said = add_style(path, face=2)

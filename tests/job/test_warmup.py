@@ -27,6 +27,7 @@ def run(script, *arguments):
                           stdout=subprocess.PIPE).stdout.split()
 
 
+@pytest.mark.slow  # nor does the job of test_pipeline.py, in a process of its own
 def test_the_second_run_compiles_nothing():
     with Warmup(("encode",)) as ahead:  # another process has compiled it
         ahead.wait(("encode",))
@@ -61,6 +62,7 @@ def test_what_is_not_waited_for_ends_with_the_job(monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow  # a process of its own
 def test_a_stage_that_fails_is_left_to_the_job(monkeypatch, tmp_path):
     monkeypatch.setattr(warmup, "_mark", lambda name: tmp_path / name)
     monkeypatch.setitem(FUNCTIONS, "no such stage", 3)

@@ -1,9 +1,13 @@
 """Figures of coding on a GPU."""
 
+import pytest
+
 from lfportrait.gpu import gpu_process
 from lfportrait.lightfield import Display, EncodeConfig
 from lfportrait_eval.bench.encode import device_figures
 from tests.fields import shell_field
+
+pytestmark = pytest.mark.slow  # shaders; tests/lightfield/gpu codes a panel by them
 
 
 def test_the_devices_own_time_and_the_floor(adapter):

@@ -165,6 +165,7 @@ def test_a_panels_own_quilt_comes_before_our_table(form):
         assert display_of(entries).quilt == (7, 7)
 
 
+@pytest.mark.slow  # chosen ones: here, too
 @settings(max_examples=40, deadline=None)
 @given(st.sampled_from(sorted(PANELS)), st.data())
 def test_whatever_a_calibration_says_it_is_a_panel_or_one_line(panel, data):

@@ -111,6 +111,7 @@ def test_every_sub_pixel_looks_at_its_own_place(panel, method):
     assert abs(aside) < 0.1 * 2 * panel.aspect / (3 * panel.width)
 
 
+@pytest.mark.slow  # every sub-pixel's place: here, too
 def test_nine_eyes_see_the_ground_with_its_own_parallax():
     """How far the plane is aside, on the panel, from where each eye should see it."""
     field = checkered(nothing())
@@ -304,6 +305,7 @@ def test_a_file_keeps_the_ground(tmp_path):
         VoxelField.load(tmp_path / "damaged.npz")
 
 
+@pytest.mark.slow  # times it; its picture: below
 def test_a_ground_costs_little():
     """Processor time, both in one run, the fastest of a few: a tenth more is the limit."""
     field = checkered(head_field(96))

@@ -238,6 +238,7 @@ def test_what_lies_on_the_panel_does_not_move():
     assert abs(places[0][0] - places[1][0]) < 4
 
 
+@pytest.mark.slow  # which view: `test_views_follow...`, above
 def test_the_simulated_eye_sees_the_right_view():
     display = Display(1440, 600, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4)
     field = shell_field(basis=1, size=48, density=60.0)

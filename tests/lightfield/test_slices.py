@@ -111,6 +111,7 @@ def test_reading_otherwise_codes_the_same(way, monkeypatch):
         assert np.abs(coded(field, panel).astype(int) - image).max() <= 1
 
 
+@pytest.mark.slow  # twins of all ways: above
 def test_wide_packets_go_in_parts():
     """A wide cone on a small panel: neighbours by view are far apart in the lattice."""
     field = smooth_field(1, 160)

@@ -81,9 +81,9 @@ def test_every_example_is_run():
     assert list(SMALL) == list(WRITTEN) == NAMES
 
 
-# The batch has the stages of the first example, and is tested in tests/job/batch.
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=pytest.mark.slow if name == "09_batch" else ()) for name in NAMES])
+# They take the same paths as the tests of what they show.
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch):
     if name == "11_head" and models.missing(["face-landmarker"]):
         pytest.skip("the network for landmarks is not here")
@@ -106,6 +106,7 @@ def test_an_example_draws_what_its_page_shows(name, first, request, monkeypatch)
     assert [file for file in others if not (first / file).is_file()] == []
 
 
+@pytest.mark.slow  # of an example
 def test_eyes_see_different_pictures(first):
     if not (first / "display.png").is_file():
         run("04_display", first)

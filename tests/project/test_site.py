@@ -143,6 +143,7 @@ def test_depth_is_light_where_it_is_near():
     assert ball_rim[:3].mean() < picture[32, 32, 0]
 
 
+@pytest.mark.slow  # in a browser; `make site` checks its links
 def test_a_page_on_the_disk_searches_in_a_frame(browser, tmp_path):
     """As Material does: it makes a `Worker` of an address and exchanges messages with it."""
     script = (ROOT / "docs" / "javascripts" / "iframe-worker.js").read_text("utf-8")

@@ -115,6 +115,7 @@ def test_splats_lie_on_the_surface_and_face_outwards():
     assert (splats.scales[:, 2] < 0.5 * splats.scales[:, 0]).all()
 
 
+@pytest.mark.slow  # slopes and colors that are fitted: below
 def test_a_fit_comes_closer_to_views_it_has_not_seen():
     field = head_field(48)
     before = place_splats(field, 12_000)
@@ -359,6 +360,7 @@ def test_names_say_what_is_written(tmp_path, fitted_once):
     assert "faces" in export_field(field, tmp_path / "head.glb", config)
 
 
+@pytest.mark.slow  # fits once more; ways up: above
 def test_splats_in_the_sources_coordinates(tmp_path):
     field = head_field(24)
     field.frame = np.array([[0, 0, 2.0, 1], [2, 0, 0, 2], [0, 2, 0, 3], [0, 0, 0, 1]])

@@ -26,6 +26,8 @@ from lfportrait.share.splats.fitting import field_splats
 from tests.fields import head_field, shell_field
 from tests.share.page.browser import decibels
 
+pytestmark = pytest.mark.slow  # in a browser; the files are read in test_splats.py
+
 SIZE = 128
 ENGINES = Path(os.environ.get(
     "LFPORTRAIT_ENGINES", Path(__file__).parents[2] / ".venv" / "engines"))

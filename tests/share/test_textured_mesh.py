@@ -68,7 +68,8 @@ def read_with_usd(path):
 READERS = {".glb": read_with_trimesh, ".obj": read_with_trimesh, ".usdz": read_with_usd}
 
 
-@pytest.mark.parametrize("suffix", READERS)
+@pytest.mark.parametrize("suffix", [
+    pytest.param(suffix, marks=() if suffix == ".obj" else pytest.mark.slow) for suffix in READERS])
 def test_what_others_read_looks_like_the_field(tmp_path, field, suffix):
     figures = export_field(field, tmp_path / f"head{suffix}", TEXTURED)
     vertices, faces, places, picture = READERS[suffix](tmp_path / f"head{suffix}")
@@ -143,6 +144,7 @@ def test_colors_do_not_bleed_at_the_borders_of_charts(field):
         assert np.quantile(np.abs(fine - rough).max(axis=2)[there], 0.99) < 0.12
 
 
+@pytest.mark.slow  # a mesh of its own
 def test_a_painted_field_keeps_detail_that_the_lattice_can_not_hold(tmp_path):
     plain = head_field(64)
     atlas_pixels = 120.0
@@ -193,6 +195,7 @@ def test_the_names_inside_an_obj_are_plain_letters(tmp_path, field, stem):
     assert read_with_trimesh(tmp_path / f"{stem}.obj")[3].size > 100
 
 
+@pytest.mark.slow  # names of materials: above
 def test_objs_in_one_folder_have_materials_of_their_own(tmp_path, field):
     stems = ("a b", "a_b", "a  b", "a#b", "ä b", "a-b")
     for stem in (*stems, *stems[:2]):  # the same name again gives the same files
@@ -226,6 +229,7 @@ def test_meshes_in_the_sources_coordinates(tmp_path):
     assert np.allclose(sized, 2 * METRES * there, atol=1e-4)
 
 
+@pytest.mark.slow  # reads all kinds once more
 def test_a_head_is_as_large_in_every_file(tmp_path, field):
     heights = {}
     for suffix, read in READERS.items():

@@ -139,6 +139,7 @@ def test_frames_show_the_whole_head_centred(height):
     assert np.array_equal(frames[0], frames[2])
 
 
+@pytest.mark.slow  # writes many; other videos: above
 @pytest.mark.parametrize(("count", "size"), [
     pytest.param(1, (320, 540), marks=pytest.mark.slow), (2, (160, 270))])
 def test_the_shortest_hevc_videos_are_written_each_time(tmp_path, count, size):

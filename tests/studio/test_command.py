@@ -49,6 +49,7 @@ def test_a_port_that_is_taken_and_a_folder_that_is_none(tmp_path, capsys):
     assert "choose another folder" in error_line(capsys)
 
 
+@pytest.mark.slow  # a process; another: test_server.py
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C can't be sent to one process there")
 def test_it_prints_one_address_and_ctrl_c_ends_it(tmp_path):
     process = subprocess.Popen(

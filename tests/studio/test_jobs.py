@@ -151,6 +151,7 @@ def test_a_stage_that_takes_longer_makes_those_that_wait_longer_too():
     assert job.left() == pytest.approx(70, abs=1), "a quick stage promises nothing"
 
 
+@pytest.mark.slow  # who may pause: below
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system can't pause processes")
 def test_a_paused_job_stands_still_and_goes_on(page):
     project, folder = sitter(page, "Anna", "wait")
@@ -187,7 +188,8 @@ def test_a_paused_job_stands_still_and_goes_on(page):
     assert gone(*numbers)
 
 
-@pytest.mark.parametrize("how", ["die", "kill", "fail", "full"])
+@pytest.mark.parametrize("how", ["fail", *(
+    pytest.param(how, marks=pytest.mark.slow) for how in ("die", "kill", "full"))])
 def test_a_job_that_fails_says_why_and_can_go_on(page, how):
     project, folder = sitter(page, "Anna", *(["wait"] if how == "kill" else [how]))
     job = head(page, project)
@@ -205,6 +207,7 @@ def test_a_job_that_fails_says_why_and_can_go_on(page, how):
     assert found["state"] == "done" and found["error"] is None
 
 
+@pytest.mark.slow  # jobs that go on: above
 def test_a_server_that_is_started_again_goes_on(page, tmp_path):
     folder = tmp_path / "other"
     first = opened(folder)
@@ -272,6 +275,7 @@ def exported(page, project, version, **more):
         "kind": "field", "version": version, "name": "out", **more})
 
 
+@pytest.mark.slow  # an export: below
 def test_an_export_waits_for_its_fine_version(page):
     project, folder, version = version_of(page)
     export = exported(page, project, version, fine=True)
@@ -301,6 +305,7 @@ def test_an_export_says_that_it_is_a_preview(page):
     assert page.wait(export["id"])["state"] == page.wait(fine["id"])["state"] == "done"
 
 
+@pytest.mark.slow  # one that says so: above
 def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
     project, folder, version = version_of(page)
     export = exported(page, project, version, fine=True)
@@ -320,6 +325,7 @@ def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
     assert page.ask("GET", entry["file"]).content == b"styled"
 
 
+@pytest.mark.slow  # one that waits: above
 def test_a_cancelled_export_goes_on_with_its_fine_version(page):
     project, folder, version = version_of(page)
     export = exported(page, project, version, fine=True)

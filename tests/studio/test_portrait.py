@@ -25,6 +25,8 @@ from tests.job.test_pipeline import CONFIG, PANEL
 
 from .conftest import opened
 
+pytestmark = pytest.mark.slow  # whole portraits; parts: work/, test_jobs.py, test_previews.py
+
 # Without refinement no process imports torch.
 SMALL = replace(CONFIG, stylize=replace(CONFIG.stylize, steps=0))
 

@@ -114,8 +114,9 @@ def test_nothing_slow_is_imported_and_the_end_is_clean(server):
 
 
 @pytest.mark.parametrize(("number", "paused"), [
-    pytest.param(signal.SIGINT, False, marks=pytest.mark.slow), (signal.SIGTERM, True),
-    (signal.SIGKILL, False), pytest.param(signal.SIGKILL, True, marks=pytest.mark.slow)])
+    (signal.SIGTERM, True), *(pytest.param(number, paused, marks=pytest.mark.slow) for
+                              number, paused in ((signal.SIGINT, False), (signal.SIGKILL, False),
+                                                 (signal.SIGKILL, True)))])
 def test_all_processes_end_with_the_server(server, folder, number, paused):
     if paused and sys.platform != "linux":
         pytest.skip("paused processes end with their server on Linux only")
@@ -190,6 +191,7 @@ def test_a_page_that_does_not_read_costs_nothing():
     run_apart(run())
 
 
+@pytest.mark.slow  # many requests
 def test_hours_of_idling_do_not_grow(server):
     """What each request leaves behind: files, threads, memory."""
     def state():

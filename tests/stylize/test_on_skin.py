@@ -120,6 +120,7 @@ def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, la
     assert 0 < away.mean() < 0.02 and np.quantile(away, 0.95) < 0.1
 
 
+@pytest.mark.slow  # so does its painter: tests/example/skin/test_painting.py
 def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled, skin):
     again, _ = stylize_with_figures(head, capture, violet, SMALL, skin=skin)
     assert np.array_equal(again.sh, styled[0].sh)
@@ -134,6 +135,7 @@ def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, viole
     assert np.abs(front(field)[0] - whole)[inside].mean() < 0.06
 
 
+@pytest.mark.slow  # fits: tests/stylize/test_stylize.py
 def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet, skin, monkeypatch):
     monkeypatch.setattr(stylization, "RELAXATION", 1.0)
     config = replace(SMALL, steps=0, fit_iterations=6)
@@ -141,6 +143,7 @@ def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet, skin, m
     assert errors[-1] < 0.9 * errors[0]
 
 
+@pytest.mark.slow  # paints thrice; what a file of two does: test_mixing.py
 def test_several_styles_share_one_file(head, capture, violet, styled, skin, tmp_path):
     green = named("green", seed=2, skin=(90, 200, 90), hair=(200, 30, 30))
     both, figures = stylize_with_figures(head, capture, [violet, green], SMALL, skin=skin)
@@ -185,6 +188,7 @@ def test_without_agreement_chunks_alone_paint_the_head(head, capture, violet, sk
     assert np.isfinite(field.sh).all()
 
 
+@pytest.mark.slow  # one that is too old: below
 def test_a_skin_is_kept_beside_its_field(head, capture, tmp_path, monkeypatch):
     path = tmp_path / "field.npz"
     head.save(path)

@@ -288,12 +288,11 @@ def test_networks_on_another_device_give_the_same(job, styled_here, other_device
     assert np.abs(here[0].sh - field.sh[..., :1]).max() > 0.1
 
 
+@pytest.mark.slow  # a network that goes on elsewhere: above; errors that are not a device's: below
 @pytest.mark.parametrize("error, why", [
     (torch.OutOfMemoryError("no room"), "has too little memory"),
-    pytest.param(RuntimeError("MPS backend out of memory"), "has too little memory",
-                 marks=pytest.mark.slow),
-    pytest.param(torch.AcceleratorError("CUDA error: unspecified launch failure"), "was lost",
-                 marks=pytest.mark.slow)])
+    (RuntimeError("MPS backend out of memory"), "has too little memory"),
+    (torch.AcceleratorError("CUDA error: unspecified launch failure"), "was lost")])
 def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, styled_here, other_device,
                                                          monkeypatch, error, why):
     left, gradients = [3], refinement.nearest_neighbour_loss

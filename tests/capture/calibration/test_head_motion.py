@@ -73,6 +73,7 @@ def test_cameras_follow_what_moved(moved, followed):
     assert np.abs(result.cameras.position.mean(0) - capture.cameras.position.mean(0)).max() < 0.15
 
 
+@pytest.mark.slow  # followed once more
 def test_a_lens_that_is_not_in_the_middle(moved):
     capture, mattes, boxes = moved
     cut = replace(capture, images=[image[20:, 30:] for image in capture.images],
@@ -84,6 +85,7 @@ def test_a_lens_that_is_not_in_the_middle(moved):
     assert np.median(pose_errors(result.cameras.pose, boxes.pose)[0]) < 0.3
 
 
+@pytest.mark.slow  # what moved is followed above
 def test_some_photos_are_enough_to_say_that_it_held_still(moved, followed, monkeypatch):
     looked_at = []
     seen = head_motion._seen
@@ -100,6 +102,7 @@ def test_some_photos_are_enough_to_say_that_it_held_still(moved, followed, monke
     assert np.array_equal(result.cameras.pose, followed[0].cameras.pose), "the same once more"
 
 
+@pytest.mark.slow  # follows once more
 def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     capture, mattes, _ = moved
     blind = [matte if view else np.zeros_like(matte) for view, matte in enumerate(mattes)]
@@ -116,6 +119,7 @@ def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     assert result is capture and not motion.moved and np.isnan(motion.pixels)
 
 
+@pytest.mark.slow  # followed once more
 def test_what_is_not_rigid_is_not_followed(moved, monkeypatch):
     capture, mattes, _ = moved
     # Cameras that explain the person no better than the room's.
@@ -165,6 +169,7 @@ def test_only_the_head_counts_where_the_face_is_known():
             assert (head[pixels[:, 1], pixels[:, 0]] == inside).all()
 
 
+@pytest.mark.slow  # followed once more
 def test_what_moved_places_the_photos_from_rough_cameras(moved):
     capture, mattes, boxes = moved
     random = np.random.default_rng(5)

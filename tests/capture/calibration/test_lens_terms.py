@@ -130,6 +130,7 @@ def sweep(pycolmap, wrong=0.3, noise=0.25, focal=648.0, views=32, points=400):
     return found
 
 
+@pytest.mark.slow  # many matches
 def test_wrong_matches_do_not_bend_the_focal_length_of_a_narrow_sweep(pycolmap):
     found = adjust(pycolmap, sweep(pycolmap), "auto")
     camera = found.cameras[1]

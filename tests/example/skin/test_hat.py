@@ -51,6 +51,7 @@ def test_its_edge_is_clear(greens, points):
         assert min(wrong) < 0.06
 
 
+@pytest.mark.slow  # paints a head
 def test_spectacles_change_nothing_yet(skin):
     face = drawn_face(160, 120)
     plain, worn = (SkinPainter(face, wear=wear).paint(skin, step=2).color

@@ -125,6 +125,7 @@ def test_the_guide_comes_around_a_bare_nape_to_the_throat(skin):
     assert np.array_equal(_meeting_behind(above), above.flat)
 
 
+@pytest.mark.slow  # paints four times; whose pieces: test_cells.py
 def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch):
     """An exemplar with green dots around its face, which a rough skin would like to have."""
     image, points = painter.exemplar.image.copy(), painter.exemplar.landmarks
@@ -149,6 +150,7 @@ def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch)
     assert len(colors) > 4000 and green.mean() < 0.001
 
 
+@pytest.mark.slow  # paints a head twice
 def test_landmarks_a_little_beside_are_painted_by_with_what_was_found(painter, skin, preview):
     given = painter.given
     same = painter.moved(given.landmarks).paint(skin, step=2)

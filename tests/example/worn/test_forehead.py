@@ -100,6 +100,7 @@ def test_what_was_linen_is_skin_to_the_painter_and_hair_above():
     assert shares[crown][:, HAIR].mean() > 0.8
 
 
+@pytest.mark.slow  # linen gives way, too
 def test_a_hat_and_its_shade_give_way_too():
     exemplar = painted("impression")
     right, down = places(exemplar)
@@ -111,6 +112,7 @@ def test_a_hat_and_its_shade_give_way_too():
                                                                   forehead(exemplar))
 
 
+@pytest.mark.slow  # linen gives way, too
 def test_a_fringe_is_taken_off_only_if_that_is_asked_for():
     exemplar = painted("impression")
     right, down = places(exemplar)
@@ -128,6 +130,7 @@ def test_a_fringe_is_taken_off_only_if_that_is_asked_for():
                                                                            & forehead(exemplar))
 
 
+@pytest.mark.slow  # linen gives way, too
 def test_a_hat_beyond_the_head_is_no_background():
     exemplar = painted("impression")
     right, down = places(exemplar)

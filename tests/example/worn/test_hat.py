@@ -46,7 +46,8 @@ def greenish(image):
     return np.abs(image - GREEN / 255).max(axis=-1) < 0.12
 
 
-@pytest.mark.parametrize("wide", [1.25, 1.8, 2.2])
+@pytest.mark.parametrize("wide", [1.25, *(
+    pytest.param(wide, marks=pytest.mark.slow) for wide in (1.8, 2.2))])
 def test_a_cap_is_found_as_one_thing(face, wide):
     exemplar, cap = capped(face, wide)
     mask = headwear(exemplar)
@@ -85,6 +86,7 @@ def test_it_is_put_on_when_asked_and_not_otherwise(face, quality):
     assert bare[forehead].mean() < 0.02
 
 
+@pytest.mark.slow  # a hat is put on above
 @pytest.mark.parametrize("quality", ["fast", pytest.param("best", marks=pytest.mark.slow)])
 def test_hair_that_would_stick_out_above_it_is_background(face, quality):
     exemplar, _ = capped(face, 1.8)
@@ -112,6 +114,7 @@ def test_spectacles_are_accepted_and_change_nothing_yet(face):
     np.testing.assert_array_equal(*images)
 
 
+@pytest.mark.slow  # a hat is put on above
 def test_a_part_of_a_photo_keeps_its_rest_under_the_hat(face):
     exemplar, _ = capped(face, 1.8)
     photo = drawn_face(300, 280, seed=1)

@@ -81,7 +81,8 @@ def test_all_forms_are_found(style, kind):
     assert found > 0.85 and beside > 0.7
 
 
-@pytest.mark.parametrize("kind", ["round", "square", "small round"])
+@pytest.mark.parametrize("kind", [
+    "round", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("square", "small round"))])
 def test_they_are_found_on_faces_that_are_turned(kind):
     image, landmarks = sitter("impression", TURN)
     worn, lines = put_on(image, landmarks, KINDS[kind])
@@ -90,6 +91,7 @@ def test_they_are_found_on_faces_that_are_turned(kind):
     assert found > 0.85 and beside > 0.7
 
 
+@pytest.mark.slow  # forms: above
 def test_a_mirrored_picture_has_the_mirrored_mask():
     image, landmarks = sitter("impression", TURN)
     worn, _ = put_on(image, landmarks, KINDS["round"])
@@ -99,7 +101,7 @@ def test_a_mirrored_picture_has_the_mirrored_mask():
     assert np.minimum(mask, other).sum() > 0.85 * np.maximum(mask, other).sum()
 
 
-@pytest.mark.parametrize("angle", [-30, 20])
+@pytest.mark.parametrize("angle", [-30, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_head_that_leans_is_like_one_that_does_not(angle):
     image, landmarks = sitter("fauve")
     height, width = image.shape[:2]
@@ -113,7 +115,7 @@ def test_a_head_that_leans_is_like_one_that_does_not(angle):
     assert not spectacles(bare, points).any()
 
 
-@pytest.mark.parametrize("height", [300, 1300])
+@pytest.mark.parametrize("height", [300, pytest.param(1300, marks=pytest.mark.slow)])
 def test_small_and_large_pictures(height):
     image, landmarks = sitter("impression")
     worn, lines = put_on(image, landmarks, replace(KINDS["round"], temples=False))
@@ -148,6 +150,7 @@ def test_a_pair_wants_both_rims():
         assert find_spectacles(half, landmarks) is None
 
 
+@pytest.mark.slow  # forms: above
 def test_grain_neither_makes_rims_nor_hides_them():
     image, landmarks = sitter("impression")
     worn, _ = put_on(image, landmarks, KINDS["round"])

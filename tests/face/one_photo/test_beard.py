@@ -156,6 +156,7 @@ def test_a_beard_hangs_from_the_chin_and_not_on_the_throat(head):
     assert front(bearded, below, 0.25)[0] < ahead - 0.05
 
 
+@pytest.mark.slow  # a head once more
 def test_what_no_photo_shows_is_bearded_or_bare_and_nothing_between(head):
     camera, _, landmarks = head
     below = photo(landmarks, LONG)[2]
@@ -177,6 +178,7 @@ def test_what_no_photo_shows_is_bearded_or_bare_and_nothing_between(head):
     assert back.sum() > 50 and shade[back].min() > 0.6 and grown[back].max() < 30
 
 
+@pytest.mark.slow  # a head once more
 def test_a_beard_without_a_shape_is_of_the_skins_color(head):
     camera, _, landmarks = head
     below = photo(landmarks, LONG)[2].astype(np.float32)

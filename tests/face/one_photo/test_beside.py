@@ -92,6 +92,7 @@ def test_a_hand_that_is_held_up_stays(monkeypatch):
     assert Scene().sitter().add(arm, SKIN).alone(monkeypatch) is None
 
 
+@pytest.mark.slow  # others beside: above
 def test_a_sharp_face_beside_goes_with_what_it_wears(monkeypatch):
     other = disc(335, 110, 40, 55) | disc(345, 190, 45, 80)
     scene = Scene().add(other, COAT).add(disc(335, 110, 40, 55), SKIN).sitter()
@@ -109,6 +110,7 @@ def test_a_face_that_is_printed_on_a_shirt_stays(monkeypatch):
     assert scene.alone(monkeypatch) is None
 
 
+@pytest.mark.slow  # others beside: here, too
 def test_a_face_in_the_sitters_curls_is_none(monkeypatch):
     curls = disc(200, 80, 115, 75)
     scene = Scene().add(curls, COAT).sitter()
@@ -119,6 +121,7 @@ def test_a_face_in_the_sitters_curls_is_none(monkeypatch):
     assert scene.alone(monkeypatch, found=found) is not None
 
 
+@pytest.mark.slow  # others beside: here, too
 def test_hair_that_is_not_the_sitters_is_somebody_elses(monkeypatch):
     other = disc(335, 110, 40, 55) | disc(345, 190, 45, 80)
     scene = Scene().add(other, COAT).sitter()

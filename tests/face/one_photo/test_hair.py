@@ -70,6 +70,12 @@ def long() -> Solid:
     return bust(-1.1, -1.1)
 
 
+@pytest.fixture(scope="module")
+def bare() -> Solid:
+    """One whose hair ends above the neck."""
+    return bust(-0.2, -0.2)
+
+
 def ends(solid: Solid, x: float, y: float) -> tuple[float, float, int]:
     """How far in front and behind the solid reaches on a line, and whose its back is."""
     z = np.linspace(-1.5, 1.5, 601)
@@ -78,26 +84,27 @@ def ends(solid: Solid, x: float, y: float) -> tuple[float, float, int]:
     return float(z[inside[-1]]), float(z[inside[0]]), int(owner[inside[0]])
 
 
-def test_the_back_of_a_neck_has_hair_if_it_hangs_down_on_both_sides(long):
+def test_the_back_of_a_neck_has_hair_if_it_hangs_down_on_both_sides(long, bare):
     for height in (-0.3, -0.5, -0.7, -0.9):
         assert ends(long, 0.0, height)[2] == HAIR, height
-    assert ends(bust(-0.2, -0.2), 0.0, -0.6)[2] != HAIR
+    assert ends(bare, 0.0, -0.6)[2] != HAIR
 
 
+@pytest.mark.slow  # a bust of its own
 def test_hair_on_one_side_ends_behind_in_a_slope():
     one = bust(-1.1, -0.2)
     assert ends(one, -0.45, -0.85)[2] == HAIR
     assert ends(one, 0.3, -0.85)[2] != HAIR
 
 
-def test_hair_lies_on_the_chest(long):
-    bare = bust(-0.2, -0.2)
+def test_hair_lies_on_the_chest(long, bare):
     for height in (-0.9, -1.0):
         before, skin = ends(long, 0.42, height)[0], ends(bare, 0.42, height)[0]
         assert skin - 0.12 < before < skin + 0.17, height
 
 
-@pytest.mark.parametrize("x", [-0.5, -0.42, 0.42, 0.5])
+@pytest.mark.parametrize("x", [-0.5, *(
+    pytest.param(x, marks=pytest.mark.slow) for x in (-0.42, 0.42, 0.5))])
 def test_hair_beside_a_face_falls_straight(long, x):
     # Neither towards the mouth, where a jaw's middle is, nor back to the neck at once.
     front = np.array([ends(long, x, y)[0] for y in np.arange(0.2, -0.95, -0.1)])
@@ -114,6 +121,7 @@ def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
     assert beside.sum() > 20 and (owner[beside] == HAIR).all()
 
 
+@pytest.mark.slow  # paints a head
 def test_a_head_knows_its_hair_whatever_its_color(long):
     shell, parts = shell_of(long, 64), long.parts
     fair = np.full((*parts.hair.shape, 3), 0.7, np.float32)
@@ -219,6 +227,7 @@ def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):
                       ).all()
 
 
+@pytest.mark.slow  # a bust of its own
 def test_hair_stands_off_the_skull_as_far_as_its_outline():
     prior = generic_prior()
     points = prior.mean.astype(float) / METRES

@@ -53,6 +53,7 @@ def test_a_knot_is_found_by_its_outline(middle):
     assert (rest.inside <= parts.inside + 1e-6).all()
 
 
+@pytest.mark.slow  # one that is seen: here, too
 def test_no_knot_is_seen_in_other_heads():
     points, samples = head()
     for parts in (drawn(points, None), drawn(points, -0.14), drawn(points, 0.1, 0.45),

@@ -40,6 +40,7 @@ def test_free_space_does_not_reach_what_is_within_the_shell(solid):
     assert outer[middle] != outer[0, 0, 0]
 
 
+@pytest.mark.slow  # many points; a few: here, too
 def test_fine_points_lie_between_exact_ones(solid, monkeypatch):
     """Where voxels are finer than what the solid is made of."""
     exact = shell_of(solid, 112)

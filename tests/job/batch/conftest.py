@@ -5,6 +5,7 @@ import hashlib
 import os
 import pickle
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.lightfield import Display
+
+from .inline import Inline, single_thread
 
 PANEL = Display(96, 64, views=9, pitch=6.3, slant=0.15, cone=40, quilt=(3, 2),
                 quilt_size=(96, 64), name="tiny")
@@ -79,9 +82,9 @@ def write_studio(folder: Path) -> None:
     (folder / "jobs.toml").write_text(JOBS)
 
 
-@pytest.fixture(scope="session")
-def made_once(tmp_path_factory):
-    """The studio, and its batch, undisturbed: made by the first test process that asks."""
+@contextmanager
+def for_all(tmp_path_factory):
+    """A folder of all test processes, which one of them has for itself at a time."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
@@ -89,21 +92,33 @@ def made_once(tmp_path_factory):
     folder.mkdir(exist_ok=True)
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        kept = folder / "made.pickle"
-        if not kept.exists():
-            write_studio(folder / "studio")
-            events: list[dict] = []
-            figures = batch(folder / "studio" / "jobs.toml", folder / "results",
-                            BatchConfig(cores=1), watchers=[events.append])
-            assert not figures["failed"], figures["failed"]
-            kept.write_bytes(pickle.dumps((figures, events)))
-    return folder, *pickle.loads(kept.read_bytes())
+        yield folder
 
 
 @pytest.fixture(scope="session")
-def studio(made_once):
+def studio(tmp_path_factory):
     """A folder with two sittings, two paintings, a display and a file of jobs."""
-    return made_once[0] / "studio"
+    with for_all(tmp_path_factory) as folder:
+        if not (folder / "studio" / "jobs.toml").exists():  # it is written last
+            write_studio(folder / "studio")
+    return folder / "studio"
+
+
+@pytest.fixture(scope="session")
+def made_once(studio, tmp_path_factory):
+    """The studio's batch, undisturbed: made by the first test process that asks."""
+    with for_all(tmp_path_factory) as folder:
+        kept = folder / "made.pickle"
+        if not kept.exists():
+            events: list[dict] = []
+            # Without processes, which import all again; slow tests make the same by those.
+            with single_thread(), pytest.MonkeyPatch.context() as patch:
+                patch.setattr("lfportrait.job.batch.driver.LocalRunner", Inline)
+                figures = batch(folder / "studio" / "jobs.toml", folder / "results",
+                                BatchConfig(cores=1), watchers=[events.append])
+            assert not figures["failed"], figures["failed"]
+            kept.write_bytes(pickle.dumps((figures, events)))
+    return folder, *pickle.loads(kept.read_bytes())
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,23 @@
 """Tasks of a batch in this process."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+import torch
+
 from lfportrait.job.batch.runners import do_task
+
+
+@contextmanager
+def single_thread() -> Iterator[None]:
+    """As many threads as a worker has: torch adds up in another order with more of them."""
+    before = numba.get_num_threads(), torch.get_num_threads()
+    numba.set_num_threads(1)
+    torch.set_num_threads(1)
+    yield
+    numba.set_num_threads(before[0])
+    torch.set_num_threads(before[1])
 
 
 class Inline:

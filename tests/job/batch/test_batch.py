@@ -13,10 +13,8 @@ from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
-import torch
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
@@ -26,20 +24,15 @@ from lfportrait.job.batch import driver as driver_module
 from lfportrait.job.pipeline import make
 
 from .conftest import digests, of_anna
-from .inline import Inline
+from .inline import Inline, single_thread
 
 STAGES = {"capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page": 4}
 
 
 @pytest.fixture
 def one_thread():
-    """As many threads as a worker has: torch adds up in another order with more of them."""
-    before = numba.get_num_threads(), torch.get_num_threads()
-    numba.set_num_threads(1)
-    torch.set_num_threads(1)
-    yield
-    numba.set_num_threads(before[0])
-    torch.set_num_threads(before[1])
+    with single_thread():
+        yield
 
 
 @pytest.fixture
@@ -51,6 +44,41 @@ def started(events):
     return [event["task"] for event in events if event["event"] == "started"]
 
 
+@pytest.fixture(scope="module")
+def small(studio, tmp_path_factory):
+    """A batch of one sitter, style and display: its file, its results and its figures."""
+    folder = tmp_path_factory.mktemp("small")
+    text = (studio / "jobs.toml").read_text().replace("sittings/*", "sittings/anna")
+    text = text.partition('[[style]]\npainting = "chalk.png"')[0] + (
+        '[[display]]\nname = "desk"\npanel = "tiny.toml"\n')
+    (studio / "one.toml").write_text(text)
+    with single_thread(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driver_module, "LocalRunner", Inline)
+        return studio / "one.toml", folder / "results", batch(studio / "one.toml",
+                                                              folder / "results")
+
+
+def test_a_batch_of_one_goes_on_where_a_file_is_missing(small, inline, tmp_path):
+    jobs, made, figures = small
+    assert figures["ran"] == dict.fromkeys(STAGES, 1) and not figures["failed"]
+    before = digests(made)
+    assert {"anna/ken/desk.png", "anna/ken/portrait.html", "anna/ken/styled.npz"} <= set(before)
+    results = Path(shutil.copytree(made, tmp_path / "results"))
+    (results / "anna/ken/portrait.html").unlink()
+    again = batch(jobs, results)
+    assert again["ran"] == {"page": 1} and digests(results) == before
+
+
+def test_a_stage_that_fails_is_an_exit_code(small, inline, monkeypatch, capsys, tmp_path):
+    results = Path(shutil.copytree(small[1], tmp_path / "results"))
+    (results / "anna/ken/portrait.html").unlink()
+    monkeypatch.setattr("lfportrait.job.work.write_page", lambda *_: {}["nothing"])
+    assert main(["batch", str(small[0]), "--out", str(results), "--quiet"]) == 3
+    assert "failed: anna/ken/page" in capsys.readouterr().out
+    assert "Traceback" in (results / ".batch" / "faults.txt").read_text()
+
+
+@pytest.mark.slow  # one sitter and style: above
 def test_each_stage_is_done_once_and_all_files_are_there(made):
     results, figures, events = made
     assert figures["ran"] == STAGES and not figures["failed"]
@@ -64,6 +92,7 @@ def test_each_stage_is_done_once_and_all_files_are_there(made):
     assert [row["state"] for row in figures["jobs"]] == ["done"] * 12
 
 
+@pytest.mark.slow  # a job of its own; what a batch leaves is above
 def test_the_files_are_those_of_make(made, studio, tmp_path, one_thread):
     config = load_jobs(studio / "jobs.toml").parameters("anna", "chalk", "desk")
     make(studio / "sittings" / "anna", studio / "chalk.png", tmp_path / "out", studio / "tiny.toml",
@@ -78,6 +107,7 @@ def test_the_files_are_those_of_make(made, studio, tmp_path, one_thread):
     assert keys[0] == keys[1]
 
 
+@pytest.mark.slow  # one that does what is missing: above
 def test_a_second_run_does_nothing(made, studio, copy):
     events = []
     before = {path: path.stat().st_mtime_ns for path in copy.rglob("*.np*")}
@@ -173,6 +203,7 @@ def bad_studio(studio, tmp_path, monkeypatch):
     return folder
 
 
+@pytest.mark.slow  # failures: above
 def test_bad_sitters_stop_nobody_else(made, bad_studio, copy, inline):
     for name in ("portrait.html", "wall.png"):
         (copy / "bert" / "chalk" / name).unlink()
@@ -197,6 +228,7 @@ def test_bad_sitters_stop_nobody_else(made, bad_studio, copy, inline):
     assert set(started(again)) == {"noise/capture", "torn/capture", "vague/capture"}
 
 
+@pytest.mark.slow  # failures: above
 def test_no_face_is_told_of_its_sitter(made, studio, copy, inline, shared_weights, monkeypatch,
                                        tmp_path):
     from dataclasses import replace
@@ -229,6 +261,7 @@ def full_for(word):
     return opened
 
 
+@pytest.mark.slow  # other failures: here
 def test_a_full_disk_fails_what_is_written_then_and_the_rest_is_made_later(
         made, studio, copy, inline, monkeypatch):
     shutil.rmtree(copy / "bert" / "ken")
@@ -244,6 +277,7 @@ def test_a_full_disk_fails_what_is_written_then_and_the_rest_is_made_later(
     assert digests(copy) == digests(made[0])
 
 
+@pytest.mark.slow  # above
 def test_a_fault_of_ours_is_a_failure_with_a_traceback_kept(studio, copy, inline, monkeypatch):
     (copy / "anna/ken/portrait.html").unlink()
     (copy / "bert/ken/portrait.html").unlink()
@@ -254,6 +288,7 @@ def test_a_fault_of_ours_is_a_failure_with_a_traceback_kept(studio, copy, inline
     assert "Traceback" in (copy / ".batch" / "faults.txt").read_text()
 
 
+@pytest.mark.slow  # where a job computes: tests/test_device.py
 def test_tasks_compute_where_the_batch_is_to(studio, copy, inline, monkeypatch):
     (copy / "anna/ken/desk.png").unlink()
     devices, start = [], Inline.start
@@ -269,24 +304,22 @@ def test_tasks_compute_where_the_batch_is_to(studio, copy, inline, monkeypatch):
         batch(studio / "jobs.toml", copy, device="tpu")
 
 
-def test_one_batch_at_a_time(studio, copy):
+def test_one_batch_at_a_time(studio, tmp_path):
     from lfportrait.job.batch.journal import locked
 
-    with locked(copy), pytest.raises(UserError, match="another batch is writing"):
-        batch(studio / "jobs.toml", copy)
+    with locked(tmp_path), pytest.raises(UserError, match="another batch is writing"):
+        batch(studio / "jobs.toml", tmp_path)
 
 
-def test_wrong_addresses(studio, copy):
-    (copy / "anna/ken/portrait.html").unlink()
+def test_wrong_addresses(studio, tmp_path):
     with pytest.raises(UserError, match="--on takes local, ray or"):
-        batch(studio / "jobs.toml", copy, BatchConfig(on="rey"))
+        batch(studio / "jobs.toml", tmp_path, BatchConfig(on="rey"))
 
 
-def test_without_ray_it_tells_what_to_install(studio, copy, monkeypatch):
-    (copy / "anna/ken/portrait.html").unlink()
+def test_without_ray_it_tells_what_to_install(studio, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UserError, match=r"lfportrait\[ray\]"):
-        batch(studio / "jobs.toml", copy, BatchConfig(on="ray"))
+        batch(studio / "jobs.toml", tmp_path, BatchConfig(on="ray"))
 
 
 def test_a_painting_that_is_missing_is_told_before_anything_is_made(studio, tmp_path, capsys):
@@ -298,6 +331,7 @@ def test_a_painting_that_is_missing_is_told_before_anything_is_made(studio, tmp_
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow  # above
 def test_the_command_tells_of_failures_by_its_exit_code(studio, copy, inline, monkeypatch, capsys,
                                                         tmp_path):
     words = ["batch", str(studio / "jobs.toml"), "--out", str(copy), "--quiet"]

@@ -43,6 +43,7 @@ def small_panels(monkeypatch):
     monkeypatch.setattr(Display, "preset", staticmethod(small))
 
 
+@pytest.mark.slow  # only the project measures
 def test_encode_reports_every_size_and_the_rivals(small_panels):
     figures = bench_encode(shell_field(size=32), repeats=1)
     for size in ("1080p", "4k", "8k", "direct", "view_by_view"):
@@ -89,6 +90,7 @@ def ball_capture(size=40, views=12) -> Capture:
                    np.arange(views) % 6 == 3)
 
 
+@pytest.mark.slow  # only the project measures
 def test_reconstruct_reports_speed_and_quality(tmp_path):
     figures = bench_reconstruct(
         ball_capture(), ReconstructConfig(resolutions=(24,), rays=(0.2,), batch=(4096,)),
@@ -130,6 +132,7 @@ def test_the_floor_is_counted_by_hand():
     assert floor["rays_per_second"] == floor["memory_rays_per_second"]
 
 
+@pytest.mark.slow  # only the project measures
 def test_the_machine_is_measured():
     rates = machine_rates(megabytes=64)
     assert 1e6 < rates["random_lines_per_second"] < 1e11
@@ -176,6 +179,7 @@ def test_transfer_reports_preparation_and_synthesis_apart(monkeypatch, methods):
     assert [line.split()[0] for line in table[1:-1] if line[0] != " "] == list(methods)
 
 
+@pytest.mark.slow  # only the project measures
 def test_print_reports_both_ways():
     config = PrintConfig(lpi=40, dpi=300, size="50x60mm", bleed=0.0, margin=0.0)
     figures = bench_print(shell_field(size=32, basis=1, density=60.0), config, repeats=1)

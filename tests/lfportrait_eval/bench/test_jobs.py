@@ -161,6 +161,7 @@ def test_why_a_job_failed(errors, why):
     assert len(job_tables(figures).splitlines()) == 1
 
 
+@pytest.mark.slow  # only the project measures
 def test_a_job_is_a_process(tmp_path):
     missing = tmp_path / "nobody"
     figures = bench_jobs([missing])

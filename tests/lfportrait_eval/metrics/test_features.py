@@ -147,6 +147,7 @@ def test_lpips_is_its_formula(shelf):
     assert lpips(a, b) == pytest.approx(lpips(b, a), rel=1e-6)
 
 
+@pytest.mark.slow  # tests/stylize computes elsewhere, too
 def test_metrics_on_another_device_are_the_same(shelf, other_device):
     folder, enter = shelf
     random_lpips(folder)

@@ -38,6 +38,7 @@ def exemplar() -> Exemplar:
     return Exemplar(generator.integers(0, 256, (100, 100, 3), dtype=np.uint8), points)
 
 
+@pytest.mark.slow  # only for comparisons
 def test_a_matt_field_is_consistent_and_the_style_is_measured(no_models):
     field = ball()
     figures = evaluate_field(field, painted(field), exemplar(), views=9, size=96)

@@ -4,10 +4,14 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 
+import pytest
+
 from lfportrait.cli import main
 from lfportrait.files import read_json
 from lfportrait_eval.study import StudyConfig, write_study
 from tests.share.page.browser import CONTEXTS, SMALL
+
+pytestmark = pytest.mark.slow  # in a browser; what it shows: test_entries.py, test_results.py
 
 READY = 'html[data-ready="yes"]'
 SIZE = {"viewport": {"width": 900, "height": 700}}

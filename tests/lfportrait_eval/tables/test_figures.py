@@ -71,6 +71,7 @@ def plain_rmse(pictures, sitter, first, second) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
+@pytest.mark.slow  # only for comparisons
 def test_consistency_is_that_of_a_plain_loop(sitter):
     """Shades that grow with the view, over a ramp across the picture: large against resampling."""
     ramp = np.linspace(0, 120, 64)[None, :, None]
@@ -151,6 +152,7 @@ def test_the_time_left_is_that_of_the_methods(capsys):
     assert "b, s, slow: not measured: no weights; 3 of 4" in lines
 
 
+@pytest.mark.slow  # only for comparisons
 def test_lpips_joins_the_figures_where_its_weights_are(sitter, style, tmp_path, monkeypatch):
     folder = tmp_path / "models"
     folder.mkdir()

@@ -118,6 +118,7 @@ def test_where_nothing_is_done_that_is_told(brush, files, tmp_path):
     assert not brush.painted and not list((tmp_path / "out").rglob("*.npz"))
 
 
+@pytest.mark.slow  # only for comparisons
 def test_tables_of_what_is_done_start_nothing(brush, files, tmp_path):
     compare(files, tmp_path / "out", replace(SMALL, methods=("views",)))
     before = list(brush.painted)
@@ -129,6 +130,7 @@ def test_tables_of_what_is_done_start_nothing(brush, files, tmp_path):
         ("skin", "not run yet")]
 
 
+@pytest.mark.slow  # only the project measures; other tests paint by `Brush`
 def test_the_tables_hold_what_was_measured(finished):
     _, figures = finished
     cells = {(cell["sitter"], cell["style"], cell["method"]): cell["figures"]
@@ -148,6 +150,7 @@ def test_the_tables_hold_what_was_measured(finished):
     assert spread == {"mean": ours["patches"], "deviation": 0.0, "count": 1}
 
 
+@pytest.mark.slow  # only the project measures
 def test_what_needs_weights_is_not_measured_and_told(finished):
     out, figures = finished
     waiting = figures["not_measured"]["networks"]
@@ -160,6 +163,7 @@ def test_what_needs_weights_is_not_measured_and_told(finished):
     assert "FID-2048: not measured: weights missing (inception-2048)." in text
 
 
+@pytest.mark.slow  # only the project measures
 def test_the_files_say_the_same(finished):
     out, figures = finished
     assert json.loads((out / "tables.json").read_text()) == json.loads(json.dumps(figures))
@@ -174,6 +178,7 @@ def test_the_files_say_the_same(finished):
     assert "http" not in page.replace("http://www.w3.org/2000/svg", "")
 
 
+@pytest.mark.slow  # only the project measures
 def test_nothing_is_done_twice(finished, files, brush):
     out, figures = finished
     again = compare(files, out)
@@ -181,6 +186,7 @@ def test_nothing_is_done_twice(finished, files, brush):
     assert again["cells"] == json.loads(json.dumps(figures["cells"]))
 
 
+@pytest.mark.slow  # only for comparisons
 def test_only_what_is_new_is_painted(files, tmp_path, brush):
     compare(files, tmp_path)
     first = len(brush.painted)
@@ -202,6 +208,7 @@ def test_figures_come_with_their_spread(files, tmp_path, brush):
         tmp_path / "tables.md").read_text("utf-8")
 
 
+@pytest.mark.slow  # only for comparisons
 def test_a_methods_parameters_change_that_method_alone(files, tmp_path, brush):
     config = replace(SMALL, methods=("skin", "surface", "views"))
     compare(files, tmp_path, config)
@@ -262,6 +269,7 @@ def run(*words) -> int:
     return main([*map(str, words), "--quiet"])
 
 
+@pytest.mark.slow  # only the project measures
 def test_the_command_fills_a_document(finished, files, capsys, tmp_path):
     out, _ = finished
     document = tmp_path / "comparisons.md"

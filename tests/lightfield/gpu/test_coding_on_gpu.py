@@ -80,23 +80,21 @@ def both(field, display, **config):
 
 @pytest.mark.parametrize(("basis", "config"), [
     # All numbers of coefficients with both ways to code; the rest changes what is done before.
-    # The CPU has kernels of its own for each number; nine stand for four.
-    (1, {}), pytest.param(4, {}, marks=pytest.mark.slow), (9, {}), (1, {"method": "direct"}),
-    pytest.param(4, {"method": "direct"}, marks=pytest.mark.slow), (9, {"method": "direct"}),
-    (1, {"method": "slices"}), (9, {"method": "slices", "draft": True}),
-    (1, {"blend": "filtered"}), (9, {"blend": "filtered"}), (1, {"turn": 75.0}),
-    (9, {"turn": 75.0}), (9, {"background": 0.4, "ground": "black", "draft": True}),
-    (1, {"ground": "white"}), (9, {"depth_scale": 0.6, "focus": 0.2, "shift_x": 0.2})])
+    # One of them is the shader test of every run.
+    (1, {}), *(pytest.param(*case, marks=pytest.mark.slow) for case in (
+        (4, {}), (9, {}), (1, {"method": "direct"}), (4, {"method": "direct"}),
+        (9, {"method": "direct"}), (1, {"method": "slices"}),
+        (9, {"method": "slices", "draft": True}), (1, {"blend": "filtered"}),
+        (9, {"blend": "filtered"}), (1, {"turn": 75.0}), (9, {"turn": 75.0}),
+        (9, {"background": 0.4, "ground": "black", "draft": True}), (1, {"ground": "white"}),
+        (9, {"depth_scale": 0.6, "focus": 0.2, "shift_x": 0.2})))])
 def test_a_panel_is_the_cpus(basis, config):
     cpu, gpu = both(textured(shell_field(basis=basis, density=60)), PANEL, **config)
     assert psnr(gpu, cpu) > EVEN
 
 
-FEW = "generic-4k", "generic-8k", "lookingglass-portrait", "lookingglass-go", "lookingglass-16"
-
-
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in Display.names()])
+@pytest.mark.slow  # shaders
+@pytest.mark.parametrize("name", Display.names())
 def test_every_preset_at_a_reduced_and_odd_size(name):
     panel = Display.preset(name)
     share = 96 / max(panel.width, panel.height)
@@ -105,6 +103,7 @@ def test_every_preset_at_a_reduced_and_odd_size(name):
     assert psnr(gpu, cpu) > EVEN
 
 
+@pytest.mark.slow  # shaders; a plain panel is above
 @pytest.mark.parametrize("change", [
     {"subpixels": "BGR"}, {"inverted": True, "offset": 3.7}, {"slant": -0.3, "views": 1},
     {"cells": ((-0.3, 0.2, 0.0, -0.2, 0.3, 0.2), (0.1, 0.1, -0.1, 0.2, 0.0, -0.3)),
@@ -115,6 +114,7 @@ def test_panels_of_all_kinds(change):
     assert np.abs(cpu - gpu).max() < 0.03 if cpu.size < 100 else psnr(gpu, cpu) > EVEN
 
 
+@pytest.mark.slow  # shaders
 def test_no_field_at_all():
     empty = VoxelField(np.full((9, 8, 7), -1, np.int32), np.zeros(0, np.float32),
                        np.zeros((0, 3, 1), np.float32))
@@ -122,6 +122,7 @@ def test_no_field_at_all():
     assert psnr(gpu, cpu) > EVEN and np.ptp(gpu) == 0
 
 
+@pytest.mark.slow  # shaders
 def test_a_field_larger_than_a_binding(process):
     from lfportrait.field.gpu import field_parts, keep_texture, upload
     from lfportrait.lightfield.coding import panel_job
@@ -141,6 +142,7 @@ def test_a_field_larger_than_a_binding(process):
     assert psnr(gpu / 255.0, cpu / 255.0) > EVEN
 
 
+@pytest.mark.slow  # shaders
 def test_a_field_that_was_sent_is_not_sent_again_unless_another_took_its_place(process,
                                                                             monkeypatch):
     fields = [shell_field(12, basis=1, seed=seed) for seed in range(5)]
@@ -161,6 +163,7 @@ def test_a_field_that_was_sent_is_not_sent_again_unless_another_took_its_place(p
     assert sent.count("upload") == 6
 
 
+@pytest.mark.slow  # shaders
 def test_views_have_the_cpus_color_opacity_and_depth():
     config = EncodeConfig(compose=False)
     for field in (textured(head_field(32)), shell_field(basis=9, density=60)):
@@ -176,6 +179,7 @@ def test_views_have_the_cpus_color_opacity_and_depth():
             assert np.abs(gpu.depth[both_met] - cpu.depth[both_met]).mean() < 1e-3
 
 
+@pytest.mark.slow  # shaders; by the CPU: test_quilt_layouts.py
 @pytest.mark.parametrize("config", [{}, {"ground": "white"}, {"turn": 70.0, "background": 0.3}])
 def test_a_quilt_is_the_cpus(config):
     panel = replace(PANEL, quilt=(3, 2), quilt_size=(150, 70))
@@ -185,6 +189,7 @@ def test_a_quilt_is_the_cpus(config):
     assert name == other and psnr(gpu / 255.0, cpu / 255.0) > EVEN
 
 
+@pytest.mark.slow  # processes that are lost: tests/gpu, without shaders
 def test_a_lost_gpu_leaves_the_cpus_picture(adapter, monkeypatch):
     process = GpuProcess(adapter)
     monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: process)

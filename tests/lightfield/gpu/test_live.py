@@ -51,6 +51,7 @@ def painted(field, seed=7):
     return field.with_sh(colors[:len(field.density)])
 
 
+@pytest.mark.slow  # shaders; one panel is coded in test_coding_on_gpu.py
 def test_pictures_are_the_cpus_wherever_the_head_is_turned_to(run):
     field = checkered(shell_field(24, basis=9, seed=1))
     configs = [CONFIG, EncodeConfig(turn=20, focus=0.2, depth_scale=0.6, size=0.5),
@@ -60,6 +61,7 @@ def test_pictures_are_the_cpus_wherever_the_head_is_turned_to(run):
         assert alike(picture, encode(field, PANEL, config, device="cpu"))
 
 
+@pytest.mark.slow  # shaders
 @pytest.mark.parametrize("changes", [
     {"subpixels": "BGR", "inverted": True}, {"flip_x": True, "flip_y": True},
     {"cells": ((-0.3, 0.1, 0.0, -0.2, 0.35, 0.1),), "width": 151, "height": 83}])
@@ -70,6 +72,7 @@ def test_all_kinds_of_panels_are_coded(run, changes):
     assert alike(picture, encode(field, panel, CONFIG, device="cpu"))
 
 
+@pytest.mark.slow  # shaders
 @pytest.mark.parametrize("page", [None, 1 << 15])
 def test_a_photos_colors_are_mixed_in(run, page):
     photo = shell_field(24, basis=9, seed=3)
@@ -84,6 +87,7 @@ def test_a_photos_colors_are_mixed_in(run, page):
     assert not alike(pictures[0], pictures[1]) and not alike(pictures[1], pictures[2])
 
 
+@pytest.mark.slow  # shaders
 def test_a_texture_fades_with_the_painting_that_it_belongs_to(run):
     from tests.lightfield.gpu.test_coding_on_gpu import textured
 
@@ -96,6 +100,7 @@ def test_a_texture_fades_with_the_painting_that_it_belongs_to(run):
     assert not alike(pictures[0], plain)
 
 
+@pytest.mark.slow  # shaders
 def test_a_slow_device_shows_every_nth_row_of_what_moves_and_then_all(run):
     field = checkered(shell_field(24, basis=1, seed=2))
     other = EncodeConfig(turn=25)
@@ -115,6 +120,7 @@ def test_a_slow_device_shows_every_nth_row_of_what_moves_and_then_all(run):
     assert psnr(first[apart // 2:5 * apart:apart][head] / 255.0, dark[head] / 255.0) >= EVEN
 
 
+@pytest.mark.slow  # shaders
 def test_an_eye_in_the_middle_sees_a_plain_perspective_view(run):
     field = head_field(40)
     config = EncodeConfig(size=0.7, focus=0.1, method="direct", background=1.0)
@@ -126,6 +132,7 @@ def test_an_eye_in_the_middle_sees_a_plain_perspective_view(run):
     assert psnr(picture / 255.0, np.clip(view, 0, 1)) > 40
 
 
+@pytest.mark.slow  # shaders
 def test_memory_stays_as_it_is_over_a_hundred_pictures(run_alone):
     panel = PANEL.scaled(48, 32)
     (early, first), (late, last) = run_alone("hundred", shell_field(16, basis=1), panel)[0]
@@ -133,6 +140,7 @@ def test_memory_stays_as_it_is_over_a_hundred_pictures(run_alone):
     assert late - early < 16 << 20
 
 
+@pytest.mark.slow  # shaders
 @pytest.mark.parametrize("format", ["rgba8unorm", "bgra8unorm"])
 def test_a_panel_is_sent_the_pictures_bytes_mirrored_if_it_mirrors(run, format):
     random = np.random.default_rng(1)

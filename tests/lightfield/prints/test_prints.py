@@ -37,7 +37,7 @@ from tests.fields import head_field, shell_field
 from tests.lightfield.test_ground import analytic, checkered, nothing
 
 SHEETS = [(40, 600, "30x40mm"), (60.12, 720, "25x30mm"), (75, 1440, "25x25mm")]
-EACH = [*SHEETS[:2], pytest.param(*SHEETS[2], marks=pytest.mark.slow)]
+EACH = [SHEETS[0], *(pytest.param(*sheet, marks=pytest.mark.slow) for sheet in SHEETS[1:])]
 PLAIN = {"bleed": 0.0, "margin": 0.0}
 
 
@@ -184,6 +184,7 @@ def test_heads_that_cannot_be_shown_are_refused():
         fitted(field, PrintSheet.of(PrintConfig(lpi=90, dpi=180, size="2000x2000mm")))
 
 
+@pytest.mark.slow  # a whole page; rows of the picture: above
 def test_pages_are_written_in_bands(tmp_path, monkeypatch):
     field = shell_field(size=24, basis=1)
     sheet = PrintSheet.of(PrintConfig(lpi=30, dpi=200, size="200x300mm"))
@@ -203,6 +204,7 @@ def test_pages_are_written_in_bands(tmp_path, monkeypatch):
     assert np.array_equal(read[inside], whole[inside])
 
 
+@pytest.mark.slow  # a whole page
 def test_marks_tell_where_the_sheet_lies_and_where_to_cut(tmp_path):
     field = head_field(24)
     config = PrintConfig(lpi=40, dpi=600, size="60x80mm")
@@ -317,6 +319,7 @@ def test_the_height_map_has_sixteen_bits(tmp_path):
     assert not (tmp_path / "thin.png").exists()
 
 
+@pytest.mark.slow  # a whole page
 def test_the_preview_is_the_head_seen_through_the_sheet():
     field = smooth_field()
     sheet = PrintSheet.of(PrintConfig(lpi=60, dpi=600, size="60x75mm"))
@@ -347,6 +350,7 @@ def field_file(tmp_path):
 SMALL = ["--lpi", "40", "--dpi", "300", "--size", "60x80mm"]
 
 
+@pytest.mark.slow  # a test page by the command: below
 def test_the_command_writes_a_print_and_what_goes_with_it(tmp_path, field_file, capsys):
     out = tmp_path / "print.tiff"
     assert main(["print", field_file, *SMALL, "--out", str(out), "--preview", "--preview-height",

@@ -131,6 +131,7 @@ def alike(picture, wanted):
     return psnr(picture / 255.0, wanted / 255.0) >= EVEN
 
 
+@pytest.mark.slow  # shaders; what events change is above
 def test_events_change_the_pictures_that_follow(play):
     photo = shell_field(20, basis=9, seed=3)
     painting = checkered(painted(photo))
@@ -153,6 +154,7 @@ def test_events_change_the_pictures_that_follow(play):
     assert figures["frames"] < 12 and figures["coding_ms"]["slowest"] > 0
 
 
+@pytest.mark.slow  # shaders
 def test_a_composed_head_stays_composed(play):
     field = shell_field(20, basis=1)
     config = EncodeConfig(compose=True)
@@ -163,6 +165,7 @@ def test_a_composed_head_stays_composed(play):
         assert alike(picture, encode(field, PANEL, wanted, device="cpu"))
 
 
+@pytest.mark.slow  # shaders; the sway is above
 def test_a_sway_moves_the_head_and_its_time_ends(play):
     field = shell_field(16, basis=1)
     pictures, said, figures, over = play(field, PANEL.scaled(64, 40), CONFIG, {1: [typed("h")]},
@@ -173,12 +176,14 @@ def test_a_sway_moves_the_head_and_its_time_ends(play):
     assert said[0].startswith("drag") and "pictures a second" in said[1]
 
 
+@pytest.mark.slow  # shaders; closing is above
 def test_a_closed_window_shows_nothing_more(play):
     field = shell_field(16, basis=1)
     pictures, _, _, over = play(field, PANEL.scaled(64, 40), CONFIG, {3: [key("Escape")]}, 50)
     assert over and len(pictures) == 3
 
 
+@pytest.mark.slow  # shaders
 def test_a_picture_for_the_ground_is_read_once(play, tmp_path):
     field = shell_field(20, basis=1)
     config = EncodeConfig(ground="white")
@@ -281,6 +286,7 @@ def command(saved, *words, **environment):
                           **environment})
 
 
+@pytest.mark.slow  # a process of its own
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is a screen")
 def test_no_screen_is_said_in_one_line(saved, adapter):
     pytest.importorskip("glfw", reason="glfw is not installed: pip install 'lfportrait[live]'")
@@ -307,8 +313,8 @@ def x_server():
     server.wait()
 
 
-@pytest.mark.parametrize("word", [
-    "--live", pytest.param("--simulate", marks=pytest.mark.slow)])
+@pytest.mark.slow  # a window, its process and shaders
+@pytest.mark.parametrize("word", ["--live", "--simulate"])
 def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, word):
     done = command(saved, word, "--seconds", "0.5", "--json", "out.json", DISPLAY=x_server)
     assert done.returncode == 0, done.stderr
@@ -319,6 +325,7 @@ def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, w
         assert figures["size"] == [PANEL.width, PANEL.height] and figures["screen"] == 0
 
 
+@pytest.mark.slow  # a window and its process
 def test_a_screen_of_another_size_is_refused(saved, adapter, x_server):
     dataclasses.replace(PANEL, width=PANEL.width + 16).save(saved / "panel.toml")
     listed = command(saved, "--live", "--list", DISPLAY=x_server)

@@ -67,6 +67,7 @@ def wanted(field, cameras, view):
     return field.render(cameras, view, background=ground.seen(cameras, view))
 
 
+@pytest.mark.slow  # in a browser; encoded: tests/lightfield/test_ground.py
 def test_the_plane_is_drawn_at_its_depth_with_its_shadow(opened, grounded):
     assert opened.complaints == []
     cameras = sweep_cameras(60.0, 4, SIZE, grounded)
@@ -83,6 +84,7 @@ def test_the_plane_is_drawn_at_its_depth_with_its_shadow(opened, grounded):
         assert decibels(beside[free], wanted(grounded, cameras, 3).color[free]) < 28
 
 
+@pytest.mark.slow  # in a browser
 def test_its_mirror_images_go_on_beyond_its_borders(opened, grounded):
     camera = Camera.arc([10.0], distance=4.0, width=SIZE, height=SIZE, focal=30.0)
     truth = wanted(grounded, camera, 0)
@@ -91,6 +93,7 @@ def test_its_mirror_images_go_on_beyond_its_borders(opened, grounded):
     assert decibels(opened.view(camera, 0)[..., :3][free], truth.color[free]) > 22
 
 
+@pytest.mark.slow  # in a browser
 def test_there_is_a_ground_from_all_sides(opened, grounded):
     cameras = orbit_cameras(8, SIZE, grounded)
     views = [opened.view(cameras, view) for view in range(8)]
@@ -108,6 +111,7 @@ def test_there_is_a_ground_from_all_sides(opened, grounded):
         last = drawn
 
 
+@pytest.mark.slow  # in a browser
 def test_the_button_goes_from_the_painted_ground_to_plain_ones_and_back(opened, grounded):
     def look():
         corner = opened.view(orbit_cameras(1, SIZE, grounded), 0)[0, 0, 3]
@@ -123,6 +127,7 @@ def test_the_button_goes_from_the_painted_ground_to_plain_ones_and_back(opened, 
     assert shown == [(0.0, first[1]), (0.0, other), first]
 
 
+@pytest.mark.slow  # in a browser
 def test_the_photo_has_a_plain_ground(opened, grounded):
     camera = orbit_cameras(1, SIZE, grounded)
     try:
@@ -134,6 +139,7 @@ def test_the_photo_has_a_plain_ground(opened, grounded):
         opened.show(0, 1, 1)
 
 
+@pytest.mark.slow  # in a browser
 @pytest.mark.parametrize("place", [{}, {"focus": 0.2, "depth": 0.5, "size": 0.6, "shiftX": 0.1}])
 def test_coded_pictures_have_it_as_ours_do(opened, grounded, place):
     display = Display(180, 120, views=9, pitch=5.3, slant=0.16, offset=2.1, cone=40, distance=4,

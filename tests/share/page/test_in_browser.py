@@ -54,6 +54,7 @@ def test_views_are_those_of_the_renderer_and_have_its_edges(opened, head):
             assert np.quantile(np.abs(drawn[..., :3] - color)[edge], rare) < 0.06
 
 
+@pytest.mark.slow  # above one is drawn
 def test_a_head_from_one_photo_turns_as_far_as_it_is_good_unless_unlocked(browser, tmp_path):
     field = replace(shell_field(16, basis=1), cone=40.0)
     write_page(field, tmp_path / "page.html")
@@ -91,6 +92,7 @@ def close(field, turn=20.0):
                       height=SIZE, focal=6 * float(camera.focal[0, 0]))
 
 
+@pytest.mark.slow  # views: above
 def test_strokes_are_as_sharp_as_the_renderers(opened, head):
     camera = close(head)
     color = np.clip(head.render(camera, background=0.0, anisotropic=False).color, 0, 1)
@@ -102,6 +104,7 @@ def test_strokes_are_as_sharp_as_the_renderers(opened, head):
     assert sharpness(blurred) < 0.5 * sharpness(color)
 
 
+@pytest.mark.slow  # views: above
 def test_a_device_with_small_textures_shows_coarser_strokes(opened, head):
     finest, octaves = opened.run("() => [lfportrait.renderer.texture.finest(200),"
                                 " lfportrait.renderer.texture.octaves]")
@@ -123,6 +126,7 @@ def test_a_device_with_small_textures_shows_coarser_strokes(opened, head):
     opened.run(begin_with, 0)
 
 
+@pytest.mark.slow  # views: above
 @pytest.mark.parametrize("blend", [0.0, 0.3, 1.0])
 def test_the_slider_goes_from_one_field_to_the_other(opened, head, blend):
     opened.show(0, 2, blend)
@@ -131,9 +135,9 @@ def test_the_slider_goes_from_one_field_to_the_other(opened, head, blend):
         assert decibels(drawn[..., :3], color) > 48
 
 
-# Its kernels take five seconds to compile; degree 2 draws the same bands and more, other pages one,
-# and test_packing.py reads degree 1 back.
-@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.slow), 2])
+# Its kernels take five seconds to compile; test_packing.py reads degree 1 back.
+@pytest.mark.slow
+@pytest.mark.parametrize("degree", [1, 2])
 def test_harmonics_are_kept_where_they_are_asked_for(browser, tmp_path, degree):
     field = shell_field(size=32, basis=9)
     write_page(field, tmp_path / "photo.html", PageConfig(sh=degree))
@@ -146,6 +150,7 @@ def test_harmonics_are_kept_where_they_are_asked_for(browser, tmp_path, degree):
             assert decibels(drawn[..., :3], color) > 42
 
 
+@pytest.mark.slow  # a browser's clicks
 def test_slider_buttons_and_keys_are_wired(browser, page):
     with Opened(browser, page, width=400, height=260, reduced_motion="reduce") as each:
         state = "() => [lfportrait.mix.style, lfportrait.renderer.blend, lfportrait.renderer.slots]"
@@ -186,6 +191,7 @@ SLIDE = """async (blend) => {
 }"""
 
 
+@pytest.mark.slow  # what is mixed: `mix` in tests/field, tests/share
 def test_a_slider_mixes_pictures_of_its_ends(browser, page):
     """Nearly exactly: this painting's strokes are beyond black and white, and clipped there."""
     with Opened(browser, page, width=240, height=160, reduced_motion="reduce") as each:
@@ -220,6 +226,7 @@ def test_a_slider_mixes_pictures_of_its_ends(browser, page):
         assert each.complaints == []
 
 
+@pytest.mark.slow  # waits for a browser
 def test_it_sways_unless_motion_is_not_wanted(browser, page):
     count = "() => lfportrait.viewer.drawn"
     with Opened(browser, page, reduced_motion="no-preference") as each:
@@ -248,6 +255,7 @@ def stands(each):
     return each.told()
 
 
+@pytest.mark.slow  # a page each
 @pytest.mark.parametrize("damage", ["cut", "changed"])
 def test_a_damaged_file_shows_the_poster_and_a_sentence(browser, page, tmp_path, damage):
     data = page.read_bytes()
@@ -258,6 +266,7 @@ def test_a_damaged_file_shows_the_poster_and_a_sentence(browser, page, tmp_path,
         assert ("cut off" if damage == "cut" else "damaged") in stands(each)
 
 
+@pytest.mark.slow  # a browser of its own
 def test_a_browser_without_webgl2_shows_the_poster_and_a_sentence(playwright, page):
     with chromium(playwright, "--disable-3d-apis") as browser, \
             Opened(browser, page, live=False) as each:
@@ -265,6 +274,7 @@ def test_a_browser_without_webgl2_shows_the_poster_and_a_sentence(playwright, pa
         assert not [line for line in each.complaints if "WebGL" not in line]
 
 
+@pytest.mark.slow  # a page of its own
 def test_a_lost_context_shows_the_poster_and_comes_back(browser, page, head):
     with Opened(browser, page) as each:
         each.run("() => { window.gone = lfportrait.renderer.gl.getExtension('WEBGL_lose_context');"
@@ -278,8 +288,8 @@ def test_a_lost_context_shows_the_poster_and_comes_back(browser, page, head):
             assert decibels(drawn[..., :3], color) > 48
 
 
-@pytest.mark.parametrize(("size", "most"), [
-    (112, 1_300_000), pytest.param(224, 6_000_000, marks=pytest.mark.slow)])
+@pytest.mark.slow  # a large field; what a page takes: test_packing.py
+@pytest.mark.parametrize(("size", "most"), [(112, 1_300_000), (224, 6_000_000)])
 def test_a_large_field_keeps_to_its_megabytes_and_to_a_telephones_memory(browser, tmp_path, size,
                                                                          most):
     """One of 256 lines, cut to the head, and one of half as many."""

@@ -10,6 +10,8 @@ import pytest
 from lfportrait.lightfield import Display, EncodeConfig, encode
 from tests.share.page.browser import Opened, decibels
 
+pytestmark = pytest.mark.slow  # in a browser; the picture itself: tests/lightfield
+
 PANELS = ("generic-1080p", "lookingglass-portrait", "lookingglass-16-portrait",
           "lookingglass-32-landscape")
 SMALL = Display(97, 61, views=9, pitch=7.3, slant=0.17, offset=2.2, name="small")

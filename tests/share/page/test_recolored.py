@@ -29,6 +29,7 @@ PUT = """async (sets) => {
 }"""
 
 
+@pytest.mark.slow  # in a browser; what it reads is below
 @pytest.mark.parametrize("mix", [
     {"strength": 0.6}, {"identity": 0.7}, {"keep_colors": True},
     {"regions": {"hair": 2.0, "skin": 0.3}}, {"strength": 0.0}], ids=lambda mix: next(iter(mix)))
@@ -44,6 +45,7 @@ def test_a_mix_is_what_the_renderer_shows(opened, page, head, mix):
     assert opened.complaints == []
 
 
+@pytest.mark.slow  # in a browser
 def test_between_two_mixes_lies_the_mix_between(opened, page, head):
     """What a slider shows while it is moved: seeing adds colors up, so that it is nearly exact."""
     ends = [recolored(OpenPage.of(page.read_bytes()), head.mix(regions={"skin": value}))

@@ -25,6 +25,7 @@ def faults(opened, **options):
     return found
 
 
+@pytest.mark.slow  # in a browser; below one test opens the studio
 def test_axe_finds_nothing_in_the_editors_and_dialogs(opened):
     own = next(style["id"] for style in opened.ask("GET", "/api/styles?project=ben")["styles"]
                if style["kind"] == "project")
@@ -47,6 +48,7 @@ LOOKS = [(1280, "light"), (390, "dark"), (1280, "dark"), (390, "light")]
 """A wide window and a narrow one, in both schemes."""
 
 
+@pytest.mark.slow  # in a browser
 def test_axe_finds_nothing_on_any_screen(opened):
     """Half of the screens wide and light, narrow and dark; the others the other way round."""
     for number, hash_ in enumerate(SCREENS_OF):
@@ -59,6 +61,7 @@ def test_axe_finds_nothing_on_any_screen(opened):
             assert faults(opened) == [], (hash_, width, scheme)
 
 
+@pytest.mark.slow  # in a browser
 def test_no_screen_is_wider_than_its_window(browser, studio):
     """In German, whose words are longer; `test_long_names` looks at the English page."""
     with Opened(browser, studio, locale="de") as each:
@@ -76,6 +79,7 @@ def test_no_screen_is_wider_than_its_window(browser, studio):
                 assert narrow == [], (hash_, width)
 
 
+@pytest.mark.slow  # in a browser; by requests: tests/studio
 def test_a_sitter_is_made_and_removed_by_keys_alone(opened):
     opened.reload()  # nothing has the focus yet
     keyboard = opened.page.keyboard
@@ -137,6 +141,7 @@ def test_nothing_is_asked_of_another_host_and_nothing_complains(opened, studio):
     assert "token" not in opened.page.url
 
 
+@pytest.mark.slow  # in a browser; keys: tests/studio/test_guard.py
 def test_a_browser_without_the_key_is_told_what_to_do(opened, studio):
     opened.context.clear_cookies()
     try:
@@ -148,6 +153,7 @@ def test_a_browser_without_the_key_is_told_what_to_do(opened, studio):
         opened.page.wait_for_selector("[data-screen][data-ready]")
 
 
+@pytest.mark.slow  # in a browser
 def test_the_theme_follows_the_system_until_it_is_chosen(opened):
     ground = "() => getComputedStyle(document.body).backgroundColor"
     opened.page.emulate_media(color_scheme="dark")

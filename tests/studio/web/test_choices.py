@@ -5,6 +5,8 @@ import pytest
 from tests.job.test_pipeline import PANEL
 from tests.studio.web.conftest import picture
 
+pytestmark = pytest.mark.slow  # in a browser; the requests behind it: tests/studio
+
 
 def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
     """Half a band, no bands, the views from the middle, clean edges; each answer is written."""

@@ -2,7 +2,11 @@
 
 import signal
 
+import pytest
+
 from tests.studio.web.conftest import Opened
+
+pytestmark = pytest.mark.slow  # in a browser; studios that are killed: tests/studio/test_server.py
 
 
 def killed(studio):

@@ -2,7 +2,11 @@
 
 import io
 
+import pytest
+
 from tests.studio.web.conftest import picture
+
+pytestmark = pytest.mark.slow  # in a browser; paintings by requests: tests/studio/test_uploads.py
 
 
 def png(seed):

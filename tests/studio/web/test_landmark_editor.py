@@ -5,6 +5,8 @@ import pytest
 
 from tests.studio.web.conftest import Opened
 
+pytestmark = pytest.mark.slow  # in a browser; landmarks are tried in tests/job/test_session.py
+
 
 @pytest.fixture(scope="module")
 def page(opened_here):

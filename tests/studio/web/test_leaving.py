@@ -4,6 +4,8 @@ import re
 
 import pytest
 
+pytestmark = pytest.mark.slow  # in a browser; what is given up: tests/studio/test_previews.py
+
 GIVEN_UP = "net::ERR_ABORTED"
 SLOW = {
     "style/anna": "**/preview",

@@ -8,6 +8,8 @@ import pytest
 from lfportrait.files import write_json
 from tests.studio.web.conftest import Opened, Studio, face, picture
 
+pytestmark = pytest.mark.slow  # in a browser; names in requests: tests/studio/test_guard.py
+
 LONG = ("Donaudampfschiffahrtselektrizitaetenhauptbetriebswerkbauunterbeamtengesellschaft"
         "mitbeschraenkterhaftung")[:80]
 SCREENS = ("sitters", "photos", "making", "style", "portrait", "show", "show/files")

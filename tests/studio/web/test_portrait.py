@@ -2,6 +2,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow  # in a browser; the page that it shows: tests/share/page
+
 INNER = "(n) => document.querySelectorAll('.stage iframe:not(.coming)')[n].contentWindow.lfportrait"
 
 

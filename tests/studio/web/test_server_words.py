@@ -151,6 +151,7 @@ SAID = {
     "a sentence that nobody knows": "a sentence that nobody knows"}
 
 
+@pytest.mark.slow  # in a browser; the sentences are above
 @pytest.mark.skipif(program() is None, reason="no Chromium is installed")
 def test_a_german_page_says_it_in_german(opened):
     found = opened.page.evaluate(

@@ -2,6 +2,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow  # in a browser; panels by requests: tests/studio/test_displays.py
+
 
 def test_the_place_of_the_head_survives_a_reload(opened):
     opened.go("show/anna")

@@ -4,6 +4,8 @@ import re
 
 import pytest
 
+pytestmark = pytest.mark.slow  # in a browser; the time that is left: tests/job/test_time_left.py
+
 JOB = {"id": "j-1", "kind": "head", "project": "ben", "name": "ben", "version": None,
        "export": None, "state": "running", "place": 0, "progress": 0.5, "left": 0, "notes": [],
        "error": None, "result": None}

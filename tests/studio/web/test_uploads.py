@@ -4,6 +4,8 @@ import pytest
 
 from tests.studio.web.conftest import picture
 
+pytestmark = pytest.mark.slow  # in a browser; by requests alone: tests/studio/test_uploads.py
+
 
 @pytest.fixture
 def sitter(opened):

@@ -78,6 +78,7 @@ def test_scripts_ask_nobody_else():
         assert not re.search(r"innerHTML|insertAdjacentHTML|\beval\(|\sstyle=\"", text), path.name
 
 
+@pytest.mark.slow  # in a browser; the words are above
 @pytest.mark.skipif(program() is None, reason="no Chromium is installed")
 def test_the_language_changes_at_once_and_stays(opened):
     page = opened.page

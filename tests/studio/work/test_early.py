@@ -42,6 +42,7 @@ class Early:
         return bool(taken)
 
 
+@pytest.mark.slow  # paints a head
 def test_the_look_is_the_picture_of_the_stage_to_come(tmp_path, painting):
     early = Early(tmp_path)
     assert not early.offer() and not early.look.over, "no painting is chosen yet"

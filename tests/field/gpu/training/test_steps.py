@@ -30,8 +30,8 @@ def process(gpu_child):
     return gpu_child
 
 
-@pytest.mark.parametrize("basis, density", [
-    (9, 25.0), pytest.param(4, 25.0, marks=pytest.mark.slow), (1, 1.5)])
+@pytest.mark.slow  # shaders; steps by them: below
+@pytest.mark.parametrize("basis, density", [(9, 25.0), (4, 25.0), (1, 1.5)])
 def test_slopes_equal_the_cpus(process, basis, density):
     lattice, data = random_lattice(basis, density=density), Views().pixels
     random = np.random.default_rng(1)
@@ -67,8 +67,9 @@ def on_gpu(process, kind=GpuSteps):
     return lambda behind, *given: kind(process, *given, tiles=24, behind=behind)
 
 
+@pytest.mark.slow  # shaders; by the CPU: tests/field
 @pytest.mark.parametrize("basis, kind, more", [
-    (9, GpuSteps, {}), pytest.param(4, GpuSteps, {}, marks=pytest.mark.slow),
+    (9, GpuSteps, {}), (4, GpuSteps, {}),
     # Notes that find no room and are begun again, colors in several pages.
     (9, SmallSteps, {}), (9, SmallSteps, {"lambda_tv_sh": 0.02})])
 def test_steps_equal_the_cpus(process, basis, kind, more):
@@ -95,6 +96,7 @@ def test_steps_equal_the_cpus(process, basis, kind, more):
     assert np.allclose(sums.rows, wanted_sums.rows, atol=1e-3)
 
 
+@pytest.mark.slow  # shaders
 def test_total_variation_is_taken_up(process):
     # What the steps above would not show, were it left out on both sides.
     once = taken_steps(on_gpu(process), 4, lambda_tv=0.02, lambda_tv_sh=0.02)[0]
@@ -103,6 +105,7 @@ def test_total_variation_is_taken_up(process):
     assert (np.abs(once.rows - without.rows)[:, :12].max(axis=1) > 1e-4).mean() > 0.2
 
 
+@pytest.mark.slow  # shaders
 def test_spheres_behind_the_lattice_equal_the_cpus(process):
     wanted, wanted_errors, *_, spheres = taken_steps(on_cpu, 4, room=True)
     found, errors, *_, own_spheres = taken_steps(on_gpu(process), 4, room=True)
@@ -121,6 +124,7 @@ def test_spheres_behind_the_lattice_equal_the_cpus(process):
     assert np.allclose(found.density, wanted.density, atol=0.02)
 
 
+@pytest.mark.slow  # shaders
 def test_steps_give_the_same_bytes_again(process):
     once, again = (taken_steps(on_gpu(process), 4, room=True) for _ in range(2))
     assert np.array_equal(once[0].density, again[0].density)
@@ -128,6 +132,7 @@ def test_steps_give_the_same_bytes_again(process):
     assert np.array_equal(once[4].background.data, again[4].background.data)
 
 
+@pytest.mark.slow  # shaders
 def test_largest_weights_equal_the_cpus(process):
     lattice, data = random_lattice(1), Views().pixels
     options = step_options(lattice)

@@ -12,6 +12,8 @@ from lfportrait.gpu import GpuLostError
 from lfportrait.progress import Progress
 from tests.field.test_field import ball_capture
 
+pytestmark = pytest.mark.slow  # shaders; their steps are in test_steps.py
+
 CONFIG = ReconstructConfig(resolutions=(12, 24), rays=(0.002, 0.006), batch=(256,),
                            fill_back=False, cut_base=False).resolved(False, 3.0, 0.1)
 

@@ -88,6 +88,7 @@ def test_the_variation_of_a_ramp():
     assert float(total_variation(ramp)) == pytest.approx(0.5)
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_photos_are_cropped_to_the_head(small_head):
     field, capture, exemplar = small_head
     views = photo_views(FieldTask(field, capture, exemplar), 96, 5)
@@ -106,6 +107,7 @@ def stylised(small_head):
     return stylize_with_figures(*small_head, SMALL, device="cpu")
 
 
+@pytest.mark.slow  # only for comparisons; its steps are above
 def test_a_head_in_arfs_manner(small_head, stylised):
     field, capture, exemplar = small_head
     styled, figures = stylised
@@ -127,6 +129,7 @@ def test_arf_on_another_device_gives_the_same(small_head, stylised, other_device
     assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
 
 
+@pytest.mark.slow  # only for comparisons
 def test_arf_needs_no_landmarks_and_writes_its_views(small_head, tmp_path):
     field, capture, exemplar = small_head
     quick = SMALL.with_section(replace(SMALL.parameters[0], steps=1))
@@ -134,6 +137,7 @@ def test_arf_needs_no_landmarks_and_writes_its_views(small_head, tmp_path):
     assert list(tmp_path.glob("view_*.png"))
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 @pytest.mark.parametrize(("change", "message"), [
     ({"size": 20}, "at least 64 pixels"), ({"views": 0}, "at least one view"),
     ({"steps": -1}, "negative")])
@@ -144,6 +148,7 @@ def test_wrong_parameters_are_told(small_head, change, message):
                              SMALL.with_section(replace(SMALL.parameters[0], **change)))
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_a_capture_of_something_else_is_told(small_head):
     field, capture, exemplar = small_head
     away = np.eye(4)

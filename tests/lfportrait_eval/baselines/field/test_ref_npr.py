@@ -40,6 +40,7 @@ def test_nearest_places_equal_numpy():
     assert np.allclose(distance.numpy(), 1 - cosine.max(1))
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_the_reference_is_painted(scene):
     _, reference = scene
     assert np.abs(reference.example - reference.content)[reference.inside].mean() > 0.05
@@ -47,6 +48,7 @@ def test_the_reference_is_painted(scene):
     assert np.allclose(reference.example[outside], 1.0, atol=1e-3)
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_the_painting_is_laid_on_a_turned_view(scene):
     task, reference = scene
     shares = []
@@ -62,6 +64,7 @@ def test_the_painting_is_laid_on_a_turned_view(scene):
     assert shares[3] < 0.01
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_registered_colors_are_those_of_the_same_place(scene):
     """With the frontal render itself as its painting, a turned view gets its own colors."""
     task, reference = scene
@@ -74,6 +77,7 @@ def test_registered_colors_are_those_of_the_same_place(scene):
     assert same < 0.4 * spread
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_outlines_are_dropped(scene):
     _, reference = scene
     steady = steady_places(reference)
@@ -87,6 +91,7 @@ def stylised(small_head):
     return stylize_with_figures(*small_head, SMALL, device="cpu")
 
 
+@pytest.mark.slow  # only for comparisons; its steps are above
 def test_a_head_in_the_manner_of_one_painted_view(small_head, stylised):
     field, capture, exemplar = small_head
     styled, figures = stylised
@@ -136,6 +141,7 @@ def test_the_deep_network_has_weights(shared_weights, monkeypatch):
     assert float(values.max()) > 0
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 @pytest.mark.parametrize(("change", "message"), [
     ({"size": 20}, "at least 64 pixels"), ({"steps": -1}, "negative")])
 def test_wrong_parameters_are_told(small_head, change, message):
@@ -144,6 +150,7 @@ def test_wrong_parameters_are_told(small_head, change, message):
                              SMALL.with_section(replace(SMALL.parameters[0], **change)))
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_a_capture_without_landmarks_is_told(small_head):
     field, capture, exemplar = small_head
     with pytest.raises(UserError, match="landmarks"):

@@ -71,6 +71,7 @@ def test_normalised_features_have_the_wanted_statistics_inside():
     assert torch.allclose(spread, wanted[1], atol=1e-3)
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_a_view_warped_into_its_neighbour_shows_the_same(scene):
     _, views = scene
     near, far = seen_from(views[3], views[4]), seen_from(views[0], views[-1])
@@ -84,6 +85,7 @@ def test_a_view_warped_into_its_neighbour_shows_the_same(scene):
     assert error < 0.5 * unwarped
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_a_view_sees_all_of_itself(scene):
     _, views = scene
     link = seen_from(views[2], views[2])
@@ -94,6 +96,7 @@ def test_a_view_sees_all_of_itself(scene):
     assert np.allclose(same[known], views[2].content[known], atol=1e-4)
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 @pytest.mark.parametrize("numbers", [0, 1])
 def test_codes_take_what_views_cannot_agree_on(scene, numbers):
     task, views = scene
@@ -111,6 +114,7 @@ def test_codes_take_what_views_cannot_agree_on(scene, numbers):
         assert errors[-1] < 0.8 * shared.fit(8)[-1]
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_tuning_lowers_the_decoders_loss(scene, monkeypatch):
     monkeypatch.setattr(stylized_nerf, "LEARNING_RATE", 1e-3)
     task, views = scene
@@ -131,6 +135,7 @@ def taught(small_head):
     return paint_by_mutual_teaching(FieldTask(*small_head, device="cpu"), SMALL, random_network())
 
 
+@pytest.mark.slow  # only for comparisons; its steps are above
 def test_a_head_and_a_network_teach_each_other(small_head, taught):
     field = small_head[0]
     colors, figures = taught
@@ -151,6 +156,7 @@ def test_the_teacher_on_another_device_gives_the_same(small_head, taught, other_
     assert np.allclose(taught[0], there, atol=1e-4)
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 def test_missing_weights_are_told(small_head, monkeypatch, tmp_path):
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(tmp_path))
     monkeypatch.setattr(models, "cache_folder", lambda: tmp_path)
@@ -158,6 +164,7 @@ def test_missing_weights_are_told(small_head, monkeypatch, tmp_path):
         stylize_with_figures(*small_head, StylizeConfig(method="stylized-nerf"))
 
 
+@pytest.mark.slow  # only for comparisons; trains a head
 @pytest.mark.parametrize(("change", "message"), [
     ({"rounds": 0}, "at least 1"), ({"latent": -1}, "negative")])
 def test_wrong_parameters_are_told(small_head, change, message):

@@ -110,6 +110,7 @@ def test_the_exemplar_s_own_photo_comes_back(monkeypatch):
     assert np.median(away) < 6 and (away < 40).mean() > 0.95
 
 
+@pytest.mark.slow  # only for comparisons
 def test_without_background_the_rest_stays_the_photo(tmp_path):
     style = drawn_face(128, 96, skin=(120, 90, 200))
     photo = drawn_face(120, 100, seed=1)

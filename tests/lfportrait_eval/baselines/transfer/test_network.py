@@ -52,6 +52,7 @@ def test_varied_photos_take_their_landmarks_along():
         assert np.abs(centre - moved.mean(axis=0)).max() < 0.3
 
 
+@pytest.mark.slow  # the same seed trains, too, below
 def test_training_learns_the_colors_of_one_pair():
     from lfportrait_eval.baselines.transfer.unet import run, train
 
@@ -99,6 +100,7 @@ def test_a_checkpoint_goes_from_device_to_device(tmp_path, other_device):
     assert np.allclose(first, second, atol=1e-4)
 
 
+@pytest.mark.slow  # only for comparisons
 def test_a_checkpoint_is_written_read_and_checked(tmp_path):
     style, photo = drawn_face(96, 72, skin=(120, 90, 200)), drawn_face(90, 80, seed=1)
     path = tmp_path / "style.safetensors"
@@ -131,7 +133,8 @@ def test_torch_is_not_imported_for_the_other_methods():
     assert found.strip() == "False"
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [
+    pytest.param(name, marks=() if name == "facestyle" else pytest.mark.slow) for name in METHODS])
 def test_every_method_is_a_choice_of_the_command(method, tmp_path, monkeypatch):
     style, photo = drawn_face(128, 96, skin=(120, 90, 200)), drawn_face(100, 90, seed=1)
     Image.fromarray(style.image).save(tmp_path / "style.png")
