@@ -100,7 +100,6 @@ class Capture:
 
         Parameters
         ----------
-        folder : The folder.
         format : Name of another format that is written (`capture_formats`).
 
         Raises

@@ -240,7 +240,6 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
     Parameters
     ----------
-    capture : Photos and cameras, in the portrait frame.
     mattes : V mattes, [H, W] in [0, 1].
     size : Points of the lattice along an edge.
 

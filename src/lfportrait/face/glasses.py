@@ -181,10 +181,7 @@ def dark_glasses(image: UInt8, landmarks: NDArray[np.floating]) -> bool:
 
 
 def _cross_sections(grey: Float32, rims: list[Rim]) -> tuple[float, float]:
-    """How alike the cross-sections of two rims are, in [0, 1], and the width of their lines.
-
-    ``grey`` is a picture in which the lines are lighter than what lies beside them.
-    """
+    """How alike two light rims' cross-sections are, in [0, 1], and the width of their lines."""
     found = []
     for rim in rims:
         places = (rim.points[:, None] + rim.normals[:, None] * ACROSS[:, None]).astype(np.float32)
@@ -220,10 +217,7 @@ def _width(section: Float64) -> float:
 
 
 def _bridges(lines: Float32, rims: list[Rim]) -> list[Float64]:
-    """The bridges between two rims, [STEPS, 2] each: a bar, arcs over the nose, or both.
-
-    Each is where it is most a line; ``lines`` are of both tones, as a bent spring shines.
-    """
+    """The bridges between two rims, [STEPS, 2] each: a bar, arcs over the nose, or both."""
     between = rims[1].middle - rims[0].middle
     between /= np.linalg.norm(between)
     up = np.array([between[1], -between[0]])

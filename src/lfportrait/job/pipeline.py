@@ -351,7 +351,6 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     style : Exemplar: a picture's path, a built-in style's name, or an `Exemplar`.
     out : Folder for all results; an interrupted job is resumed.
     display : Preset name, calibration or display file, or a `Display`.
-    config : Parameters of the stages.
     device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
         (`lfportrait.device`).
     seed : Seed of all random choices.
@@ -470,10 +469,7 @@ class _Job:
             task.record, task.key, task.outputs, partial(self._done, task)))
 
     def _look_at_finished(self) -> None:
-        """Take the first look of the finished field: the painting is new, or kernels were late.
-
-        The next stage waits for these kernels in any case.
-        """
+        """Take the first look of the finished field: the painting is new, or kernels were late."""
         look, capture = self.tools.look, Capture.load(self.out / "capture")
         assert look is not None
         with compiling_progress("first look", enabled=not self.quiet) as progress:

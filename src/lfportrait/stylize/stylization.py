@@ -41,7 +41,7 @@ from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..files import write_image
 from ..labels import PICTURE_LABELS
 from ..measure import give_back_memory
-from ..progress import Progress
+from ..progress import Progress, note
 from .config import FieldTask, StylizeConfig
 from .fit import ColorModel, StyleView
 from .mixing import StyledField
@@ -235,8 +235,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
     skin, field = sitter.skin, sitter.field
     for exemplar in exemplars:
         clock = time.perf_counter()
-        if progress is not None:
-            progress.update(progress.done, f"paint after {exemplar.name}")
+        note(progress, f"paint after {exemplar.name}")
         painter = (painters or Painters()).of(exemplar, skin, config)
         painting = painter.paint(skin, sitter.step)
         frontal = painter.exemplar.image if painter.turned else None
@@ -353,8 +352,6 @@ def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[E
     field, capture : The real radiance field, and its capture: the landmarks in space, and where
         the photos were taken from.
     exemplar : The painting with its landmarks, or several; the field shows the first.
-    config : Parameters.
-    progress : Progress line.
     device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
         (`lfportrait.device`).
     dump : Folder for pictures of intermediates; None writes none.
