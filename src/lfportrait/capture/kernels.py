@@ -241,7 +241,10 @@ _FLOOR = np.float32(4e-4)
 
 @njit(cache=True, inline="always")
 def _adjugate(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
-    """The adjugate's upper half, row by row, and the determinant, at least tiny."""
+    """A symmetric matrix's adjugate, its upper half row by row, and the determinant, at least tiny.
+
+    The inverse is the adjugate over the determinant.
+    """
     i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     return i00, i01, i02, i11, i12, i22, max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))

@@ -4,7 +4,6 @@ from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
 from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_openings, shut_eyes
-from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchSearch
@@ -23,6 +22,10 @@ from .styleblit import (
 )
 from .surface_guide import SurfaceGuide
 from .transfers import (
+    Method,
+    MethodConfig,
+    PhotoMethod,
+    Sitting,
     Transfer,
     TransferConfig,
     as_painted,
@@ -30,6 +33,8 @@ from .transfers import (
     fitting,
     from_the_front,
     mix_regions,
+    photo_method,
+    prepare,
     transfer,
 )
 from .video import VideoTransfer
@@ -87,7 +92,6 @@ __all__ = [
     "load_skin",
     "mix_regions",
     "not_worn",
-    "paint",
     "painted_shares",
     "photo_method",
     "photo_regions",

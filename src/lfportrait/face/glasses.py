@@ -76,21 +76,9 @@ class Spectacles:
     unsure: float
 
 
-def spectacles(image: UInt8, landmarks: NDArray[np.floating],
-               pose: FacePose | None = None) -> Float32:
-    """Find the spectacles that a sitter wears, float32 [H, W] in [0, 1]: zero where none are worn.
-
-    Rims, bridge and temples, with the highlight and the shadow beside them; in the painting as it
-    is given, uint8 [H, W, 3] sRGB, by its landmarks float64 [68, 2] in pixels and the face's pose.
-    """
-    found = find_spectacles(image, landmarks, pose)
-    shape = image.shape[0], image.shape[1]
-    return np.zeros(shape, np.float32) if found is None else drawn_spectacles(found, shape)
-
-
 def drawn_spectacles(found: Spectacles, shape: tuple[int, int], beside: float | None = None,
                      ) -> Float32:
-    """The lines of spectacles, with what lies right beside them; float32 [H, W] in [0, 1].
+    """The lines of spectacles, with highlight and shadow beside them; float32 [H, W] in [0, 1].
 
     ``beside`` is how much of that on either side, in pixels; None: as wide as the lines shine.
     """
@@ -127,7 +115,7 @@ def spectacle_lenses(found: Spectacles, shape: tuple[int, int],
 
 def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
                     pose: FacePose | None = None, sure: float = SURE) -> Spectacles | None:
-    """The lines of the spectacles in a portrait, or None; arguments as `spectacles`.
+    """The lines of the spectacles in a portrait uint8 [H, W, 3] by its landmarks [68, 2], or None.
 
     ``sure`` is how sure they must be.
     """

@@ -100,7 +100,11 @@ def kind_of(arguments) -> Lanes | None:
 
 def _operator(function: Callable[..., Any], result: Callable[[Lanes], Lanes],
               allowed: dict[Lanes, Callable[..., Any]], count: int = 2) -> None:
-    """Give an operator a meaning on lanes: LLVM generator and result by the operands' kind."""
+    """Give Python's operator ``function`` a meaning on lanes.
+
+    ``allowed`` maps the operands' kind to a generator of LLVM code; ``result`` maps it to the
+    result's kind.
+    """
     scalars = (types.Number, types.Boolean)
 
     @infer_global(function)

@@ -247,9 +247,8 @@ def _clearance(distance: Float32) -> UInt8:
     return np.minimum(steps, 255).astype(np.uint8)
 
 
-def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float,
-                   most: int = 3) -> Float64:
-    """Planes that have the object and the cameras before them, float64 [P, 4], ``most`` at most.
+def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float) -> Float64:
+    """Planes that have the object and the cameras before them, float64 [P, 4], three at most.
 
     They are unit normals and offsets: ``normal . x > offset`` before the plane. Of points of
     surfaces, float64 [K, 3], ``persons`` says how much the mattes call each of them the person, and
@@ -260,7 +259,7 @@ def backing_planes(points: Points, persons: Float32, cameras: Points, usual: flo
     near = np.linalg.norm(points, axis=1) < REACH + 0.2
     points, persons = points[near], persons[near]
     found: list[Float64] = []
-    while len(found) < most and len(points) >= 500:
+    while len(found) < 3 and len(points) >= 500:
         chosen = random.permutation(len(points))[:6000]
         sample = points[chosen]
         corners = sample[random.integers(0, len(sample), (1500, 3))]
