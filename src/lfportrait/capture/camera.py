@@ -89,6 +89,7 @@ class Camera:
 
         Parameters
         ----------
+        view : Index of the view.
         pixels : [N, 2] image points (x, y); by default the pixel centres in scan order, N = H W.
 
         Returns

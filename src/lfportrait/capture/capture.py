@@ -100,6 +100,7 @@ class Capture:
 
         Parameters
         ----------
+        folder : The folder.
         format : Name of another format that is written (`capture_formats`).
 
         Raises

@@ -272,6 +272,8 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     Parameters
     ----------
     photos : Folder of photos, or a video file.
+    config : Parameters.
+    progress : Progress line.
     read : The pictures, where they were read already. The list is emptied: they are large.
 
     Returns

@@ -475,6 +475,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
     ----------
     image : uint8 [H, W, 3].
     exemplar : The painting.
+    config : Parameters.
     landmarks : [68, 2] in pixels; detected if None.
     options : Passed on to `Transfer.apply`.
 

@@ -55,6 +55,8 @@ def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
     Parameters
     ----------
     capture : Views with their cameras in the portrait frame; held-out views are left out.
+    config : Parameters.
+    progress : Progress line.
     checkpoint : File that the state is written to; a run that finds one there goes on from it to
         the same field.
     device : Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.

@@ -351,6 +351,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     style : Exemplar: a picture's path, a built-in style's name, or an `Exemplar`.
     out : Folder for all results; an interrupted job is resumed.
     display : Preset name, calibration or display file, or a `Display`.
+    config : Parameters of the stages.
     device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
         (`lfportrait.device`).
     seed : Seed of all random choices.

@@ -99,6 +99,7 @@ class Session:
         style : A picture's path, a built-in style's name, an `Exemplar`, or several of these:
             the field shows the first.
         config : Parameters; by default the session's.
+        progress : Progress line.
         keep : Keep the prepared painting, for the next time; not of one that is only tried: for
             a preview of that what its landmarks were before may serve, if they lie close by
             (`NearbyPainters`).
@@ -132,6 +133,7 @@ class Session:
         Parameters
         ----------
         display : A `Display`, a preset's name, or a display or calibration file.
+        config : `lfportrait.lightfield.EncodeConfig`.
         """
         panel = display if isinstance(display, Display) else Display.resolve(display)
         return encode(self._shown(), panel, config)

@@ -79,6 +79,7 @@ class ViewMask:
 
         Parameters
         ----------
+        display : The panel.
         cache : True keeps masks in the user's cache folder, a path in that folder, False
             nowhere.
         """
@@ -463,6 +464,8 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
     Parameters
     ----------
+    field : The (stylised) radiance field.
+    display : The panel.
     config : Placement and quality.
     mask : The display's mask guide; built or loaded from the cache if None.
     device : Where to compute (`lfportrait.device.gpu_adapter`); ``mask`` is not used on a GPU.

@@ -195,6 +195,7 @@ def deinterlace(image: UInt8, display: Display, view: int) -> tuple[UInt8, Bool]
     Parameters
     ----------
     image : uint8 [H, W, 3], coded for ``display``.
+    display : The panel.
     view : 0 to V_n - 1.
 
     Returns
@@ -291,6 +292,7 @@ def simulate(image: UInt8, display: Display, eye: Sequence[float] = (0.0,), *,
     Parameters
     ----------
     image : uint8 [H, W, 3], coded for ``display``.
+    display : The panel.
     eye : (x,) or (x, y) of the eye in half panel heights; lenses have no vertical parallax, so
         only x matters.
     crosstalk : Sigma in views of the Gaussian lobe with which other views leak in, as light; 0 =

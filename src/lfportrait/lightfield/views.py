@@ -212,6 +212,8 @@ def encode_views(renderer: Renderer, display: Display, config: EncodeConfig | No
 
     Parameters
     ----------
+    renderer : The scene.
+    display : The panel.
     config : Placement of the scene in front of the panel (size, shifts, focus, turn, depth
         scale) and the grey level behind it.
     sampling : How views are interlaced.

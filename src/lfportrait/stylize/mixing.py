@@ -421,6 +421,7 @@ class StyledField(VoxelField):
 
         Parameters
         ----------
+        path : The file.
         shown : The same file as `VoxelField.load` reads it, where it has been read already.
 
         Raises

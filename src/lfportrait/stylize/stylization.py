@@ -352,6 +352,8 @@ def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[E
     field, capture : The real radiance field, and its capture: the landmarks in space, and where
         the photos were taken from.
     exemplar : The painting with its landmarks, or several; the field shows the first.
+    config : Parameters.
+    progress : Progress line.
     device : Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"``
         (`lfportrait.device`).
     dump : Folder for pictures of intermediates; None writes none.

@@ -90,6 +90,7 @@ def head_from_photos(photos: Shown | Sequence[Shown], config: ReconstructConfig 
         is the matte); or several of these. The most frontal one decides how the head looks.
     config : Its resolution counts, and nothing else.
     max_side : Files are reduced to this many pixels on their longer side; 0 keeps them.
+    progress : Progress line.
 
     Returns
     -------

@@ -110,6 +110,7 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
     path : The file of jobs (`load_jobs`).
     results : Folder for all results. A batch that was interrupted is resumed there, one that was
         changed does what is new.
+    config : Where and how.
     offline : Download no networks.
     quiet : Print no progress of what comes before the first task.
     watchers : Called with each event (`lfportrait.job.batch.journal`).

@@ -189,8 +189,10 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path, progress: Prog
 
     Parameters
     ----------
+    field : The (stylised) radiance field.
     sheet : Page and lens sheet.
     path : ``.tiff`` or ``.png``; it appears when it is complete.
+    progress : Progress line.
     coding : How to place and code the head (`fitted`).
 
     Returns

@@ -589,6 +589,8 @@ def show_field(field: VoxelField, display: Display, config: EncodeConfig | None 
 
     Parameters
     ----------
+    field : What is shown.
+    display : The panel.
     config : How the field is placed at first.
     photo : A field of the same points whose colors the viewer can mix in.
     screen : Number of the panel's screen; -1: the one that has its pixels.

@@ -351,6 +351,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     voxels : The field. A `StyledField` brings a slider from photo to painting, and buttons for
         its styles.
     path : File, ending in ``.html``.
+    config : Caption and size.
     ground : What is behind the head; by default the painted ground, if the field has one.
 
     Returns

@@ -381,6 +381,8 @@ def field_splats(field: VoxelField, config: SplatConfig | None = None,
 
     Parameters
     ----------
+    field : The field.
+    config : Parameters.
     tell : Told how much is done, 0 to 1, and what is being done.
 
     Returns
