@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import json
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -379,28 +379,22 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
 _OVERLAP, _MOST, _FEWEST = 0.6, 0.8, 0.25
 _NOBODY = 0.01  # share of all pixels below which the network sees nobody
 
-Network = Callable[[UInt8, Float64], Float32]
 
-
-def rough_mattes(capture: Capture, progress: Progress | None = None,
-                 network: Network | None = None) -> list[Float32]:
+def rough_mattes(capture: Capture, progress: Progress | None = None) -> list[Float32]:
     """A network's mattes of each photo separately, V times float32 [H, W] in [0, 1].
 
-    Photos are in the portrait frame; another ``network`` than `lfportrait.face.person_matte` is
-    called with a picture and its direction ``up``. Raises `UserError` if the network's weights are
-    missing.
+    Photos are in the portrait frame. Raises `UserError` if the network's weights are missing.
     """
     from ..face import person_matte
 
-    matte_of = network or person_matte
     soft = []
     for view, image in enumerate(capture.images):
-        soft.append(matte_of(image, _up_in_image(capture, view)))
+        soft.append(person_matte(image, _up_in_image(capture, view)))
         note(progress, f"cutting out the person: {view + 1} of {len(capture)}")
     return soft
 
 
-def cut_person(capture: Capture, progress: Progress | None = None, network: Network | None = None,
+def cut_person(capture: Capture, progress: Progress | None = None,
                soft: list[Float32] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
@@ -413,7 +407,6 @@ def cut_person(capture: Capture, progress: Progress | None = None, network: Netw
     Parameters
     ----------
     capture : Photos without mattes, in the portrait frame.
-    network : Person matte of a picture, as for `rough_mattes`.
     soft : What a network has said already (`rough_mattes`).
 
     Returns
@@ -425,7 +418,7 @@ def cut_person(capture: Capture, progress: Progress | None = None, network: Netw
     from ..field.geometry import cut_out
 
     if soft is None:
-        soft = rough_mattes(capture, progress, network)
+        soft = rough_mattes(capture, progress)
     # A few views leave too much of space undecided.
     agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
              else np.ones(len(capture), bool))
