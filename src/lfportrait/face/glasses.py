@@ -149,7 +149,7 @@ def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
 def dark_glasses(image: UInt8, landmarks: NDArray[np.floating]) -> bool:
     """Whether dark lenses hide both eyes: right below these it is much darker than on the cheeks.
 
-    Arguments are those of `spectacles`.
+    Arguments are those of `find_spectacles`.
     """
     points = np.asarray(landmarks, np.float64)
     light = linear_light(image / 255.0).mean(axis=-1)
