@@ -243,10 +243,7 @@ def _statistic(path: Path, name: str) -> int:
 
 
 def _groups(system: Path, controller: str) -> Iterator[Path]:
-    """Folders of the process's group and of those around it, as far as they are seen here.
-
-    ``controller`` is version 1's; "" for version 2.
-    """
+    """Folders of the process's group and those around it; ``controller`` is version 1's, or ""."""
     own = _own_group(system, controller)
     for root, mount in _mounts(system, controller):
         # A container may see its own group as the root, under the name that it has outside.

@@ -196,3 +196,15 @@ class Progress:
 
     def __exit__(self, kind: object, *_: object) -> None:
         self.close("" if kind is None else "stopped")
+
+
+def note(progress: Progress | None, text: str) -> None:
+    """Show ``text`` behind the bar, where there is a line."""
+    if progress is not None:
+        progress.update(progress.done, text)
+
+
+def say(progress: Progress | None, line: str) -> None:
+    """Write a line that stays, where there is a progress line."""
+    if progress is not None:
+        progress.say(line)

@@ -151,12 +151,10 @@ def test_held_out_photos_tell_nothing_of_the_shape(scene, result):
 @pytest.mark.slow  # agreement: below
 def test_the_network_is_taken_at_its_word_where_it_agrees_with_itself(scene, known):
     capture, masks = scene
-    good = iter(masks)
-    cut, how = cut_person(capture, network=lambda image, up: next(good).astype(np.float32))
+    cut, how = cut_person(capture, soft=[mask.astype(np.float32) for mask in masks])
     assert how == cut.figures["mattes"] == "network"
     assert min(overlap(matte / 255, mask) for matte, mask in zip(cut.alphas, masks)) > 0.94
-    bad = iter(wrong_mattes(masks))
-    cut, how = cut_person(capture, network=lambda image, up: next(bad))
+    cut, how = cut_person(capture, soft=list(wrong_mattes(masks)))
     assert how == cut.figures["mattes"] == "geometry"
     assert min(overlap(matte / 255, mask) for matte, mask in zip(cut.alphas, masks)) > 0.87
 
@@ -192,17 +190,17 @@ def test_what_most_mattes_call_no_person_is_not_cut_out(scene, monkeypatch):
     random = np.random.default_rng(0)
     # The network sees its persons elsewhere in every photo.
     given = [np.roll(mask, random.integers(30, 68), axis=1).astype(np.float32) for mask in masks]
-    said, results = iter(given), []
+    results = []
 
     def heard(*arguments):
         results.append(cut_out(*arguments))
         return results[-1]
 
     monkeypatch.setattr("lfportrait.field.geometry.cut_out", heard)
-    cut, how = cut_person(capture, network=lambda image, up: next(said))
+    cut, how = cut_person(capture, soft=given)
     assert results == [None]
     assert cut.alphas is None and how.startswith("none")
-    cut, how = cut_person(capture, network=lambda image, up: np.zeros((76, 100), np.float32))
+    cut, how = cut_person(capture, soft=[np.zeros((76, 100), np.float32)] * len(capture))
     assert cut.alphas is None and how.startswith("none")
 
 

@@ -66,8 +66,7 @@ def vote_lattice(  # type: ignore[no-untyped-def]
     return np.ascontiguousarray(share[..., :size])
 
 
-_load, _store, _floats, _ints, _iota = (LANES.load, LANES.store, LANES.floats, LANES.ints,
-                                        LANES.iota)
+_store, _floats, _ints, _iota = LANES.store, LANES.floats, LANES.ints, LANES.iota
 _where, _bits, _gather = LANES.where, LANES.bits, LANES.gather
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
@@ -241,10 +240,7 @@ _FLOOR = np.float32(4e-4)
 
 @njit(cache=True, inline="always")
 def _adjugate(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
-    """A symmetric matrix's adjugate, its upper half row by row, and the determinant, at least tiny.
-
-    The inverse is the adjugate over the determinant.
-    """
+    """The adjugate's upper half, row by row, and the determinant, at least tiny."""
     i00, i01, i02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     i11, i12, i22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     return i00, i01, i02, i11, i12, i22, max(xx * i00 + xy * i01 + xz * i02, np.float32(1e-12))

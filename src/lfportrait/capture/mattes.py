@@ -240,7 +240,6 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
     Parameters
     ----------
-    capture : Photos and cameras, in the portrait frame.
     mattes : V mattes, [H, W] in [0, 1].
     size : Points of the lattice along an edge.
 
@@ -256,15 +255,14 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
     return side_by_side(lambda view: _corrected(votes, view, given[view]), range(len(given)))
 
 
-def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]],
-                    size: int = 96) -> Float64:
+def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]]) -> Float64:
     """Agreement of each matte, [H, W] in [0, 1], with the visual hull of all, float64 [V].
 
-    It is the intersection over union with the picture of the common solid on a lattice of ``size``
-    points (a multiple of four) along an edge, as far as a quarter of the views show it; 0 where
-    there is nothing in either.
+    It is the intersection over union with the picture of the common solid on a lattice of 96
+    points along an edge, as far as a quarter of the views show it; 0 where there is nothing in
+    either.
     """
-    given = [np.asarray(matte, np.float32) for matte in mattes]
+    size, given = 96, [np.asarray(matte, np.float32) for matte in mattes]
     votes = _Votes(cameras, given, size)
     # What few views show they easily agree about; every fourth point is enough to know.
     shown = views_share(cameras, 0.5 * votes.spacing * size, size // 4) > 0.25

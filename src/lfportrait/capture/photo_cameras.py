@@ -15,8 +15,8 @@ on one thread: the same photos give the same cameras.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +26,7 @@ import tyro
 
 from ..arrays import Float64, Int64
 from ..errors import UserError
-from ..progress import Progress
+from ..progress import Progress, note, say
 from ..simd.threads import side_by_side
 from ..temporary import temporary_folder
 from .calibration.database import Scene, lens_groups, room_for, sensor_turns
@@ -98,7 +98,7 @@ class CalibrateConfig:
 
 
 def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
-              say: Callable[[str], None], contrast: float = 1.0) -> list[Features]:
+              progress: Progress | None, contrast: float = 1.0) -> list[Features]:
     """Features of every photo as its sensor saw it; none where the photo is transparent."""
     def of(number: int) -> Features:
         image = np.ascontiguousarray(np.rot90(photos[number].image, turns[number]))
@@ -110,7 +110,7 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
 
     found: list[Features] = []
     while len(found) < len(photos):
-        say(f"features in photo {len(found) + 1} of {len(photos)}")
+        note(progress, f"features in photo {len(found) + 1} of {len(photos)}")
         found += side_by_side(of, range(len(found), min(len(found) + 8, len(photos))))
     return found
 
@@ -124,7 +124,7 @@ def _pairs(count: int, alike: Int64 | None) -> list[tuple[int, int]]:
     return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
 
 
-def _matches(features: list[Features], pairs: list[tuple[int, int]], say: Callable[[str], None],
+def _matches(features: list[Features], pairs: list[tuple[int, int]], progress: Progress | None,
              ) -> dict[tuple[int, int], Matches]:
     """Matches of pairs of photos."""
     def of(pair: tuple[int, int]) -> Matches:
@@ -132,7 +132,7 @@ def _matches(features: list[Features], pairs: list[tuple[int, int]], say: Callab
 
     found: list[Matches] = []
     while len(found) < len(pairs):
-        say(f"comparing photos in full: pair {len(found)} of {len(pairs)}")
+        note(progress, f"comparing photos in full: pair {len(found)} of {len(pairs)}")
         found += side_by_side(of, pairs[len(found):len(found) + 20], _MATCHED)
     return enough(dict(zip(pairs, found)))
 
@@ -152,28 +152,21 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     """The cameras, and the names of photos that were left out because they add nothing."""
     import pycolmap
 
-    def say(note: str) -> None:
-        if progress is not None:
-            progress.update(0, note)
-
-    def announce(line: str) -> None:
-        if progress is not None:
-            progress.say(line)
-
     pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
     pycolmap.set_random_seed(config.seed)
     turns = sensor_turns(photos)
-    features = _features(photos, turns, config, say)
+    features = _features(photos, turns, config, progress)
     alike = None
     if len(photos) <= ALL_PAIRS:
-        alike = likeness(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
+        alike = likeness(features, lambda done, of: note(
+            progress, f"comparing photos: {done} of {of}"))
 
     def place(some: Int64) -> _Placed:
         pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)])
         folder = work / f"of{len(some)}"
         folder.mkdir()
         return _place(pycolmap, [photos[i] for i in some], [turns[i] for i in some],
-                      [features[i] for i in some], pairs, config, folder, say, announce)
+                      [features[i] for i in some], pairs, config, folder, progress)
 
     every = np.arange(len(photos))
     some = every if alike is None or config.every_photo else worth_placing(alike)
@@ -181,21 +174,21 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     if len(some) < len(photos) and not camera_stands_still(features):
         placed = place(some)
         if len(placed.cameras) == len(some) and placed.spacing < _DENSE:
-            announce(f"{len(some)} of {len(photos)} photos are used: the others lie between them "
-                     "and show nothing more")
+            say(progress, f"{len(some)} of {len(photos)} photos are used: the others lie between "
+                          "them and show nothing more")
             return placed, [photos[i].name for i in np.setdiff1d(every, some)]
     return place(every), []
 
 
 def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[Features],
            pairs: list[tuple[int, int]], config: CalibrateConfig, work: Path,
-           say: Callable[[str], None], announce: Callable[[str], None]) -> _Placed:
+           progress: Progress | None) -> _Placed:
     """Place photos by the matches of these pairs."""
     groups = lens_groups(photos, turns)
-    matches = _matches(features, pairs, say)
+    matches = _matches(features, pairs, progress)
     stood_still = camera_stood_still(features, matches)
     if stood_still:
-        announce("the camera did not move: features that do not move either are ignored")
+        say(progress, "the camera did not move: features that do not move either are ignored")
         matches = enough(without_still(features, matches))
     shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
     scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
@@ -204,16 +197,17 @@ def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[
 
     def report() -> None:
         registered[0] += 1
-        say(f"placing photo {min(registered[0], len(photos))} of {len(photos)}")
+        note(progress, f"placing photo {min(registered[0], len(photos))} of {len(photos)}")
 
-    say("checking matches")
+    note(progress, "checking matches")
+    announce = partial(say, progress)
     start = starting_model(config.camera_model)
     placing = place_photos(pycolmap, scene, groups, start, report, announce)
     again = sorted(set(range(len(photos))) - set(placing.photos))
     if again and len(again) * len(photos) <= _MOST_AGAIN:
-        announce(f"trying {len(again)} unplaced photos again: weaker features, compared "
-             "with all photos")
-        closer = _closer(scene, photos, turns, again, config, say, stood_still)
+        say(progress, f"trying {len(again)} unplaced photos again: weaker features, compared with "
+                      "all photos")
+        closer = _closer(scene, photos, turns, again, config, progress, stood_still)
         registered[0] = 2
         if closer.seen_again(pycolmap, groups, start)[again].any():
             second = place_photos(pycolmap, closer, groups, start, report, announce)
@@ -221,7 +215,7 @@ def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[
                 placing, scene = second, closer
     if placing.model is None:
         return _Placed()
-    say("refining the cameras")
+    note(progress, "refining the cameras")
     model = adjust(pycolmap, placing.model, config.camera_model,
                    lambda rough: scene.triangulated(pycolmap, placing.groups, rough))
     found = {}
@@ -251,11 +245,12 @@ def _spacing(model: Any) -> float:
 
 
 def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int],
-            config: CalibrateConfig, say: Callable[[str], None], stood_still: bool) -> Scene:
+            config: CalibrateConfig, progress: Progress | None, stood_still: bool) -> Scene:
     """The scene with more features in some photos, which are compared with all others in full."""
     features, matches = list(scene.features), dict(scene.matches)
     more = replace(config, features=2 * config.features)
-    found = _features([photos[i] for i in again], [turns[i] for i in again], more, say, 0.5)
+    found = _features([photos[i] for i in again], [turns[i] for i in again], more, progress,
+                      0.5)
     for i, own in zip(again, found):
         features[i] = own
     for i in again:
@@ -295,8 +290,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     """
     config = config or CalibrateConfig()
     path = Path(photos)
-    if progress is not None:
-        progress.update(0, "reading photos")
+    note(progress, "reading photos")
     if read is None:
         loaded = read_source(path, config.max_side, config.video_frames)
     else:

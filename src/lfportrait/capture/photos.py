@@ -239,10 +239,7 @@ def _by_plane(tags: Any, length: float, side: int) -> float:
 
 
 def _by_model(make: str, model: str, length: float, size: tuple[int, int]) -> float:
-    """Focal length over the longer side by COLMAP's table of sensors, or 0.
-
-    COLMAP reads it from a file; one of a few hundred bytes does.
-    """
+    """Focal length over the longer side by COLMAP's table of sensors, or 0."""
     if not (make and model and length):
         return 0.0
     try:

@@ -129,7 +129,6 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
 
     Parameters
     ----------
-    path : Video file.
     count : Number of frames wanted; a shorter video gives all it has, one with sudden movements
         fewer.
     max_side : Frames are reduced to this many pixels on their longer side; 0 keeps them.
@@ -241,10 +240,7 @@ def _pixels(frame: Any, max_side: int) -> UInt8:
 
 
 def _square(picture: UInt8, ratio: float) -> UInt8:
-    """A picture [H, W, 3] with square pixels, from ones whose width over height is ``ratio``.
-
-    The shorter way is lengthened, so that nothing is lost.
-    """
+    """All of a picture [H, W, 3] with square pixels; ``ratio`` is width over height of its own."""
     if not 0.1 < ratio < 10 or abs(ratio - 1) < 1e-3:
         return picture
     height, width = picture.shape[:2]

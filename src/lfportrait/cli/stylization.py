@@ -180,11 +180,11 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
             "frames_per_second": count / seconds, "flicker": flicker}
 
 
-def _first_face(frames: Iterator[UInt8], most: int = 30) -> tuple[Iterator[UInt8], Float64 | None]:
-    """All frames, and the landmarks of the first face among the first ``most``, or None."""
+def _first_face(frames: Iterator[UInt8]) -> tuple[Iterator[UInt8], Float64 | None]:
+    """All frames, and the landmarks of the first face among the first 30, or None."""
     looked_at: list[UInt8] = []
     points = None
-    for frame in islice(frames, most):
+    for frame in islice(frames, 30):
         looked_at.append(frame)
         points = detect_landmarks(frame)
         if points is not None:

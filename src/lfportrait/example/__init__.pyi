@@ -4,7 +4,6 @@ from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
 from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_openings, shut_eyes
-from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .mouth import parts_lips
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
@@ -24,6 +23,10 @@ from .styleblit import (
 )
 from .surface_guide import SurfaceGuide
 from .transfers import (
+    Method,
+    MethodConfig,
+    PhotoMethod,
+    Sitting,
     Transfer,
     TransferConfig,
     as_painted,
@@ -31,6 +34,8 @@ from .transfers import (
     fitting,
     from_the_front,
     mix_regions,
+    photo_method,
+    prepare,
     transfer,
 )
 from .video import VideoTransfer
@@ -88,7 +93,6 @@ __all__ = [
     "load_skin",
     "mix_regions",
     "not_worn",
-    "paint",
     "painted_shares",
     "parts_lips",
     "photo_method",

@@ -117,10 +117,7 @@ def _normals(points: Float64) -> Float64:
 
 
 def _hidden(points: Float64, pose: FacePose, head: Float64) -> Bool:
-    """Which points [h, w, 3] the painter sees something else before, bool [h, w].
-
-    A ray to him runs below the head's surface somewhere.
-    """
+    """Which points [h, w, 3] the painter sees something else before, bool [h, w]."""
     surface, low = _relief(head.tobytes())
     out = np.zeros(points.shape[:2], bool)
     for along in np.arange(0.02, 1.2, 2 * RELIEF):

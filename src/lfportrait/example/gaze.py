@@ -274,10 +274,7 @@ def _mesh(image: UInt8, landmarks: Float64) -> Float64 | None:
 
 def _moved(image: UInt8, eye: Float64, iris: Float64, degrees: float,
            ) -> UInt8:
-    """A picture [H, W, 3] whose ``iris`` [2] of an eye [5, 2] is turned to the right by degrees.
-
-    What is around it moves less and less; corners and lids stay.
-    """
+    """A picture [H, W, 3] whose ``iris`` [2] is turned to the right; corners and lids stay."""
     along = 0.5 * (eye[1] - eye[0])
     across = np.array([-along[1], along[0]])
     width = 2 * float(np.linalg.norm(along))

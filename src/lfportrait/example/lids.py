@@ -208,10 +208,7 @@ def _as_around(part: UInt8, lid: Bool, shown: UInt8, around: Bool, width: float)
 
 
 def _lifted(part: UInt8, lid: Bool, shown: UInt8, below: Bool, width: float) -> None:
-    """Let the broad colors of a lid [h, w] be no much darker than what is below; in place.
-
-    Arguments as for `_as_around`.
-    """
+    """Let a lid's broad colors be no much darker than those below; in place; see `_as_around`."""
     if min(lid.sum(), below.sum()) < FEW:
         return
     broad = _blurred(part, lid, BROAD * width)
@@ -303,10 +300,7 @@ def _moved(along: Float64, up: Float64, upper: Float64, lower: Float64, brow: Fl
 
 
 def curve_through(points: Float64, along: Float64) -> Float64:
-    """Height of an edge of lids or lips through points [K, 2] at places along it; corners go on.
-
-    It rises and falls as the points do (Fritsch & Carlson 1980).
-    """
+    """Height of a lid's or lip's edge through points [K, 2] (Fritsch & Carlson 1980)."""
     from scipy.interpolate import PchipInterpolator
 
     order = np.argsort(points[:, 0])

@@ -245,10 +245,7 @@ class SurfaceGuide:
         return np.stack([x * share, np.where(y < 0, y * share, y)], axis=-1)
 
     def _border_points(self, flat: Float64) -> tuple[Float64, Float64]:
-        """Control points beyond the landmarks: outline of the head, sides of the jaw, neck.
-
-        ``flat`` [68, 2] are the landmarks, unwrapped and squeezed.
-        """
+        """Control points beyond the flat landmarks: head's outline, sides of the jaw, neck."""
         frame, regions = self.regions.frame, self.regions
         rays = np.radians(np.arange(-90, 91, 15.0))
         away = np.stack([np.sin(rays), -np.cos(rays)], axis=1)

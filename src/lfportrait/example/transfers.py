@@ -4,7 +4,7 @@ What is painted from is the version of a painting that fits a sitter: spectacles
 turned face is seen from the front where that is nearer to the sitter, the forehead is bared, an eye
 that cannot be made out is painted as the other one is, eyes that look apart look the same way, and
 are shut where the sitter's are. Regions of a photo may come from different paintings
-(`mix_regions`).
+(`mix_regions`). Other packages bring methods of their own, by name (`PhotoMethod`).
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from __future__ import annotations
 import copy
 import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -26,6 +26,7 @@ from ..color import to_uint8
 from ..errors import UserError
 from ..face import FacePose
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
+from ..plugins import Choice, Sitting, chosen, offered
 from .exemplar import Exemplar, face_size
 from .frontal import face_aside, frontalised, suited
 from .gaze import with_even_eyes, with_parallel_eyes
@@ -514,3 +515,46 @@ def face_landmarks(image: NDArray[np.generic]) -> Float64:
                         "with both eyes or nearly so (turned by 70 degrees at most), larger than "
                         "about 60 pixels")
     return landmarks
+
+
+GROUP = "lfportrait.transfer_methods"
+"""Entry points of the methods of other packages; the fields of their parameters are options of the
+command line: ``--NAME.FIELD``."""
+OWN = "styleblit"
+"""The method of this stage."""
+
+Method = Annotated[str, Choice(GROUP, OWN)]
+
+MethodConfig = Any
+"""Parameters of a method: a `TransferConfig`, or those of another package's method."""
+
+
+@dataclass(frozen=True)
+class PhotoMethod:
+    """A method of another package."""
+
+    # Class of its parameters, a frozen data class whose fields have defaults.
+    parameters: type[Any]
+    # Prepares an exemplar by its parameters, as `prepare` does; the last argument are photos with
+    # landmarks that a network also trains on, or None.
+    prepare: Callable[[Exemplar, Any, list[Sitting] | None], Any]
+
+
+def photo_method(name: str) -> PhotoMethod:
+    """A method of another package."""
+    found: PhotoMethod = chosen(GROUP, name, (OWN,))
+    return found
+
+
+def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None = None) -> Any:
+    """An exemplar prepared for the method of a configuration, to be applied to many photos.
+
+    ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and ``dump``. ``own``
+    are photos with landmarks that a network also trains on.
+    """
+    if isinstance(config, TransferConfig):
+        return Transfer(exemplar, config)
+    for method in offered(GROUP).values():
+        if isinstance(config, method.parameters):
+            return method.prepare(exemplar, config, own)
+    raise TypeError(f"no installed method of transfer has parameters like {config!r}")

@@ -198,10 +198,7 @@ class Flow:
 
 
 def _unlike(luma: UInt8, before: UInt8, back: Float32) -> bool:
-    """Whether the frame before, carried along, explains less than half of what is seen.
-
-    By every fourth sample of every fourth row.
-    """
+    """Whether the carried frame before explains less than half of every fourth sample seen."""
     height, width = luma.shape
     y, x = np.mgrid[1:height:4, 1:width:4]
     v = np.clip(y + back[1::4, 1::4, 1], 0, height - 1)

@@ -1,14 +1,7 @@
 from .capture_head import fit_to_surface
 from .detect import detect_faces, detect_landmarks, detectors_key, face_mesh, face_yaw
 from .face_cameras import capture_from_faces
-from .glasses import (
-    IN_PHOTOS,
-    dark_glasses,
-    drawn_spectacles,
-    find_spectacles,
-    spectacle_lenses,
-    spectacles,
-)
+from .glasses import IN_PHOTOS, dark_glasses, drawn_spectacles, find_spectacles, spectacle_lenses
 from .landmarks import (
     FROM_MEDIAPIPE,
     GENERIC_LANDMARKS,
@@ -34,5 +27,5 @@ __all__ = ["FROM_MEDIAPIPE", "GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "P
            "faces_of_people", "find_spectacles", "fit_to_surface", "frontal_order",
            "generic_depth", "hair_mask", "is_portrait", "landmarks_of_capture", "mattes",
            "mouth_opening", "parts", "person_matte", "portrait_capture", "portrait_field",
-           "read_landmarks", "spectacle_lenses", "spectacles", "symmetric_landmarks", "triangulate",
+           "read_landmarks", "spectacle_lenses", "symmetric_landmarks", "triangulate",
            "write_landmarks"]

@@ -150,10 +150,7 @@ def _windows(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
 
 
 def _inside_a_head(image: UInt8, points: Float64) -> bool:
-    """Whether what was taken for a face, [68, 2], is a part of a larger head: a profile's ear.
-
-    Above and beside a face, one and a half times as far from the brows as the chin, no person is.
-    """
+    """Whether what was taken for a face, [68, 2], is a part of a larger head: a profile's ear."""
     if not models.available("person-segmentation"):
         return False
     from .segmentation import person_matte

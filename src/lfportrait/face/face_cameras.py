@@ -11,7 +11,7 @@ features of the head alone, matched between neighbours, then place the photos to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -32,7 +32,7 @@ from ..capture import (
     read_source,
     some_depth,
 )
-from ..progress import Progress
+from ..progress import Progress, note
 from .detect import detect_landmarks
 from .landmarks import EGG, GENERIC_LANDMARKS
 from .segmentation import person_matte
@@ -95,12 +95,8 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
     if fewer than three photos, or than three fifths of those with a face, show one and the same
     head.
     """
-    def say(note: str) -> None:
-        if progress is not None:
-            progress.update(0, note)
-
     loaded = read_source(photos, config.max_side, config.video_frames)
-    landmarks = _faces([np.ascontiguousarray(photo.image[..., :3]) for photo in loaded], say)
+    landmarks = _faces([np.ascontiguousarray(photo.image[..., :3]) for photo in loaded], progress)
     kinds = [(photo.image.shape, photo.lens) for photo in loaded]
     sizes = [(photo.image.shape[1], photo.image.shape[0]) for photo in loaded]
     found = cameras_from_faces(landmarks, sizes, [photo.focal for photo in loaded],
@@ -115,7 +111,7 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
                       np.zeros(len(kept), bool), np.eye(4), found.landmarks,
                       depths=some_depth([photo.depth for photo in kept]))
     capture = capture.reframed(portrait_frame_from_landmarks(found.landmarks, found.cameras))
-    say("placing the photos by the head alone")
+    note(progress, "placing the photos by the head alone")
     soft = [person_matte(image, _up(capture, view)) for view, image in enumerate(images)]
     placed = place_by_head(capture, soft, config.seed)
     # Landmarks of different people fit one head as well; features of the head do not.
@@ -129,10 +125,10 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
                    figures=figures)
 
 
-def _faces(images: list[UInt8], say: Callable[[str], None]) -> list[Float64 | None]:
+def _faces(images: list[UInt8], progress: Progress | None) -> list[Float64 | None]:
     """Landmarks of each photo; of many, of those in which a first look finds a face."""
     def look(number: int, thorough: bool) -> Float64 | None:
-        say(f"looking for the face in photo {number + 1} of {len(images)}")
+        note(progress, f"looking for the face in photo {number + 1} of {len(images)}")
         return detect_landmarks(images[number], turns=(0, 1, 3), thorough=thorough)
 
     # A thorough look takes a second where there is no face: from behind, on a turntable.

@@ -76,21 +76,9 @@ class Spectacles:
     unsure: float
 
 
-def spectacles(image: UInt8, landmarks: NDArray[np.floating],
-               pose: FacePose | None = None) -> Float32:
-    """Find the spectacles that a sitter wears, float32 [H, W] in [0, 1]: zero where none are worn.
-
-    Rims, bridge and temples, with the highlight and the shadow beside them; in the painting as it
-    is given, uint8 [H, W, 3] sRGB, by its landmarks float64 [68, 2] in pixels and the face's pose.
-    """
-    found = find_spectacles(image, landmarks, pose)
-    shape = image.shape[0], image.shape[1]
-    return np.zeros(shape, np.float32) if found is None else drawn_spectacles(found, shape)
-
-
 def drawn_spectacles(found: Spectacles, shape: tuple[int, int], beside: float | None = None,
                      ) -> Float32:
-    """The lines of spectacles, with what lies right beside them; float32 [H, W] in [0, 1].
+    """The lines of spectacles, with highlight and shadow beside them; float32 [H, W] in [0, 1].
 
     ``beside`` is how much of that on either side, in pixels; None: as wide as the lines shine.
     """
@@ -127,7 +115,7 @@ def spectacle_lenses(found: Spectacles, shape: tuple[int, int],
 
 def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
                     pose: FacePose | None = None, sure: float = SURE) -> Spectacles | None:
-    """The lines of the spectacles in a portrait, or None; arguments as `spectacles`.
+    """The lines of the spectacles in a portrait uint8 [H, W, 3] by its landmarks [68, 2], or None.
 
     ``sure`` is how sure they must be.
     """
@@ -161,7 +149,7 @@ def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
 def dark_glasses(image: UInt8, landmarks: NDArray[np.floating]) -> bool:
     """Whether dark lenses hide both eyes: right below these it is much darker than on the cheeks.
 
-    Arguments are those of `spectacles`.
+    Arguments are those of `find_spectacles`.
     """
     points = np.asarray(landmarks, np.float64)
     light = linear_light(image / 255.0).mean(axis=-1)
@@ -181,10 +169,7 @@ def dark_glasses(image: UInt8, landmarks: NDArray[np.floating]) -> bool:
 
 
 def _cross_sections(grey: Float32, rims: list[Rim]) -> tuple[float, float]:
-    """How alike the cross-sections of two rims are, in [0, 1], and the width of their lines.
-
-    ``grey`` is a picture in which the lines are lighter than what lies beside them.
-    """
+    """How alike two light rims' cross-sections are, in [0, 1], and the width of their lines."""
     found = []
     for rim in rims:
         places = (rim.points[:, None] + rim.normals[:, None] * ACROSS[:, None]).astype(np.float32)
@@ -220,10 +205,7 @@ def _width(section: Float64) -> float:
 
 
 def _bridges(lines: Float32, rims: list[Rim]) -> list[Float64]:
-    """The bridges between two rims, [STEPS, 2] each: a bar, arcs over the nose, or both.
-
-    Each is where it is most a line; ``lines`` are of both tones, as a bent spring shines.
-    """
+    """The bridges between two rims, [STEPS, 2] each: a bar, arcs over the nose, or both."""
     between = rims[1].middle - rims[0].middle
     between /= np.linalg.norm(between)
     up = np.array([between[1], -between[0]])

@@ -231,10 +231,7 @@ def refit(fit: HeadFit, pictures: list[Picture], found: list[list[Found]], round
 
     Parameters
     ----------
-    fit : The head so far.
-    pictures : Its photos.
     found : For each photo where it shows vertices.
-    rounds : Steps.
     """
     solver = _Solver(fit.prior, pictures, None, fit)
     solver.found = found

@@ -424,10 +424,7 @@ def _smooth(points: Float64) -> Float64:
 
 
 def _courses(lines: Sequence[Float32], middles: Float64, points: Float64, room: Float64) -> Float64:
-    """Where the best lines run along closed curves: times the distance from the middle, [K, n].
-
-    ``points`` are [K, n, 2] about ``middles``, [K, 1, 2].
-    """
+    """Where the best lines run along closed curves: times the distance from the middle, [K, n]."""
     places = middles[:, :, None] + points[:, :, None] * room[:, None]
     normals = np.broadcast_to(normals_of(points)[:, :, None], places.shape)
     gain = np.array([sampled(*one) for one in zip(lines, places, normals)]).reshape(

@@ -255,6 +255,8 @@ def picture(image: UInt8) -> Any:
 
 FINE = 160
 """Minimum width of the face in blocks of pixels."""
+SOFTNESS = 0.02
+"""Width of a face's edge (sigma) over the face's width."""
 
 
 def _chroma(image: NDArray[Any]) -> Float32:
@@ -276,18 +278,17 @@ def _forehead(landmarks: Float64, reach: float) -> Float64:
     return middle - across * -np.cos(angle) + upward * np.sin(angle) * reach * face
 
 
-def face_mask(image: UInt8, landmarks: Float64, *, softness: float = 0.02) -> Float32:
+def face_mask(image: UInt8, landmarks: Float64) -> Float32:
     """The soft mask of the face in a photo uint8 [H, W, 3] (sRGB), float32 [H, W] in [0, 1].
 
-    By landmarks float64 [68, 2] in pixels; ``softness`` is the width of the edge (sigma) relative
-    to the face's.
+    By landmarks float64 [68, 2] in pixels.
     """
     jaw = landmarks[:17]
     limit = np.concatenate([jaw, _forehead(landmarks, 0.85)[::-1]])
     # Only the face's surroundings are looked at, by blocks of pixels: the edge is soft anyway.
     width = float(np.linalg.norm(landmarks[16] - landmarks[0]))
     block = max(1, int(width / FINE))
-    margin = 4 * softness * width + block
+    margin = 4 * SOFTNESS * width + block
     low = np.maximum(np.floor(limit.min(0) - margin), 0).astype(int) // block * block
     high = np.minimum(np.ceil(limit.max(0) + margin), image.shape[1::-1]).astype(int)
     out = np.zeros(image.shape[:2], np.float32)
@@ -295,7 +296,7 @@ def face_mask(image: UInt8, landmarks: Float64, *, softness: float = 0.02) -> Fl
         return out
     small = np.asarray(Image.fromarray(np.ascontiguousarray(image[..., :3])).reduce(
         block, (int(low[0]), int(low[1]), int(high[0]), int(high[1]))))
-    mask = _small_mask(small, (landmarks - low) / block, softness)
+    mask = _small_mask(small, (landmarks - low) / block)
     size = small.shape[1] * block, small.shape[0] * block
     full = np.asarray(Image.fromarray(mask).resize(size, Image.Resampling.BILINEAR))
     x, y = low
@@ -303,7 +304,7 @@ def face_mask(image: UInt8, landmarks: Float64, *, softness: float = 0.02) -> Fl
     return out
 
 
-def _small_mask(image: UInt8, landmarks: Float64, softness: float) -> Float32:
+def _small_mask(image: UInt8, landmarks: Float64) -> Float32:
     """`face_mask` of a picture that holds little else."""
     shape = image.shape[:2]
 
@@ -334,4 +335,4 @@ def _small_mask(image: UInt8, landmarks: Float64, softness: float) -> Float32:
     face = np.isin(parts, wanted[wanted > 0]) | sure
     face = ndimage.binary_fill_holes(face)
     face = ndimage.binary_closing(face, iterations=max(1, int(width / 60))) & limit | sure
-    return np.clip(ndimage.gaussian_filter(face.astype(np.float32), softness * width), 0, 1)
+    return np.clip(ndimage.gaussian_filter(face.astype(np.float32), SOFTNESS * width), 0, 1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Bool, Float64, Int64
 from ..capture import Camera, Capture, focus_point
-from ..progress import Progress
+from ..progress import Progress, note
 from .detect import detect_landmarks, face_yaw
 from .segmentation import quarter_turns
 
@@ -155,8 +155,7 @@ def _look_around(capture: Capture, progress: Progress | None) -> dict[int, Float
             if (view, thorough) in tried or view in detected:
                 continue
             tried.add((view, thorough))
-            if progress is not None:
-                progress.update(progress.done, f"looking for the face: {len(detected)} views found")
+            note(progress, f"looking for the face: {len(detected)} views found")
             points = _detect(capture, view, thorough)
             if points is not None:
                 detected[view] = points

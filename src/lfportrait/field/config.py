@@ -115,7 +115,6 @@ class ReconstructConfig:
 
         Parameters
         ----------
-        matted : Whether the photos have mattes.
         faced : Whether a head with landmarks is closed or trimmed.
         """
         after = 0.07 * self.time_budget

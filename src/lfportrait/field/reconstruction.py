@@ -29,7 +29,7 @@ from ..capture import Capture
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
-from ..progress import Progress
+from ..progress import Progress, note, say
 from .closing.colors import as_photographed, with_steady_colors
 from .closing.fins import mouth_of, without_beaks, without_fins
 from .closing.fitted_head import FitHead
@@ -187,10 +187,7 @@ def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
 
 def _tested(field: VoxelField, trainer: Trainer, capture: Capture, cut: Cut | None,
             ) -> tuple[dict[str, float], list[Bool] | None]:
-    """How the held-out views of a trained field look, and their pixels that a cut leaves.
-
-    The figures are empty if there are no such views.
-    """
+    """How the held-out views look, if there are any, and their pixels that a cut leaves."""
     if not len(capture.testing()):
         return {}, None
     background, gains, tested = trainer.config.background, trainer.test_gains, trainer.capture
@@ -240,10 +237,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
               config: ReconstructConfig, cut: Cut | None, figures: dict[str, Any],
               progress: Progress | None, fit_head: FitHead | None, roughly: bool = False,
               ) -> VoxelField:
-    """The head with a back and a clean lower end; what was done goes to the figures.
-
-    ``roughly``: what was added is not trained.
-    """
+    """The head with a back and a clean lower end (untrained: ``roughly``); fills the figures."""
     capture = trainer.capture
     surface = trainer.surface
     cameras, middle = capture.cameras[capture.training()], np.nanmean(landmarks[[0, 16]], axis=0)
@@ -261,8 +255,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
         if closed is not None:
             figures["closed"] = {"share": round(closed.share, 4), "voxels": closed.points}
             if not roughly:
-                if progress is not None:
-                    progress.update(progress.done, "training the closed head")
+                note(progress, "training the closed head")
                 field = settled(trainer, field, new=None if closed.grazed is None
                                 else _new(closed.grazed, landmarks, bare))
                 if closed.grazed is not None:
@@ -280,10 +273,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
 
 def _new(grazed: Grazed, landmarks: NDArray[np.floating], bare: Sequence[Float64],
          ) -> tuple[Float64, Float64]:
-    """Where a head of a narrow arc was changed, as `settled` asks for it.
-
-    ``bare``: places [N, 3] from which matter was taken, and normals there, too.
-    """
+    """Where a narrow arc's head was changed, for `settled`; ``bare``: where matter was taken."""
     places, normals = grazed.new()
     mouth = mouth_of(landmarks)
     return np.concatenate([places, mouth, bare[0]]), np.concatenate([
@@ -294,10 +284,9 @@ def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, floa
     """Share of the head that the photos of a narrow arc show, as figures and a one-line note."""
     head = surface.shown_of_head()
     figures = {"span_degrees": round(surface.span, 1), "head_shown": round(head, 3)}
-    if progress is not None:
-        progress.say(f"the photos cover {surface.span:.0f} degrees around the head and show "
-                     f"{100 * head:.0f} % of it well; the rest follows a generic head; for more, "
-                     "take photos from further left, right, above and below")
+    say(progress, f"the photos cover {surface.span:.0f} degrees around the head and show "
+                  f"{100 * head:.0f} % of it well; the rest follows a generic head; for more, "
+                  "take photos from further left, right, above and below")
     return figures
 
 

@@ -200,10 +200,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
 
 
 def _seen(field: VoxelField, points: Float64, normals: Float64, voxel: float) -> Float32:
-    """Color of surface points as seen from outside, float32 [K, 3].
-
-    A short ray, in the direction of `_gaze`, goes through the surface's few voxels.
-    """
+    """Color of surface points as seen from outside, float32 [K, 3]: short rays along `_gaze`."""
     scale, offset = lattice_of_world(field.center, field.radius, field.links.shape)
     color = np.empty((len(points), 4), np.float32)
     gaze = _gaze(normals)

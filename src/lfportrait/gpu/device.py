@@ -233,7 +233,6 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
     ----------
     first : Rows of the calibration dispatch.
     run : ``run(since, until)`` sends a band off.
-    wait : Waits until all that was sent off is done.
     longest : Seconds that a band should take at most.
     """
     bound = 0

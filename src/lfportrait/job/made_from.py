@@ -37,7 +37,7 @@ from ..capture import (
 )
 from ..errors import UserError
 from ..face import FROM_MEDIAPIPE, face_mesh, face_pose
-from ..progress import Progress
+from ..progress import Progress, note, say
 
 MadeFrom = Annotated[Literal["auto", "face", "photos"], tyro.conf.arg(name="from")]
 """What a head is made from: the face, to which a head is fitted; or what the photos share."""
@@ -121,16 +121,14 @@ def _first_fitted(tries: list[list[Photo]], progress: Progress | None,
 
 def _say_fitted(progress: Progress | None, what: str, why: str, reason: str) -> None:
     """Say what a head is fitted to, and why (`fit_to_face`)."""
-    if progress is None:
-        return
     if why:
-        progress.say(f"{what} that can't be placed together: a head is fitted to the face (--from "
-                     "face)")
+        say(progress, f"{what} that can't be placed together: a head is fitted to the face (--from "
+                      "face)")
     elif reason:
-        progress.say(f"{what}, as {reason}: a head is fitted to the face (--from face; --from "
-                     "photos uses all)")
+        say(progress, f"{what}, as {reason}: a head is fitted to the face (--from face; --from "
+                      "photos uses all)")
     else:
-        progress.say(f"{what}: a head is fitted to the face (--from face)")
+        say(progress, f"{what}: a head is fitted to the face (--from face)")
 
 
 def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None = None, *,
@@ -147,8 +145,7 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
         warnings.warn("the room behind the person is not kept: a head that is fitted to the face "
                       "has none", stacklevel=3)
     if read is None:
-        if progress is not None:
-            progress.update(progress.done, "reading photos")
+        note(progress, "reading photos")
         read = read_source(photos, config.max_side, config.video_frames)
     count = len(read)
     if count > 1 and (reason or count >= _MANY or is_video(photos)):
@@ -263,8 +260,7 @@ def reason_to_fit(photos: Sequence[Photo], progress: Progress | None = None) -> 
     """Why a head is fitted to the face in many pictures of a person, in words; empty: it is not."""
     if models.missing(["face-landmarker", "person-segmentation"]):
         return ""
-    if progress is not None:
-        progress.update(progress.done, "looking at the face")
+    note(progress, "looking at the face")
     chosen = photos[::max(1, -(-len(photos) // _LOOKS))]
     looks = [one for one in (look_at_face(photo.image) for photo in chosen) if one is not None]
     if len(looks) < max(_SEEN * len(chosen), 3):
@@ -287,9 +283,8 @@ def best_pictures(photos: Sequence[Photo], progress: Progress | None = None) -> 
     """
     looks = []
     for number, photo in enumerate(photos):
-        if progress is not None:
-            progress.update(progress.done, f"choosing the best picture: {number + 1} of "
-                            f"{len(photos)}")
+        note(progress, f"choosing the best picture: {number + 1} of "
+                       f"{len(photos)}")
         looks.append(look_at_face(photo.image))
     seen = [index for index, look in enumerate(looks) if look is not None]
     if not seen:

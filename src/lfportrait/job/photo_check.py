@@ -42,7 +42,7 @@ from ..face import (
     person_matte,
 )
 from ..files import write_image
-from ..progress import Progress
+from ..progress import Progress, note
 from .inspection import FolderFacts, inspect, left_out_lines, mixed_lines
 from .made_from import head_way, reason_to_fit
 
@@ -282,8 +282,7 @@ def _can_see_faces() -> bool:
 def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoCheck:
     """Check a folder of photos, or a video; `UserError` if there is nothing that can be read."""
     path = Path(path)
-    if progress is not None:
-        progress.update(0, "reading photos")
+    note(progress, "reading photos")
     photos = read_video(path, 60, _SIDE) if is_video(path) else read_photos(path, _SIDE)
     faces = _can_see_faces()
     if not faces:

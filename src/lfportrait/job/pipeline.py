@@ -470,10 +470,7 @@ class _Job:
             task.record, task.key, task.outputs, partial(self._done, task)))
 
     def _look_at_finished(self) -> None:
-        """Take the first look of the finished field: the painting is new, or kernels were late.
-
-        The next stage waits for these kernels in any case.
-        """
+        """Take the first look of the finished field: the painting is new, or kernels were late."""
         look, capture = self.tools.look, Capture.load(self.out / "capture")
         assert look is not None
         with compiling_progress("first look", enabled=not self.quiet) as progress:

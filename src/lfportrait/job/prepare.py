@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import json
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,7 +46,7 @@ from ..errors import UserError
 from ..files import file_state
 from ..media.depth import DepthMap
 from ..media.folders import files_below
-from ..progress import Progress
+from ..progress import Progress, note, say
 from ..simd.threads import side_by_side
 from .made_from import NotTogether, fit_to_face, head_way, reason_to_fit
 from .photo_check import problem_sheet
@@ -136,8 +136,7 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
 def _following(capture: Capture, soft: list[Float32], config: CalibrateConfig,
                progress: Progress | None) -> tuple[Capture, list[Float32], dict[str, Any]]:
     """The capture and its rough mattes, its cameras following a head that moved; figures."""
-    if progress is not None:
-        progress.update(0, "checking whether the head moved")
+    note(progress, "checking whether the head moved")
     followed, motion = follow_head(capture, soft, config.seed,
                                    None if progress is None else progress.say)
     figures = {"moved": motion.moved, "followed": bool(motion.followed),
@@ -224,9 +223,8 @@ def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | Non
 
     if models.missing(["face-landmarker", "person-segmentation"]):
         return None
-    if progress is not None:
-        progress.say("the background of the photos is inconsistent: the cameras are estimated from "
-                     "the face and the head alone")
+    say(progress, "the background of the photos is inconsistent: the cameras are estimated from "
+                  "the face and the head alone")
     capture = capture_from_faces(photos, config, progress)
     if capture is None or len(capture) < max(least, 3):
         return None
@@ -234,9 +232,8 @@ def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | Non
     if capture.landmarks is None:
         return None
     figures["calibration"], figures["landmarks"] = capture.figures, how
-    if progress is not None:
-        progress.say(f"{len(capture)} of {capture.figures['photos']} photos are placed by the face "
-                     "and the head; these cameras are used")
+    say(progress, f"{len(capture)} of {capture.figures['photos']} photos are placed by the face "
+                  "and the head; these cameras are used")
     left_out = capture.figures["left_out"]
     if left_out:
         warnings.warn(f"{len(left_out)} photos could not be placed by the face and are left out: "
@@ -279,7 +276,6 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     Parameters
     ----------
     photos : Folder, video file or data set.
-    config : Calibration.
     keep_background : Keep the room behind the person.
     need_face : Raise `UserError` where no face is found, instead of going on without landmarks;
         turn data sets that were calibrated elsewhere into the frame of their face, too.
@@ -302,16 +298,14 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     read: list[Photo] | None = None
     if (way == "photos" and made_from == "auto" and not keep_background
             and not is_calibrated(photos)):
-        if progress is not None:
-            progress.update(0, "reading photos")
+        note(progress, "reading photos")
         read = read_source(photos, config.max_side, config.video_frames)
         reason = reason_to_fit(read, progress)
         if reason:
             try:
                 return fit_to_face(photos, config, progress, reason=reason, read=read)
             except UserError as error:
-                if progress is not None:
-                    progress.say(f"{error}; so all pictures are used (--from photos)")
+                say(progress, f"{error}; so all pictures are used (--from photos)")
     try:
         capture, figures = _shared(photos, config, keep_background, need_face, way == "either",
                                    progress, sheet, read)
@@ -325,9 +319,9 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
                 problem_sheet(photos, found.error.marks, sheet, config.video_frames)
                 text += f"; see {sheet}"
             raise UserError(text) from error
-    if way == "either" and progress is not None:
-        progress.say(f"{len(capture)} photos are placed together: the head is made from what they "
-                     "share (--from photos; --from face fits one to the face)")
+    if way == "either":
+        say(progress, f"{len(capture)} photos are placed together: the head is made from what they "
+                      "share (--from photos; --from face fits one to the face)")
     return capture, figures
 
 
@@ -385,29 +379,22 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
 _OVERLAP, _MOST, _FEWEST = 0.6, 0.8, 0.25
 _NOBODY = 0.01  # share of all pixels below which the network sees nobody
 
-Network = Callable[[UInt8, Float64], Float32]
 
-
-def rough_mattes(capture: Capture, progress: Progress | None = None,
-                 network: Network | None = None) -> list[Float32]:
+def rough_mattes(capture: Capture, progress: Progress | None = None) -> list[Float32]:
     """A network's mattes of each photo separately, V times float32 [H, W] in [0, 1].
 
-    Photos are in the portrait frame; another ``network`` than `lfportrait.face.person_matte` is
-    called with a picture and its direction ``up``. Raises `UserError` if the network's weights are
-    missing.
+    Photos are in the portrait frame. Raises `UserError` if the network's weights are missing.
     """
     from ..face import person_matte
 
-    matte_of = network or person_matte
     soft = []
     for view, image in enumerate(capture.images):
-        soft.append(matte_of(image, _up_in_image(capture, view)))
-        if progress is not None:
-            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
+        soft.append(person_matte(image, _up_in_image(capture, view)))
+        note(progress, f"cutting out the person: {view + 1} of {len(capture)}")
     return soft
 
 
-def cut_person(capture: Capture, progress: Progress | None = None, network: Network | None = None,
+def cut_person(capture: Capture, progress: Progress | None = None,
                soft: list[Float32] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
@@ -420,7 +407,6 @@ def cut_person(capture: Capture, progress: Progress | None = None, network: Netw
     Parameters
     ----------
     capture : Photos without mattes, in the portrait frame.
-    network : Person matte of a picture, as for `rough_mattes`.
     soft : What a network has said already (`rough_mattes`).
 
     Returns
@@ -432,7 +418,7 @@ def cut_person(capture: Capture, progress: Progress | None = None, network: Netw
     from ..field.geometry import cut_out
 
     if soft is None:
-        soft = rough_mattes(capture, progress, network)
+        soft = rough_mattes(capture, progress)
     # A few views leave too much of space undecided.
     agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
              else np.ones(len(capture), bool))
@@ -464,13 +450,11 @@ def _along_edges(capture: Capture, soft: list[Float32], sure: bool,
     mattes = plate_mattes(capture, soft, progress) if sure else None
     if mattes is not None:
         return mattes
-    if progress is not None:
-        progress.update(0, "cutting out the person: edges")
+    note(progress, "cutting out the person: edges")
     # Two at a time at the most: each photo's planes take a few hundred megabytes.
     views = range(len(capture))
     refined = side_by_side(lambda view: refine_matte(capture.images[view], soft[view]), views, 2)
-    if progress is not None:
-        progress.update(0, "cutting out the person: votes of the views")
+    note(progress, "cutting out the person: votes of the views")
     agreed = consistent_mattes(capture, refined)
     if sure and len(capture.training()) >= 6:
         agreed = trim(capture, agreed, progress)

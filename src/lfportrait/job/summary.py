@@ -27,7 +27,7 @@ from ..field import Coverage, VoxelField
 from ..files import write_image
 from ..lightfield import Display, ViewMask, read_coded, render_views, simulate
 from ..measure import give_back_memory, machine
-from ..progress import Progress
+from ..progress import Progress, note
 from ..share import (
     Picture,
     Report,
@@ -80,13 +80,9 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
     figures : Size of the video and number of frames; the page's own; ``head_covered``, the share
         of the head that photos show well (`Coverage.share`).
     """
-    def say(text: str) -> None:
-        if progress is not None:
-            progress.update(progress.done, text)
-
     folder, display, config = results / task.folder, task.display, task.config
     assert display is not None
-    say("page, sweep and report")
+    note(progress, "page, sweep and report")
     # Much of the work leaves a core idle: packing, coding the video, NumPy's loops.
     with ThreadPoolExecutor(2) as threads:
         loaded = threads.submit(load_styled, results / task.inputs["styled"], kept.get("styled"))
@@ -107,7 +103,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,
                                 figures, capture, field, styled, kept.get("charts"))
         film.result()
-        say("report")
+        note(progress, "report")
         give_back_memory()
         write_report(folder / "report.html", report)
         return {"frames": _FRAMES, "size": config.sweep_size, "page": page.result(),
@@ -117,10 +113,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
 def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exemplar: Exemplar,
             figures: dict[str, Any], capture: Capture, field: VoxelField, styled: VoxelField,
             charts: list[Chart] | None) -> tuple[Report, float]:
-    """The report, and the share of the head that photos show well; writes ``hero.png``.
-
-    ``file`` is the field's; ``charts`` are those of its skin, where they are known.
-    """
+    """Write report and ``hero.png`` of a field; the share of the head that photos show well."""
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
     covered, share = _coverage_section(field, capture)

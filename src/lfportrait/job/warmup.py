@@ -36,7 +36,7 @@ from ..capture import Camera, Capture
 from ..example import Exemplar
 from ..field import VoxelField
 from ..measure import usable_cores
-from ..progress import Progress
+from ..progress import Progress, note
 from ..runner import Child, Pipe
 from ..temporary import temporary_folder
 
@@ -237,9 +237,8 @@ class Warmup:
         for name in names:
             done = self._done.get(name)
             while done is not None and not done.wait(0.1):
-                if progress is not None:
-                    progress.update(progress.done, f"compiling kernels, once: {self.compiled} of "
-                                    f"{max(self.total, self.compiled)}")
+                note(progress, f"compiling kernels, once: {self.compiled} of "
+                               f"{max(self.total, self.compiled)}")
 
     def close(self) -> None:
         """End what is still being compiled."""

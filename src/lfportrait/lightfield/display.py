@@ -106,11 +106,7 @@ def _cells(calibration: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
 
 
 def _default_quilt(calibration: dict[str, Any]) -> tuple[int, int, int, int] | None:
-    """The quilt that a panel itself asks for: columns, rows, width, height; None if it says none.
-
-    ``defaultQuilt`` is an object with ``tileX``, ``tileY``, ``quiltX`` and ``quiltY``, or that as
-    a text.
-    """
+    """The quilt that a panel asks for, as object or text: columns, rows, width, height, or None."""
     entry = calibration.get("defaultQuilt")
     if isinstance(entry, dict) and "value" in entry:
         entry = entry["value"]

@@ -175,10 +175,7 @@ def _placed(points: NDArray[np.floating], placement: Placement) -> Float64:
 def _ground(drop: Backdrop, placement: Placement, depth: float,
             reach: tuple[float, float, float, float], strength: float, apart: float,
             blur: float = 0.0) -> Ground:
-    """The part of a backdrop within ``reach`` (left, right, low, high), in its shadow.
-
-    Rays are ``apart`` on it, ``blur`` is the sigma of its blur, both in half panel heights.
-    """
+    """The part of a backdrop within ``reach`` (left, right, low, high), in its shadow."""
     picture: NDArray[Any] = drop.picture
     size = np.array(picture.shape[1::-1])
     texel = np.full(2, placement.scale / drop.pixels)

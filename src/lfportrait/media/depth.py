@@ -567,10 +567,7 @@ def _count(item: dict[str, str], name: str) -> int:
 
 
 def _first_readable(data: bytes, items: list[dict[str, str]], wanted: int) -> tuple[Float32, int]:
-    """The depth's grey picture, and where the appended files start.
-
-    They follow the JPEG. Some phones put other data between, so they may also end with the file.
-    """
+    """The depth's grey picture, and where the files appended to the JPEG start, or end."""
     place, length = _place(items, wanted)
     every = sum(_place(items, len(items) - 1))
     starts = [_end_of_picture(data) + _count(items[0], "Padding"), len(data) - every]

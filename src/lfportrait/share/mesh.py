@@ -146,10 +146,7 @@ def _filled(atlas: Atlas) -> UInt8:
 
 
 def _pieces(colors: UInt8, width: int) -> tuple[UInt8, Float32]:
-    """Pieces of picture for faces that no chart shows, by their corners' colors uint8 [K, 3, 3].
-
-    uint8 [H, width, 3], and float32 [K, 3, 2], the corners' places in it.
-    """
+    """A picture [H, width, 3] of unseen faces' corners, uint8 [K, 3, 3], and their places in it."""
     across = width // PIECE
     number = np.arange(len(colors))
     left, top = number % across * PIECE, number // across * PIECE

@@ -119,7 +119,6 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
 
     Parameters
     ----------
-    field : What to show, head centred and framed.
     cone, frames, size : See `sweep_cameras`.
     background : Grey level or RGB behind the head, in [0, 1].
     ground : What panels show behind the head is shown instead, where there is such a ground.

@@ -76,7 +76,6 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
     frames : Frames [H, W, 3] of one size, uint8 or float in [0, 1]; taken one at a time, so a
         generator needs the memory of one frame only. With ``"420"`` odd sides grow by one
         pixel.
-    fps : Frames per second.
     quality : The encoder's constant rate factor, 0 (finest) to 51 (VP9: 63); 17 looks like the
         original. Not used where ``coding`` is ``"lossless"``.
     coding : ``"420"`` for people; ``"444"`` and ``"lossless"`` for pictures coded for a panel.

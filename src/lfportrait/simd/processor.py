@@ -100,11 +100,7 @@ def kind_of(arguments) -> Lanes | None:
 
 def _operator(function: Callable[..., Any], result: Callable[[Lanes], Lanes],
               allowed: dict[Lanes, Callable[..., Any]], count: int = 2) -> None:
-    """Give Python's operator ``function`` a meaning on lanes.
-
-    ``allowed`` maps the operands' kind to a generator of LLVM code; ``result`` maps it to the
-    result's kind.
-    """
+    """Give an operator a meaning on lanes: LLVM generator and result by the operands' kind."""
     scalars = (types.Number, types.Boolean)
 
     @infer_global(function)

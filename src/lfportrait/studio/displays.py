@@ -178,9 +178,7 @@ def corrected(display: Display, step: str, answer: dict[str, Any],
 
     Parameters
     ----------
-    display : As it is.
     step : ``slant``, ``views`` or ``fringe``.
-    answer : What is seen.
     seen : What was counted before at this step; empty at first.
 
     Returns
@@ -216,11 +214,7 @@ def corrected(display: Display, step: str, answer: dict[str, Any],
 
 
 def _agreed(counts: list[list[float]], unit: float) -> float:
-    """The number that counts of bands at some numbers agree on best.
-
-    A count is the distance to the right number, in either direction: each is given the direction in
-    which all are closest to each other.
-    """
+    """The number that counts of bands, which may be off either way, agree on best."""
     def spread(signs: tuple[int, ...]) -> tuple[float, float]:
         places = [place + sign * bands / unit
                   for sign, (place, bands) in zip(signs, counts, strict=True)]

@@ -20,7 +20,7 @@ from ..arrays import Float32, Float64
 from ..capture import Camera
 from ..example import SurfaceGuide, Transfer
 from ..field import C0, SampleWeights, VoxelField
-from ..progress import Progress
+from ..progress import Progress, note
 from .kernels import gather_colors, scatter_colors
 
 
@@ -178,9 +178,8 @@ class ColorModel:
             self.colors[known] += np.float32(relaxation) * (update[:, known] / self.seen[known]).T
             np.clip(self.colors, 0.0, 1.0, out=self.colors)
             errors.append(total / max(mass, 1e-9))
-            if progress is not None:
-                progress.update(progress.done, f"fit {iteration + 1} of {iterations}: "
-                                               f"error {np.sqrt(errors[-1]):.4f}")
+            note(progress, f"fit {iteration + 1} of {iterations}: "
+                           f"error {np.sqrt(errors[-1]):.4f}")
         return errors
 
     def shown(self, field: VoxelField) -> VoxelField:
@@ -204,10 +203,7 @@ class ColorModel:
 
 
 def _trust(view: StyleView) -> Float32:
-    """Weight of each pixel in the fit: opaque, and seen frontally rather than grazing.
-
-    Strokes stay sharp if the view that sees a place best has most of the say.
-    """
+    """Weight of each pixel in the fit: opaque, and seen frontally, so that strokes stay sharp."""
     if view.trust is not None:
         return view.trust
     weight = view.alpha * (0.02 + view.confidence ** 3)

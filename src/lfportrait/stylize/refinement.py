@@ -238,10 +238,7 @@ class Constants:
 
 
 def _reduced(picture: torch.Tensor) -> torch.Tensor:
-    """What the content is compared in: a picture [1, 3, h, w] at half its size, if it is large.
-
-    The content is where things are, and the network that finds it takes half of a step.
-    """
+    """What the content is compared in: a large picture [1, 3, h, w] at half its size, for speed."""
     return torch.nn.functional.avg_pool2d(picture, 2) if min(picture.shape[-2:]) >= _LARGE else (
         picture)
 

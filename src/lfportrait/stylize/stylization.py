@@ -43,7 +43,7 @@ from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..files import write_image
 from ..labels import PICTURE_LABELS
 from ..measure import give_back_memory
-from ..progress import Progress
+from ..progress import Progress, note
 from .config import FieldTask, StylizeConfig
 from .fit import ColorModel, StyleView
 from .mixing import StyledField
@@ -237,8 +237,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
     skin, field = sitter.skin, sitter.field
     for exemplar in exemplars:
         clock = time.perf_counter()
-        if progress is not None:
-            progress.update(progress.done, f"paint after {exemplar.name}")
+        note(progress, f"paint after {exemplar.name}")
         painter = (painters or Painters()).of(exemplar, skin, config)
         painting = painter.paint(skin, sitter.step)
         frontal = painter.exemplar.image if painter.turned else None

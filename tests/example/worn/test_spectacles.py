@@ -10,7 +10,7 @@ import pytest
 from lfportrait.demo import demo_exemplar, demo_styles
 from lfportrait.example import Exemplar
 from lfportrait.face import face_pose
-from lfportrait.face.glasses import find_spectacles, spectacles
+from lfportrait.face.glasses import drawn_spectacles, find_spectacles
 from lfportrait.face.landmarks import MIRRORED
 from tests.example.worn.drawn_spectacles import KINDS, put_on
 from tests.recordings import painting
@@ -41,6 +41,12 @@ def painted(style, turn):
 def sitter(style, turn=0.0):
     one = painted(style, turn)
     return one.image, one.landmarks
+
+
+def spectacles(image, landmarks):
+    found = find_spectacles(image, landmarks)
+    shape = image.shape[:2]
+    return np.zeros(shape, np.float32) if found is None else drawn_spectacles(found, shape)
 
 
 def covered(mask, lines, scale, line):

@@ -23,7 +23,8 @@ FINDINGS = ("job/photo_check.py", "job/style_check.py", "health.py",
 FILES = ("lightfield/prints/sheet.py", "lightfield/prints/depth.py", "lightfield/prints/pages.py",
          "share/page/packing.py", "plugins.py")
 """What is wrong with a choice for a file."""
-SHOWN = {"Refusal": 1, "UserError": 0, "Failure": 1, "update": 1, "say": 0, "warn": 0, "note": 0}
+SHOWN = {"Refusal": 1, "UserError": 0, "Failure": 1, "update": 1, "say": -1, "warn": 0,
+         "note": -1}
 """Functions of the studio and of stages whose argument of this place is shown."""
 ELSEWHERE = ("cli", "studio", "batch")
 """Folders whose progress no job of the studio shows; the studio's own is looked at apart."""
@@ -103,7 +104,7 @@ def said():
         yield path, called(ast.parse((PACKAGE / path).read_text("utf-8")), {"UserError": 0})
     for path in STUDIO.rglob("*.py"):
         yield path.name, called(ast.parse(path.read_text("utf-8")), SHOWN)
-    stages = {name: SHOWN[name] for name in ("update", "say", "warn")}
+    stages = {name: SHOWN[name] for name in ("update", "say", "warn", "note")}
     for path in PACKAGE.rglob("*.py"):
         if not {*ELSEWHERE} & {*path.relative_to(PACKAGE).parts}:
             yield path.name, called(ast.parse(path.read_text("utf-8")), stages)

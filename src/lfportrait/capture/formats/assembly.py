@@ -313,10 +313,7 @@ def mask_of(shot: Shot, finder: Finder) -> Path | None:
 
 
 def _upright(shot: Shot, picture: UInt8, noted: int) -> tuple[Float64, Lens, UInt8, int]:
-    """Pose, lens and picture of a shot, upright, and how often it was turned for that.
-
-    Clockwise quarter turns of the picture as it was read.
-    """
+    """Pose, lens and picture of a shot, upright, and the clockwise quarter turns that this took."""
     width, height = picture.shape[1], picture.shape[0]
     turns = calibrated_turns((width, height), noted, shot.size, shot.path.name)
     try:

@@ -37,10 +37,7 @@ def _pictures(folder: Path) -> list[Path]:
 
 
 def _llff_pictures(folder: Path, count: int) -> list[Path]:
-    """The pictures to read, ``count`` of them: the largest copies that are not too large.
-
-    Photos come at full size in ``images`` and reduced N times in ``images_N``.
-    """
+    """The ``count`` pictures to read: the largest copies (``images_N``) that are not too large."""
     best: tuple[float, list[Path]] | None = None
     for place in visible(folder):
         if place.name != "images" and not place.name.startswith("images_"):

@@ -56,10 +56,7 @@ _TERM = re.compile(r"[kpsb]\d+|s[xy]\d+|tau_?[xy\d]|skew")
 
 
 def _terms(frame: dict[str, Any], shared: dict[str, Any]) -> dict[str, float]:
-    """The distortion terms of a frame that are not zero, by their names.
-
-    nerfstudio may list them instead (``distortion_params``: k1 to k4, p1, p2).
-    """
+    """The distortion terms of a frame that are not zero; nerfstudio may list them."""
     terms: dict[str, float] = {}
     for place in (shared, frame):
         listed = [float(term) for term in place.get("distortion_params") or []]
@@ -137,10 +134,7 @@ def _stated_size(frame: dict[str, Any], shared: dict[str, Any]) -> tuple[int, in
 
 
 def _picture_path(folder: Path, name: str, finder: Finder) -> Path | None:
-    """The picture of that name, with or without its suffix, or a reduced copy of it.
-
-    nerfstudio keeps those in ``images_2``, ``images_4`` and ``images_8``.
-    """
+    """The picture of that name, with or without its suffix, or nerfstudio's reduced copy of it."""
     parent, base = PurePosixPath(name).parent, PurePosixPath(name).name
     reduced = [parent.with_name(f"{parent.name}_{factor}") / base
                for factor in (2, 4, 8)] if parent.name not in ("", "..") else []

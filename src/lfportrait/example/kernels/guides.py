@@ -144,10 +144,7 @@ def _mirrored(index, length):
 
 @woven(fastmath=True)
 def _accumulate_rows(image, y, taps, row):
-    """Sum the rows about ``y`` of ``image`` [H, W], weighted by ``taps``, with a mirrored margin.
-
-    ``row`` [W + 2 r] is filled, r being the radius of the taps.
-    """
+    """Sum the rows about ``y``, weighted by ``taps``, mirrored margin, into ``row`` [W + 2 r]."""
     height, width = image.shape
     radius = taps.shape[0] // 2
     centre, weight = image[y], taps[radius]

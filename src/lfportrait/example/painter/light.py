@@ -86,10 +86,7 @@ class Cells:
         return self._at(means * binary_dilation(kept[pieces], iterations=2))
 
     def _filled(self, values: Float32, known: Bool | None = None) -> Float64:
-        """Means of the cells' known places (all by default); the nearest ones' where there is none.
-
-        ``values`` float32 [N], ``known`` bool [N], at least one of them; float64 [rows, columns].
-        """
+        """Means [rows, columns] of the cells' known places (all if None); else the nearest's."""
         found, means = self._means(values, np.ones(len(values), bool) if known is None else known)
         _, nearest = distance_transform_edt(~found, return_indices=True)
         return np.asarray(means[tuple(nearest)], np.float64)

@@ -309,10 +309,7 @@ class _Work:
 
 
 def _laid_size(shape: tuple[int, ...], scale: float) -> tuple[int, int]:
-    """Width and height that patches are laid at, for a photo [H, W, ...].
-
-    ``scale`` is exemplar pixels per pixel of the photo.
-    """
+    """Size that patches are laid at, for a photo; ``scale`` is exemplar pixels per photo pixel."""
     step = max(1.0, float(np.sqrt(shape[0] * shape[1] / LARGEST)), 1 / (ENLARGED * scale))
     return (round(shape[1] / step), round(shape[0] / step)) if step > 1 else (shape[1], shape[0])
 

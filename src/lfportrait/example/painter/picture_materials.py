@@ -374,10 +374,7 @@ def _shares(small: SmallPicture, regions: Regions, strict: bool) -> Float32:
 
 
 def _overlooked(small: SmallPicture, skin: Float32) -> Float32:
-    """Shares of ``skin`` [h, w] that are hair, by their colors: hair's, not the cheeks'.
-
-    Highlights are skin.
-    """
+    """Shares of ``skin`` [h, w] that are hair, by their colors: hair's, not the cheeks'."""
     face = np.where(small.part(small.down) < 0, np.float32(0), small.part(small.face))
     plain = small.cheeks
     known = small.part(small.labels[..., PICTURE_LABELS.index("hair")]) > 200
@@ -414,10 +411,7 @@ def _beard(small: SmallPicture, skin: Float32) -> Float32:
 
 
 def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
-    """How surely chin and upper lip are bearded, by colors [N, 3] of theirs and of plain skin.
-
-    Chroma over lightness is compared, which shade leaves as it is.
-    """
+    """How surely chin and lip are bearded, by chroma over lightness, which shade keeps."""
     from skimage.color import rgb2lab
 
     looks = [lab[..., 1:] / (lab[..., :1] + 10) for lab in (

@@ -286,10 +286,7 @@ def _looks(atlas: Atlas, index: Int32, size: float) -> tuple[Float32, Float32, F
 
 def _found_hair(plane: HeadPlane, points: Float32, colors: Float32, flat: Float32, seen: Float32,
                 ears: Float32, contours: Float32, known: Float32 | None) -> Float32 | None:
-    """Hair [N] of a field that does not know it, by the network's (``known`` [N]) or by its looks.
-
-    The rest as for `_clothes` and in `Skin`.
-    """
+    """Hair [N] of a field that does not know it, by the network's ``known`` [N] or by its looks."""
     if known is not None and plausible_hair(plane, points, known * seen):
         hair: Float32 | None = hair_behind(plane, colors, flat, seen, ears, known)
     else:

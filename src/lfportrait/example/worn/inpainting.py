@@ -146,10 +146,7 @@ def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDAr
 
 
 def _central(bare: Float32, regions: Regions) -> Float32:
-    """Weights of bare skin [h, w] as a sample of a forehead's light.
-
-    A forehead faces as the nose and the middle of the cheeks do; their sides turn away.
-    """
+    """Weights of bare skin [h, w] by how far it faces as a forehead does: nose and inner cheeks."""
     frame = regions.frame
     right, _ = frame.local(bare.shape)
     return np.asarray(bare * np.exp(-(right / (CENTRAL * 0.5 * frame.width / frame.height)) ** 2),

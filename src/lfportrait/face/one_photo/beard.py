@@ -237,10 +237,7 @@ def beneath(beard: Bool, unit: float) -> Float32:
 
 
 def _is_other(lab: Float32, looks: Float32, chin: Bool, skin: Bool, hair: Bool) -> bool:
-    """Whether what covers a chin is no hair.
-
-    Cloth is blue, green, colorful, smooth, or even and bright; shade is as red as skin, and even.
-    """
+    """Whether what covers a chin is cloth or shade, not hair."""
     one, two = (np.median(lab[part], axis=0) for part in (chin, skin))
     colorful = np.hypot(*one[1:]) > np.hypot(*two[1:]) + COLORFUL or one[1:].min() < -COLORFUL
     _, grayer, finer = np.median(looks[chin], axis=0) - np.median(looks[skin], axis=0)
@@ -336,7 +333,6 @@ def beard_piece(parts: Parts, beard: Bool, face: Float64, down: Float64, body: P
     beard : bool [h, w], where it shows.
     face : Depth [h, w] of the head's front down to the jaw, NaN where it is not.
     down : float64 [2], the direction (row, column) from the head's brows to its chin.
-    body : What lies behind it.
     """
     cell, shown = parts.cell, np.isfinite(face)
     beard = beard & ~shown & (parts.inside > 0)

@@ -57,7 +57,6 @@ def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -
     Parameters
     ----------
     depth : What the photo's file keeps.
-    camera : One view, the photo's.
     near : float64 [h, w], depth of the fitted head's front on their grid, NaN beside it.
 
     Returns

@@ -205,10 +205,7 @@ def _under(head: tuple[Float64, Float64], share: Float64, body: Piece | None,
 
 def _front(parts: Parts, hair: Bool, middle: Float64, before: Float64, share: Float64,
            sensed: Sensed | None, outer: Float64) -> Float64:
-    """Squares of the half thicknesses in front: what the photo shows.
-
-    ``outer`` is the front's depth of the head with its hair.
-    """
+    """Squares of the half thicknesses before the hair's ``outer`` depth: what the photo shows."""
     cell, person, solid = parts.cell, parts.inside > 0, np.isfinite(before)
     # At the hairline it begins on the skin; further in it lies clear of the skull.
     skin = person & ~hair
@@ -316,10 +313,7 @@ def _behind(parts: Parts, hair: Bool, grown: Bool, neck: Neck) -> Bool:
 
 
 def _edge(shown: Bool, start: int, end: int, last: float, right: bool) -> Float64:
-    """The outermost column of a side's hair in each row; straight on where none is shown.
-
-    Below the row ``end`` it is ``last``.
-    """
+    """A side's outermost column of hair in each row: straight on, or ``last`` below ``end``."""
     rows = np.arange(len(shown))
     found = np.flatnonzero(shown.any(axis=1) & (rows >= start) & (rows <= end))
     outer = np.argmax(shown[found], axis=1)

@@ -256,10 +256,7 @@ def _gaps(mask: Bool, filling: Bool) -> Bool:
 
 
 def _below_hair(hair: Bool, down: Float64, beside: Float64) -> Bool:
-    """What lies nearer to a head's middle than hair that was seen, bool [h, w], above the middle.
-
-    There the network says where hair ends.
-    """
+    """What lies nearer to the head's middle than hair that was seen, above it, bool [h, w]."""
     sector = np.floor((np.arctan2(down, beside) / (2 * np.pi) + 0.5) * SECTORS).astype(int)
     sector %= SECTORS
     far, last = np.hypot(down, beside), np.zeros(SECTORS)

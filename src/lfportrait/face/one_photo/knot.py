@@ -31,10 +31,8 @@ ROUND = 0.2
 """How far off a circle its outline is in the mean at most, over its radius."""
 ASIDE = 0.35
 """How far from the middle of the head it may be, portrait units."""
-SUNK = 0.0
-"""How far its middle is from the hair below, over its radius."""
 ROOT = 0.06
-"""How thick that hair is, portrait units."""
+"""How thick the hair is that it rests on, portrait units."""
 STEPS = 120
 """Places behind the crown that are tried."""
 
@@ -118,5 +116,5 @@ def _depth(parts: Parts, knot: Knot, samples: MeshSamples) -> float:
     tried = np.linspace(crown, float(depth.max()), STEPS)
     length = samples.tree.query(origin + ray * tried[:, None])[0]
     # The first place, seen from the front, where it does not lie deeper in the hair than that.
-    rests = np.flatnonzero(length > ROOT + SUNK * knot.radius * parts.cell)
+    rests = np.flatnonzero(length > ROOT)
     return float(tried[rests[0] if len(rests) else -1])

@@ -42,7 +42,6 @@ def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> l
 
     Parameters
     ----------
-    fit : The head so far.
     pictures, images : Its photos; uint8 [H, W, 3].
 
     Returns

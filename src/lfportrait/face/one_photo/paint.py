@@ -331,10 +331,7 @@ def _fill(points: Float64, own: _Mean, other: _Mean, grown: Float64, skin: Bool)
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
            ) -> Float64:
-    """What colors [N, 3] are to be multiplied with to have the light of others, [N, 3].
-
-    By wide means over places that are known of both, in the logarithm.
-    """
+    """What colors [N, 3] are to be multiplied with to have the light of others, by wide means."""
     both = np.minimum(weight, known)
     if both.sum() <= 100:
         return np.ones_like(colors)
@@ -363,10 +360,7 @@ def _filled(points: Float64, photo: Float64, weight: Float64, matched: Float64,
 
 
 def _spread(points: Float64, values: Float64, weights: Float64, finest: int) -> Float64:
-    """Values [N, C] everywhere: means of the known ones over ever wider surroundings.
-
-    ``finest`` is the level, in octaves, from which on they are looked at.
-    """
+    """Values [N, C] everywhere: means of known ones over ever wider octaves, from ``finest`` on."""
     scaled = points * np.array([1.0, UPWARDS, 1.0]) / (CELL * 2 ** finest)
     first = scaled.min(axis=0) - 2
     place = (scaled - first).T

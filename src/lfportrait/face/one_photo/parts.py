@@ -149,10 +149,7 @@ FACE = 240.0
 
 def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Float64,
              width: float) -> Bool:
-    """What of a mask of hair [H, W] hangs from an ear, and is unlike the hair: an earring.
-
-    ``lab`` are colors [H, W, 3], ``width`` is that of the face in pixels.
-    """
+    """What of a mask of hair [H, W] hangs from an ear, and is unlike the hair: an earring."""
     factor = min(1.0, FACE / width)
     if factor < 0.99:  # its time grows with the fourth power of a photo's width
         size = (max(1, round(factor * mask.shape[1])), max(1, round(factor * mask.shape[0])))
@@ -281,7 +278,6 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
 
     Parameters
     ----------
-    camera : One view.
     matte, hair : [H, W] in [0, 1].
     distance : Of the head from the camera, portrait units.
     head : Points [N, 3] of the fitted head: a crown that the photo's upper edge cuts off is closed

@@ -27,7 +27,7 @@ from ...capture import (
 from ...errors import UserError
 from ...field import C0, ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
-from ...progress import Progress
+from ...progress import Progress, note, say
 from ..detect import detect_faces, face_yaw
 from ..head_fit import (
     HeadFit,
@@ -148,17 +148,13 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
         the most frontal one is turned too far, or no head fits it; or if networks are missing.
         Of several photos those that can't be used are left out, with a warning.
     """
-    def note(text: str) -> None:
-        if progress is not None:
-            progress.update(progress.done, text)
-
-    note("looking for the face")
+    note(progress, "looking for the face")
     seen = _usable(photos)
     given, prior = prior is not None, prior or head_prior()
-    if not given and not models.available("head") and progress is not None:
-        progress.say("no statistical head is installed: the generic one is used, which resembles "
-                     "less; see `lfportrait models list`")
-    note("fitting the head")
+    if not given and not models.available("head"):
+        say(progress, "no statistical head is installed: the generic one is used, which resembles "
+                      "less; see `lfportrait models list`")
+    note(progress, "fitting the head")
     fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
     bad = unfit(fit, [one.picture for one in seen])
     if bad:
@@ -174,12 +170,10 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
                     found_again(fit, [one.picture for one in seen], [one.shown for one in seen]))
     capture = _captured(fit, seen)
     figures = {**fit.figures(), "hair": [bool(np.any(one.picture.hair)) for one in seen]}
-    if progress is not None:
-        angles = fit.views[0].angles
-        progress.say(
-            f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
-            f"{fit.pixels[0]:.1f} pixels, the face turned by {abs(angles['yaw']):.0f} degrees; it "
-            f"can be looked at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
+    say(progress, f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
+                  f"{fit.pixels[0]:.1f} pixels, the face turned by "
+                  f"{abs(fit.views[0].angles['yaw']):.0f} degrees; it can be looked at over "
+                  f"{PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
     return capture, figures
 
 
@@ -362,16 +356,12 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     config = config or ReconstructConfig()
     points = config.resolution or min(lattice_points(capture.cameras.pixel), config.max_resolution)
 
-    def note(text: str) -> None:
-        if progress is not None:
-            progress.update(progress.done, text)
-
     fit = _kept_fit(capture)
     assert capture.landmarks is not None
     looks = [_looked_at(capture, view) for view in range(len(capture))]
     pictures, beards = [look[0] for look in looks], [look[1] for look in looks]
     picture, camera = pictures[0], capture.cameras[0]
-    note("laying the head over its photo")
+    note(progress, "laying the head over its photo")
     found = found_again(fit, pictures, [_shown(capture, view) for view in range(len(capture))])
     local = warped_together(fit, pictures, found)
     # Metres in the first camera's frame -> the portrait frame.
@@ -381,7 +371,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])),
                      vertices, None if beards[0] is None else beards[0].below)
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
-    note("hair and body from the outline")
+    note(progress, "hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
     solid = solid_of(parts, samples, sensed)
     wires, images = _bare(capture, fit, pictures, local, samples)
@@ -397,9 +387,9 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
         if look is not None:
             look(rough)
         seconds = time.perf_counter() - looked
-    note("lattice")
+    note(progress, "lattice")
     shell = shell_of(solid, points, wires)
-    note("colors")
+    note(progress, "colors")
     field = _colored(capture, shell, shots, wires)
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
                "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
@@ -468,11 +458,10 @@ def _sensed(capture: Capture, parts: Parts, samples: MeshSamples, progress: Prog
     if depth is None:
         return None
     found = sensed_depth(depth, capture.cameras[0], parts, depth_maps(samples, parts)[0])
-    if progress is not None:
-        progress.say("the depth that the photo keeps does not fit the face and is not used"
-                     if found is None else
-                     "hair and shoulders follow the depth that the photo keeps; in the face it is "
-                     f"{1000 * METRES * found.off:.0f} mm off")
+    say(progress, "the depth that the photo keeps does not fit the face and is not used"
+                  if found is None else
+                  "hair and shoulders follow the depth that the photo keeps; in the face it is "
+                  f"{1000 * METRES * found.off:.0f} mm off")
     return found
 
 

@@ -66,7 +66,6 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     colors : float32 [H, W, 3] in [0, 1], the person's alone (`clean_colors`).
     hair : [H, W] in [0, 1], or None.
     landmarks : float64 [68, 2] in pixels.
-    camera : The photo's.
     samples : Of the head, in the camera's world.
     """
     unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
@@ -155,10 +154,7 @@ def _unlike(lab: Float32, other: Float32) -> Float32:
 
 
 def _nearest(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:
-    """Where the head's nearest samples lie on the mean head [h, w, 3], and cosines of incidence.
-
-    NaN beside the head.
-    """
+    """The head's nearest samples on the mean head [h, w, 3], NaN beside; cosines of incidence."""
     pixels, depth = camera.project(samples.points)
     column, row = np.floor(pixels[0]).astype(np.int64).T
     width, height = int(camera.width[0]), int(camera.height[0])

@@ -282,10 +282,7 @@ def _plane(points: Float64) -> Float64:
 
 
 def _raised(parts: Parts, near: Float64, neck: Neck) -> Bool:
-    """Where shoulders beside a head [h, w] reach higher than its neck, at most to its ears.
-
-    ``near`` is the head's depth, NaN where it is not.
-    """
+    """Where shoulders beside a head [h, w] reach higher than its neck, at most to its ears."""
     beside = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
     ears, end = (int(np.clip(row, 0, len(near) - 1)) for row in (neck.ears, neck.end))
     high = opened(beside, BROAD / parts.cell)

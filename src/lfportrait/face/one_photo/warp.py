@@ -64,7 +64,6 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
 
     Parameters
     ----------
-    prior, view : The model and its pose.
     vertices : float64 [N, 3] in the model's frame.
 
     Returns
@@ -86,7 +85,6 @@ def warped_together(fit: HeadFit, pictures: list[Picture],
 
     Parameters
     ----------
-    pictures : Its photos.
     found : For each photo what it shows of the first one's places (`found_again`): there its
         landmarks say nothing.
 

@@ -34,8 +34,6 @@ EAR = np.array([0.078, 0.118, -0.012])
 """Where a temple lies on the left ear (metres, `HeadPrior.rest`)."""
 CLEAR = 0.0008
 """Metres between a wire and the skin at least."""
-STEP = 0.0006
-"""Metres from one place of a wire to the next."""
 ALIKE = 0.006
 """Metres along a wire over which its color is a mean."""
 THIN, THICK = 0.0007, 0.003

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Bool, Float32, Float64, Int64, UInt8
 from ...capture import Camera, Capture, color_likelihood, refine_matte
-from ...progress import Progress
+from ...progress import Progress, note
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import compose_plate
 from .sweep import DepthMap, small_view, sweep_depth
@@ -73,8 +73,7 @@ def plate_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     float32 [H, W] in [0, 1], of a network's, most of them right. None where there is no telling
     person and room apart (`CleanPlates.of`).
     """
-    if progress is not None:
-        progress.update(0, "cutting out the person: the room behind")
+    note(progress, "cutting out the person: the room behind")
     plates = CleanPlates.of(capture, mattes)
     if plates is None:
         return None
@@ -274,10 +273,7 @@ def _seen(points: Float64, camera: Camera) -> tuple[Bool, Int64, Float64]:
 
 
 def _continued(sums: Float32, sigma: float) -> Float32:
-    """Means of values, from ever wider surroundings where there are none.
-
-    ``sums`` [h, w, 1 + C] are the weights and the weighted sums of C values; float32 [h, w, C].
-    """
+    """Means by ``sums`` [h, w, 1 + C], from ever wider surroundings where there are none."""
     result = np.zeros((*sums.shape[:2], sums.shape[2] - 1), np.float32)
     there = np.zeros(sums.shape[:2], bool)
     while not there.all() and sigma < 2 * max(there.shape):

@@ -128,8 +128,6 @@ def surface_gains(surface: HeadSurface, capture: Capture, views: Int64, tests: I
 
     Parameters
     ----------
-    surface : The person's.
-    capture : The photos.
     views, tests : Those that are compared with each other, and those that are compared with them.
 
     Returns

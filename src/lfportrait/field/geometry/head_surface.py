@@ -334,10 +334,7 @@ def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float, sho
 
 def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
                  mattes: Sequence[UInt8]) -> tuple[Float64, Float64, Bool]:
-    """The bust scaled to the landmarks (portrait frame) and outlines, the hull, and its rims.
-
-    [V, U] each.
-    """
+    """The bust scaled to the landmarks and outlines, the hull, and its rims, [V, U] each."""
     # Of the body landmarks say nothing.
     loose = np.interp(chart.axis[:, 1], (-0.95, -0.6), (3e-3, 1e-6))[:, None]
     ratio, weight = _ratio_of_landmarks(chart, generic, landmarks)
@@ -353,10 +350,7 @@ def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Ca
 
 def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
                         ) -> tuple[Float64, Float64]:
-    """Logarithm of the face's distances over the generic ones, and weights, [V, U] each.
-
-    Between the landmarks the face is interpolated in depth.
-    """
+    """Logarithm of the face's distances over the generic ones, and weights, [V, U] each."""
     from scipy.interpolate import RBFInterpolator
 
     points = landmarks[np.isfinite(landmarks).all(axis=1)]

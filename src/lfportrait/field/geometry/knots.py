@@ -126,10 +126,7 @@ def _beside(chart: Chart, distance: Float64, cameras: Camera, mattes: Sequence[U
 
 
 def _ball(piece: Bool, hull: Bool) -> tuple[Float64, float] | None:
-    """Middle [3] and radius of a ball whose top is what is seen, or None.
-
-    Both bool [Z, Y, X] over the box: what is seen of it, and what no matte rules out.
-    """
+    """Middle [3] and radius of a ball whose top is ``piece`` [Z, Y, X], within a hull, or None."""
     areas = piece.sum(axis=(1, 2))
     widest = areas >= _WIDEST * areas.max()
     # Where the spindle's end is not seen, nothing says how far behind it is.

@@ -36,7 +36,7 @@ from scipy import ndimage
 
 from ...arrays import Float32, Float64, UInt8
 from ...capture import Camera, Capture, holes_of, mattes_share, refine_matte, views_share
-from ...progress import Progress
+from ...progress import Progress, note
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
 from ..kernels.depth_maps import fuse_distance, outline_distance
@@ -121,8 +121,7 @@ def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     solid = _solid(capture, mattes, progress)
     if solid is None:
         return None
-    if progress is not None:
-        progress.update(0, "cutting out the object: outlines")
+    note(progress, "cutting out the object: outlines")
     outlines = [_coarse(capture, view, solid) for view in range(len(capture))]
     with ThreadPoolExecutor(2) as workers:
         results = list(workers.map(_cut, capture.images, outlines))
@@ -173,8 +172,7 @@ def _solid(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     views = capture.training()
     if most is not None and len(views) > most:
         views = views[np.linspace(0, len(views) - 1, most).astype(int)]
-    if progress is not None:
-        progress.update(0, "cutting out the object: depth")
+    note(progress, "cutting out the object: depth")
     maps = sweep_depth(capture, views, REACH)
     votes = [np.asarray(cv2.resize(np.asarray(mattes[view], np.float32), item.depth.shape[::-1],
                                    interpolation=cv2.INTER_AREA), np.float32)
@@ -249,9 +247,8 @@ def _clearance(distance: Float32) -> UInt8:
     return np.minimum(steps, 255).astype(np.uint8)
 
 
-def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float,
-                   most: int = 3) -> Float64:
-    """Planes that have the object and the cameras before them, float64 [P, 4], ``most`` at most.
+def backing_planes(points: Points, persons: Float32, cameras: Points, usual: float) -> Float64:
+    """Planes that have the object and the cameras before them, float64 [P, 4], three at most.
 
     They are unit normals and offsets: ``normal . x > offset`` before the plane. Of points of
     surfaces, float64 [K, 3], ``persons`` says how much the mattes call each of them the person, and
@@ -262,7 +259,7 @@ def backing_planes(points: Points, persons: Float32, cameras: Points, usual: flo
     near = np.linalg.norm(points, axis=1) < REACH + 0.2
     points, persons = points[near], persons[near]
     found: list[Float64] = []
-    while len(found) < most and len(points) >= 500:
+    while len(found) < 3 and len(points) >= 500:
         chosen = random.permutation(len(points))[:6000]
         sample = points[chosen]
         corners = sample[random.integers(0, len(sample), (1500, 3))]
@@ -348,10 +345,7 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
 
 
 def _hull_share(maps: list[DepthMap], mattes: list[Float32]) -> Float32:
-    """The mean matte over the views that have a point in the picture, on every second point.
-
-    0 where fewer than a quarter of the views have.
-    """
+    """The mean matte over the views that see every second point; 0 for under a quarter of them."""
     cameras = Camera.concatenate([item.camera for item in maps])
     share = mattes_share(cameras, mattes, REACH, _SIZE // 2)
     # Every eighth point is enough to know what the pictures show.

@@ -84,15 +84,15 @@ def ruled_out(cameras: Camera, alphas: Sequence[UInt8], filled: Bool, center: Fl
     return wrong, hardly
 
 
-def hull_box(cameras: Camera, alphas: list[UInt8], reach: float = 1.8) -> tuple[Float64, Float64]:
-    """Center and radius [3] of a box about what the mattes show, within ``reach`` of the origin.
+def hull_box(cameras: Camera, alphas: list[UInt8]) -> tuple[Float64, Float64]:
+    """Center and radius [3] of a box about what the mattes show, within 1.8 of the origin.
 
     A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least two fifths of
     the views have in the picture, so that the box does not follow the hull's tail away from the
     cameras.
     """
+    size, reach = 72, 1.8
     center, radius = np.zeros(3), np.full(3, reach)
-    size = 72
     hull, seen = _hull(cameras, alphas, (size,) * 3, center, radius)
     axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
     z, y, x = np.nonzero(hull)

@@ -53,12 +53,10 @@ def sweep_depth(capture: Capture, views: Int64, reach: float = 0.0, *,
 
     Parameters
     ----------
-    capture : Photos and cameras.
     views : The views, which are each other's neighbours.
     reach : The planes of each view are dense up to this distance from the origin and few beyond;
         by default they are the same for all views and as dense far away.
     endless : Have the planes go on to infinity, so that a wall is found however far it is.
-    planes : How many planes.
     """
     small = [small_view(capture, int(view)) for view in views]
     cameras = [item.camera for item in small]
@@ -152,10 +150,7 @@ def _intrinsics(camera: Camera) -> Float64:
 
 
 def _homographies(reference: Camera, other: Camera) -> tuple[Float64, Float64]:
-    """From the reference's pixels to the other's, for planes at depth d.
-
-    The first matrix [3, 3] plus 1 / d times the second.
-    """
+    """Matrices A and B: A + B / d leads from the reference's pixels to the other's, at depth d."""
     turn = other.pose[0, :3, :3].T @ reference.pose[0, :3, :3]
     shift = other.pose[0, :3, :3].T @ (reference.pose[0, :3, 3] - other.pose[0, :3, 3])
     lens, back = _intrinsics(other), np.linalg.inv(_intrinsics(reference))
@@ -192,10 +187,7 @@ def scene_box(maps: list[DepthMap], least: float, most: float) -> tuple[Float64,
 
 
 def _completed(depth: Float32) -> Float32:
-    """Depth with its holes filled from ever wider surroundings, in inverse depth.
-
-    Where photos have no texture surfaces mostly go on as they do around.
-    """
+    """Depth with its holes filled from ever wider surroundings, in inverse depth."""
     known = np.isfinite(depth)
     inverse = np.where(known, 1.0 / np.where(known, depth, 1.0), 0.0).astype(np.float32)
     filled, there, sigma = inverse.copy(), known.copy(), 1.5

@@ -472,7 +472,6 @@ def put_means(since, until, sums, columns, count, rows, first):
     Parameters
     ----------
     sums : float32 [M, columns or more].
-    columns : How many values of a row are written.
     count : Number of states, a float32.
     rows : float32 [first + M or more, columns or more], written.
     first : The row that the first sums belong to.

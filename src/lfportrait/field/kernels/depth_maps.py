@@ -209,7 +209,6 @@ def outline_distance(  # type: ignore[no-untyped-def]
         direction have the value 1 at all corners, 0 for a cell that has not.
     first, spacing : Coordinate of the first point along each axis, distance of the points.
     camera : float64 [16].
-    height, width : Size of the picture.
 
     Returns
     -------

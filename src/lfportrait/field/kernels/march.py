@@ -16,7 +16,6 @@ shows (it returns it three times; use the first). `basis` is a per-thread float3
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -290,8 +289,3 @@ def lattice_of_world(center: Any, radius: Any, shape: tuple[int, int, int],
     size = np.array(shape[::-1], np.float64)
     scale = size / (2.0 * np.asarray(radius, np.float64))
     return scale, size / 2.0 - 0.5 - np.asarray(center, np.float64) * scale
-
-
-def diagonal(shape: tuple[int, int, int]) -> float:
-    """Length of the lattice's diagonal in lattice units."""
-    return math.sqrt(sum((n - 1.0) ** 2 for n in shape))

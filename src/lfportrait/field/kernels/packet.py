@@ -48,7 +48,6 @@ def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...
     workers : Number of workers, the leading axis.
     table : The brick table: sixteen straight rays enter no more bricks than sixteen times its
         sides.
-    bricks : Number of bricks.
 
     Returns
     -------

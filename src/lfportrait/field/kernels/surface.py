@@ -214,10 +214,7 @@ def march_chart(since, until, origins, rays, distances, density, colors, links, 
 @identified("chart axis")
 @lean
 def _from_axis(x, y, z, frame, axis, cell, level):
-    """A point as seen from the axis: row below the brows, east, front, how far above, distance.
-
-    In units of ``axis``; the other arguments are as for `outside_chart`.
-    """
+    """A point as seen from the axis: row below the brows, east, front, how far above, distance."""
     top, last = level - 1, len(axis) - 1
     up = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z + frame[1, 3]
     height = (up - axis[0, 1]) / cell

@@ -198,10 +198,7 @@ def add_texture(table, cells, charts, texels, covered, lattice, camera, size, al
 @identified("depth slope")
 @lean
 def _slope(depth, pixel, step, before, after):
-    """How the depth changes from pixel to pixel: the smaller way, to either side, or 0 unknown.
-
-    ``step`` leads to the neighbours, ``before`` and ``after`` are their numbers.
-    """
+    """How the depth changes from pixel to pixel: the smaller way, to either side, or 0 unknown."""
     here = depth[pixel]
     left = right = np.float32(np.nan)
     if before > 0:

@@ -97,9 +97,9 @@ def warn(progress: Progress | None, line: str) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def ray_numbers(options: Float64, count: int = 1) -> NDArray[Any]:
-    """`STEP` [count] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
-    steps = np.zeros(count, STEP)
+def ray_numbers(options: Float64) -> NDArray[Any]:
+    """`STEP` [1] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
+    steps = np.zeros(1, STEP)
     for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "sparsity", "narrow"),
                            options, strict=False):
         steps[name] = value

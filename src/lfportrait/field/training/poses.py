@@ -83,8 +83,8 @@ def _smooth(picture: NDArray[Any]) -> Float32:
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8))
 
 
-def _beside_the_outline(depth: Float32, reach: float = 6.0) -> Float32:
-    """Depth with that of the outline for ``reach`` pixels beside it."""
+def _beside_the_outline(depth: Float32) -> Float32:
+    """Depth with that of the outline for six pixels beside it."""
     missing = ~np.isfinite(depth)
     if not missing.any() or missing.all():
         return depth
@@ -92,7 +92,7 @@ def _beside_the_outline(depth: Float32, reach: float = 6.0) -> Float32:
         missing.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     of_label = np.zeros(label.max() + 1, np.float32)
     of_label[label[~missing]] = depth[~missing]
-    return np.where(away < reach, of_label[label], np.float32(np.inf))
+    return np.where(away < 6.0, of_label[label], np.float32(np.inf))
 
 
 @dataclass(frozen=True)

@@ -104,10 +104,7 @@ class _Coder:
         self.slices = _Slices(self) if job.sliced else None
 
     def code(self, picture: Any, first: int, since: int, until: int, rows: int) -> None:
-        """Code the tile rows from ``since`` to ``until`` of ``picture``, which has ``rows``.
-
-        Its first row is row ``first`` of the job.
-        """
+        """Code tile rows ``since`` to ``until`` of ``picture``, ``rows`` from row ``first`` on."""
         most = until - since if self.slices is None else _TILE_ROWS
         for tile in range(since, until, most):
             begin = tile * _TILE
@@ -175,7 +172,6 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     ----------
     keys : Names of the field and its texture on the device (`upload`, `keep_texture`).
     read : Whether the picture is wanted; else it stays on the device.
-    repeats : How often to code it once more, to measure.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])

@@ -337,11 +337,6 @@ class TrialPage:
                 page[low - first:high - first] = self._line(line, low, high)
         return page
 
-    def row_of(self, number: int) -> tuple[int, int]:
-        """First page row of the ``number``-th stripes, pitches first, and how many it has."""
-        line = [line for line in self.lines if line.sheet is not None][number]
-        return line.top, line.height
-
     def _line(self, line: _Line, low: int, high: int) -> UInt8:
         """Rows ``low`` to ``high`` of the page within a line."""
         width, edge = self.sheet.display.width, self.sheet.pixels(_EDGE)

@@ -290,7 +290,6 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
     size : Width and height of the frames.
     encode : Placement of the head in the middle of the motion.
     config : Number of frames, sway and codec.
-    flat : Whether it is a flat panel's video.
     comment : Written into the file's metadata.
     step : Called before each frame with its number and their count.
     """

@@ -238,7 +238,6 @@ def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayou
     ----------
     media : Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
     contents : The quilt, as a file's contents or a file.
-    movie : Whether it is a video.
     """
     settings = json.dumps(quilt_settings(layout, movie=movie), indent=1) + "\n"
     with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as package:

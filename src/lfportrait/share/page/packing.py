@@ -401,10 +401,7 @@ def _blocks(some: Bool) -> Bool:
 
 def _chart_boxes(texture: SurfaceTexture, points: Float64, margin: int,
                  ) -> Int64:
-    """Where the rows of each chart lie in the atlas, int64 [C, 4]: left, top, right, bottom.
-
-    Of a chart that shows no row nothing is kept.
-    """
+    """Where charts that show rows lie in the atlas, int64 [C, 4]: left, top, right, bottom."""
     height, width = texture.texels.shape[:2]
     boxes = np.zeros((len(texture.projections), 4), np.int64)
     for number, matrix in enumerate(texture.projections):

@@ -133,7 +133,7 @@ class Told(Progress):
         """Nothing is written at the end."""
 
 
-_PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
+_PAPER, _INK, _BLUE = (250, 250, 248), (40, 40, 44), (30, 110, 200)
 _MARGIN = 1.12
 """Of a head in its picture."""
 _DISTANCE = 4.0

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from lfportrait.example import Exemplar, paint, photo_method
+from lfportrait.example import Exemplar, photo_method, prepare
 from lfportrait_eval.baselines.config import FaceBlitConfig
 from lfportrait_eval.baselines.kernels import NOWHERE, flood, search_windows, sweep_windows
 from lfportrait_eval.baselines.transfer import FaceBlit, faceblit
@@ -121,7 +121,7 @@ def test_without_background_the_rest_stays_the_photo(tmp_path):
     assert np.allclose(made.image[untouched], photo.image[untouched] / 255, atol=1e-6)
     nose = tuple(photo.landmarks[30].astype(int)[::-1])
     assert made.image[nose][2] > made.image[nose][0] + 0.1  # painted with the exemplar's skin
-    whole = paint(photo.image, style, FaceBlitConfig(), photo.landmarks)
+    whole = prepare(style, FaceBlitConfig()).apply(photo.image, photo.landmarks)
     assert np.abs(whole.image[:5, :5] * 255 - style.image[:5, :5].mean((0, 1))).mean() < 15
     whole.dump(tmp_path)
     assert {path.stem for path in tmp_path.glob("*.png")} >= {"position", "mask", "result"}

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lfportrait.example import paint, photo_method
+from lfportrait.example import photo_method, prepare
 from lfportrait_eval.baselines.config import FaceStyleConfig
 from lfportrait_eval.baselines.transfer import FaceStyle
 from lfportrait_eval.metrics import patch_fidelity
@@ -22,7 +22,7 @@ def test_the_exemplar_s_own_photo_comes_back():
 def test_a_photo_is_painted_with_the_exemplar_s_patches(tmp_path):
     style = drawn_face(160, 120, skin=(120, 90, 200), hair=(20, 90, 40), ground=(230, 220, 120))
     photo = drawn_face(120, 100, seed=1)
-    made = paint(photo.image, style, QUICK, photo.landmarks)
+    made = prepare(style, QUICK).apply(photo.image, photo.landmarks)
     assert made.image.shape == photo.image.shape
     assert patch_fidelity(made.image, style.image, samples=200) < 0.5 * patch_fidelity(
         photo.image, style.image, samples=200)
@@ -32,8 +32,8 @@ def test_a_photo_is_painted_with_the_exemplar_s_patches(tmp_path):
     assert {path.stem for path in tmp_path.glob("*.png")} >= {
         "appearance", "segmentation", "position", "occupancy", "result"}
     assert photo_method("facestyle").parameters is FaceStyleConfig
-    again = paint(photo.image, style, QUICK, photo.landmarks)
-    other = paint(photo.image, style, replace(QUICK, seed=5), photo.landmarks)
+    again = prepare(style, QUICK).apply(photo.image, photo.landmarks)
+    other = prepare(style, replace(QUICK, seed=5)).apply(photo.image, photo.landmarks)
     assert again.image.tobytes() == made.image.tobytes() != other.image.tobytes()
 
 

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from lfportrait.cli import main
 from lfportrait.demo import embedded_sittings
 from lfportrait.errors import UserError
-from lfportrait.example import paint
+from lfportrait.example import prepare
 from lfportrait.face import write_landmarks
 from lfportrait.files import read_json, write_image
 from lfportrait.media.pictures import read_image
@@ -105,7 +105,8 @@ def test_a_checkpoint_is_written_read_and_checked(tmp_path):
     style, photo = drawn_face(96, 72, skin=(120, 90, 200)), drawn_face(90, 80, seed=1)
     path = tmp_path / "style.safetensors"
     config = replace(TINY, checkpoint=path)
-    made = paint(photo.image, style, config, photo.landmarks)
+    made = prepare(style, config, [(photo.image, photo.landmarks)]).apply(
+        photo.image, photo.landmarks)
     assert made.image.shape == photo.image.shape and path.exists()
     facts = StyleNetwork(style, config).facts
     assert facts["pairs"] == 3 and facts["steps"] == 2 and facts["teacher_seconds"] > 0
