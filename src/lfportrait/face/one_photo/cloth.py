@@ -50,6 +50,8 @@ UNLIKE, STEEP = 3.0, 1.4
 """Deviation from skin at which a color says nothing, and what one more says (in logits)."""
 SAYS = -4.0, 6.0
 """Least and most that colors say."""
+COLORFUL = 0.4
+"""Octaves from grey at which the hue of skin says so much."""
 AT_NECK, DOWN, OUT = -0.84, (1.4, 0.79), (1.05, 0.32, 0.4)
 """What the place below a chin says; how much more one so far (portrait units) below does; and one
 beside that, from the second on, over the third."""
@@ -187,7 +189,7 @@ def _by_network(image: NDArray[np.uint8], scene: _Scene) -> Bool:
 
     shares = parts_of_network(image)
     worn, bare = small(shares["clothes"]), small(shares["body-skin"] + shares["face-skin"])
-    return _Walk(scene).settled(np.log(worn / bare)) > 0.5
+    return _Walk(scene, bare > worn).settled(np.log(worn / bare)) > 0.5
 
 
 def _by_colors(scene: _Scene) -> Bool:
@@ -196,14 +198,16 @@ def _by_colors(scene: _Scene) -> Bool:
         return np.zeros(scene.asked.shape, bool)
     values = _values(scene.image)
     away = _unlike_skin(values, scene.bare)
-    says = np.clip(STEEP * (away - UNLIKE), *SAYS)
-    place = _place(scene)
-    walk = _Walk(scene)
+    hue = float(np.linalg.norm(np.median(values[scene.bare], axis=0)[1:]))
+    colorful = min(hue / COLORFUL, 1.0)  # in a picture without colors all may be like skin
+    says = np.clip(STEEP * (away - UNLIKE), SAYS[0] * colorful, SAYS[1])
+    place = _place(scene) * (2 - colorful)
+    walk = _Walk(scene, says < 0)
     worn = walk.settled(says + place)
     clean = scene.asked & (scene.hidden < 0.2) & (scene.person > 0.95)
     known = clean & (scene.down < CLOSE[0]) & (scene.beside < CLOSE[1])
     values = values * np.array([OF_FACE, 1, 1], np.float32)
-    for step in range(2):
+    for step in range(2 if colorful > 0.5 else 0):
         skin, cloth = known & (worn < 0.25), clean & (worn > 0.75)
         sure = cloth & (away > SURE)
         if step == 0 and sure.sum() > max(2 * LEAST, FEW * cloth.sum()):
@@ -266,9 +270,10 @@ class _Walk:
     Parameters
     ----------
     scene : Whose skin it meets where they touch the face.
+    bare : bool [h, w], what of both may be skin.
     """
 
-    def __init__(self, scene: _Scene) -> None:
+    def __init__(self, scene: _Scene, bare: Bool) -> None:
         self.asked = scene.asked
         count = int(self.asked.sum())
         index = np.full(self.asked.shape, -1)
@@ -286,7 +291,7 @@ class _Walk:
         self.ways = sparse.csr_matrix(ways + ways.T)
         self.leaves = np.asarray(self.ways.sum(axis=1)).ravel()
         face = scene.head & (scene.hidden < 0.3) & (scene.person > 0.5)
-        self.held = TRUST[1] * ndimage.binary_dilation(face)[self.asked]
+        self.held = TRUST[1] * (ndimage.binary_dilation(face & bare) & bare)[self.asked]
         self.found: Float64 | None = None
 
     def settled(self, odds: NDArray[np.floating]) -> Float32:
