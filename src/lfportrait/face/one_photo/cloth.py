@@ -347,8 +347,10 @@ def _modes(sample: Float32) -> list[Mode]:
 
 def _likelihood(values: Float32, modes: list[Mode]) -> Float64:
     """Logarithms of how likely colors [N, 3] are one of the modes, [N]."""
-    each = [level - 0.5 * np.minimum((((values - middle) @ root) ** 2).sum(axis=1), 60.0)
-            for level, middle, root in modes]
+    # Without the library that starts threads for a matrix.
+    each = [level - 0.5 * np.minimum(
+        (np.einsum("ni,ij->nj", values - middle, root) ** 2).sum(axis=1), 60.0)
+        for level, middle, root in modes]
     return np.asarray(np.logaddexp.reduce(each, axis=0), np.float64)
 
 
