@@ -227,7 +227,8 @@ def load_field(path: Any) -> Loaded:
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
             frame.astype(np.float64), _background(arrays, path),
             _texture(arrays, len(density), path), _backdrop(arrays, path), _cone(arrays, path),
-            *(_shares(arrays, name, len(density), path) for name in ("hair", "clothes")))
+            _shares(arrays, "hair", len(density), path),
+            _shares(arrays, "clothes", len(density), path))
 
 
 def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:

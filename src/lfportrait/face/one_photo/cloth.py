@@ -16,11 +16,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import ndimage
 
 from ... import models
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
+from ...field import SurfaceGraph
 from ..segmentation import parts as parts_of_network
 from .parts import opened
 from .samples import MeshSamples
@@ -59,6 +60,8 @@ OF_NECK = -0.35
 """What a place on the fitted neck says at most."""
 TRUST = 0.03, 0.1
 """Weight of what places say, and of the face that they touch, over that of their neighbours."""
+ACCURACY = 3e-3
+"""Relative, of what is found."""
 LIGHTNESS = 0.6
 """Weight of lightness in an edge."""
 FAINTEST = 4.0
@@ -265,7 +268,7 @@ def _place(scene: _Scene) -> Float64:
 
 
 class _Walk:
-    """A random walk over places that may be clothes, which edges hinder.
+    """A random walk over places that may be clothes, which edges hinder (`SurfaceGraph`).
 
     Parameters
     ----------
@@ -282,43 +285,22 @@ class _Walk:
         ends, steps = [], []
         for one, two in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
             both = (index[one] >= 0) & (index[two] >= 0)
-            ends.append(np.stack([index[one][both], index[two][both]]))
+            ends.append(np.stack([index[one][both], index[two][both]], axis=1))
             steps.append(((lab[one] - lab[two])[both] ** 2 * np.array([LIGHTNESS, 1, 1])).sum(1))
-        row, column = np.concatenate(ends, axis=1)
         step = np.concatenate(steps)
         usual = 2 * float(step.mean() if len(step) else 0.0) + FAINTEST
-        ways = sparse.coo_matrix((np.exp(-step / usual) + PASSES, (row, column)), (count, count))
-        self.ways = sparse.csr_matrix(ways + ways.T)
-        self.leaves = np.asarray(self.ways.sum(axis=1)).ravel()
+        self.graph = SurfaceGraph(np.arange(count), np.ones(count), np.concatenate(ends),
+                                  np.exp(-step / usual) + PASSES)
         face = scene.head & (scene.hidden < 0.3) & (scene.person > 0.5)
         self.held = TRUST[1] * (ndimage.binary_dilation(face & bare) & bare)[self.asked]
-        self.found: Float64 | None = None
 
     def settled(self, odds: NDArray[np.floating]) -> Float32:
         """How much places [h, w] are clothes, if these are the logits of what each says."""
         share = 1 / (1 + np.exp(-odds[self.asked].astype(np.float64)))
         trust = TRUST[0] * (2 * share - 1) ** 2 + 1e-4
-        all_ways, wanted = self.leaves + trust + self.held, trust * share
-        # Conjugate gradients; SciPy's go through a library that starts threads for this.
-        found = share if self.found is None else self.found
-        left = wanted - all_ways * found + self.ways @ found
-        scaled = left / all_ways
-        along, size = scaled.copy(), float((left * scaled).sum())
-        for _ in range(300):
-            if size <= 0:
-                break
-            moved = all_ways * along - self.ways @ along
-            step = size / float((along * moved).sum())
-            found = found + step * along
-            left = left - step * moved
-            if np.abs(step * along).max() < 0.004:
-                break
-            scaled = left / all_ways
-            last, size = size, float((left * scaled).sum())
-            along = scaled + size / last * along
-        self.found = found
         out = np.zeros(self.asked.shape, np.float32)
-        out[self.asked] = found
+        out[self.asked] = self.graph.decided(trust * share / (trust + self.held),
+                                             trust + self.held, ACCURACY)
         return out
 
 
@@ -332,10 +314,11 @@ def _modes(sample: Float32) -> list[Mode]:
     some = np.ascontiguousarray(sample[::max(1, len(sample) // 4000)])
     kinds = min(MODES, max(1, len(some) // 30))
     cv2.setRNGSeed(0)
-    labels = cv2.kmeans(some, kinds, None, (3, 20, 0.01), 1, cv2.KMEANS_PP_CENTERS)[1][:, 0]
+    labels = np.zeros((len(some), 1), np.int32)
+    cv2.kmeans(some, kinds, labels, (3, 20, 0.01), 1, cv2.KMEANS_PP_CENTERS)
     out: list[Mode] = []
     for kind in range(kinds):
-        own = some[labels == kind]
+        own = some[labels[:, 0] == kind]
         if len(own) < 10 and kinds > 1:
             continue
         spread = np.diag(SPREAD ** 2) + (np.cov(own.T) if len(own) > 3 else 0)
