@@ -35,8 +35,9 @@ CELL = 0.0088
 ASIDE, LOWER = 1.8, 1.8
 """How far beside the neck and below the chin clothes are looked for, portrait units: a bust ends
 before."""
-RAISED = 0.22
-"""How far above the chin a collar may stand, portrait units."""
+RAISED, SHOULDER, HIGHEST = 0.22, 0.42, 0.6
+"""How far above the chin a collar may stand; and how far beside the neck, and at most how high, raised
+shoulders are, portrait units."""
 DARK = 0.008
 """Added to light before its logarithm."""
 SHARES = (0.02, 0.15, 0.3, 0.5, 0.7, 0.85, 0.98)
@@ -116,7 +117,7 @@ def clothes_of(image: NDArray[np.uint8], colors: Float32, matte: NDArray[np.floa
     nearest = ndimage.distance_transform_edt(~scene.asked, return_distances=False,
                                              return_indices=True)
     shares = worn[tuple(nearest)].astype(np.float32)
-    shares[scene.head | (scene.down < -RAISED)] = 0
+    shares[scene.head | ~scene.deep] = 0
     soft = cv2.GaussianBlur(shares, (0, 0), 0.7)
     small = np.zeros(scene.size[::-1], np.float32)
     small[scene.part] = soft
@@ -135,7 +136,8 @@ class _Scene(NamedTuple):
     head: Bool  # The face and the fitted head, ears and all.
     neck: Bool  # The fitted neck.
     bare: Bool  # Skin of the face, for sure.
-    asked: Bool  # What may be clothes.
+    deep: Bool  # Where a body is,
+    asked: Bool  # and what of it is seen.
     down: Float64  # How far below the chin, [h, 1], and how far beside the neck, [1, w]:
     beside: Float64  # portrait units.
 
@@ -172,9 +174,10 @@ class _Scene(NamedTuple):
         beside = np.abs(np.arange(low[0], high[0])[None] - middle) * cell
         bare = _filled(shape, places[[17, 19, 24, 26, 14, 12, 4, 2]] - low)
         bare &= ~features_of(places - low, shape) & (hidden < 0.2) & (person > 0.9)
-        asked = (person > 0.5) & (hidden < 0.5) & ~head & (down > -RAISED)
+        deep = down > -RAISED - np.clip(2 * (beside - SHOULDER), 0, HIGHEST - RAISED)
+        asked = (person > 0.5) & (hidden < 0.5) & ~head & deep
         return _Scene(size, part, cell, reduced(colors), person, hidden, head, neck[part] & ~head,
-                      bare, asked, down, beside)
+                      bare, deep, asked, down, beside)
 
 
 def _filled(shape: tuple[int, ...], *outline: Float64) -> Bool:
