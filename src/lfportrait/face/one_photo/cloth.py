@@ -36,8 +36,8 @@ ASIDE, LOWER = 1.8, 1.8
 """How far beside the neck and below the chin clothes are looked for, portrait units: a bust ends
 before."""
 RAISED, SHOULDER, HIGHEST = 0.22, 0.42, 0.6
-"""How far above the chin a collar may stand; and how far beside the neck, and at most how high, raised
-shoulders are, portrait units."""
+"""How far above the chin a collar may stand; how far beside the neck, and at most how high, raised
+shoulders are; portrait units."""
 DARK = 0.008
 """Added to light before its logarithm."""
 SHARES = (0.02, 0.15, 0.3, 0.5, 0.7, 0.85, 0.98)
