@@ -6,6 +6,7 @@ import pytest
 
 from lfportrait import models
 from lfportrait.capture import Camera
+from lfportrait.example.skin.hair import clothes_of_head
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo import cloth
 from lfportrait.face.one_photo.cloth import clothes_of
@@ -15,6 +16,7 @@ from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import BODY, HEAD, solid_of
+from tests.fields import shell_field
 
 SIDE = 400
 SKIN = np.float32([0.82, 0.62, 0.52])
@@ -182,3 +184,27 @@ def test_a_field_knows_its_clothes_if_its_photo_says(head):
     told = Shot.of(camera, colors, None, clothes=np.ones((SIDE, SIDE), np.float32))
     worn = painted(shell, [told]).clothes
     assert worn is not None and worn.shape == (len(shell.points),) and worn[shell.face].max() == 0
+
+
+def test_places_on_a_surface_are_what_the_rows_around_them_are():
+    field = shell_field(size=32)
+    rows = field.lattice_points()
+    places = rows[field.density > 0]
+    normals = places / np.linalg.norm(places, axis=1, keepdims=True)
+    assert clothes_of_head(field, places, normals) is None
+    field.clothes = np.where(rows[:, 1] < 0, 255, 0).astype(np.uint8)
+    worn = clothes_of_head(field, places, normals)
+    away = 2 * field.spacing.max()
+    assert worn is not None and worn[places[:, 1] < -away].min() > 0.99
+    assert worn[places[:, 1] > away].max() < 0.01
+
+
+def test_shoulders_beside_a_chin_are_clothed(head):
+    colors, shown = photo(head, (0.2, 0.25, 0.45)), person(head)
+    x, y = np.rint(head[2][8]).astype(int)
+    shown[y - 70:, x + 130:x + 185] = True
+    colors[y - 70:, x + 130:x + 185] = (0.2, 0.25, 0.45)
+    camera, samples, landmarks = head
+    worn = clothes_of(np.rint(255 * colors).astype(np.uint8), colors, shown.astype(np.float32),
+                      None, None, landmarks, camera, samples)
+    assert worn[y - 60:y + 40, x + 140:x + 180].min() > 0.9
