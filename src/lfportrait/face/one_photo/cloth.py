@@ -350,8 +350,8 @@ def _without_crumbs(worn: Bool, scene: _Scene) -> Bool:
     lowest = ndimage.maximum(np.broadcast_to(scene.down, out.shape), labels, np.arange(count + 1))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     out &= ((sizes >= least) & (np.asarray(lowest) > 0))[labels]
-    # Skin hangs together with the face, or is a hand.
-    labels, count = ndimage.label((scene.asked & ~out) | scene.head)
+    # Skin hangs together with the face, be it behind hair, or is a hand.
+    labels, count = ndimage.label((scene.asked & ~out) | scene.head | (scene.hidden >= 0.5))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     gaps = (sizes < least) & (np.arange(count + 1) > 0)
     return np.asarray(out | (scene.asked & gaps[labels]))
