@@ -43,10 +43,12 @@ def test_a_field_survives_the_disk(tmp_path):
     field = shell_field(basis=4, shape=(9, 12, 15), box=(1.2, 0.9, 0.7), center=(0.1, 0.2, -0.3))
     field.frame[0, 3], field.cone = 5.0, 40.0
     field.hair = np.arange(len(field.density)).astype(np.uint8)
+    field.clothes = 255 - field.hair
     field.save(tmp_path / "f.npz")
     back = VoxelField.load(tmp_path / "f.npz")
     for one in (back, field.as_read(), field.with_sh(field.sh)):
         assert np.array_equal(one.hair, field.hair)
+        assert np.array_equal(one.clothes, field.clothes)
     assert back.cone == field.as_read().cone == field.with_sh(field.sh).cone == 40.0
     assert np.array_equal(back.links, field.links)
     assert np.array_equal(back.density, field.density)
@@ -221,7 +223,7 @@ def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):
 
 @pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis", "bases",
                                    "basis in words", "words", "nan", "cube", "frame", "cone",
-                                   "hair", "hair's kind", "compressed"])
+                                   "hair", "hair's kind", "clothes", "compressed"])
 def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
     path = tmp_path / "f.npz"
     field = shell_field(size=8)
@@ -257,6 +259,8 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
             arrays["hair"] = np.zeros(len(arrays["sh_data"]) - 1, np.uint8)
         elif spoil == "hair's kind":
             arrays["hair"] = np.zeros(len(arrays["sh_data"]), np.float32)
+        elif spoil == "clothes":
+            arrays["clothes"] = np.zeros(len(arrays["sh_data"]) + 1, np.uint8)
         np.savez(path, **arrays)
         if spoil == "compressed":
             np.savez_compressed(path, **arrays)

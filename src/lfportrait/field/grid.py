@@ -146,8 +146,8 @@ class VoxelField:
     texture : Detail of the surface that the lattice is too coarse for, or None.
     backdrop : The painted ground that panels show behind the head, or None.
     cone : Degrees in all over which the head can be looked at; 0: no limit is known.
-    hair : uint8 [N], how much of each row is hair (255: all of it), as what made the head knows;
-        None where colors alone say it.
+    hair, clothes : uint8 [N], how much of each row is hair or clothes (255: all of it), as what
+        made the head knows; None where colors alone say it.
     """
 
     links: Int32
@@ -161,6 +161,7 @@ class VoxelField:
     backdrop: Backdrop | None = None
     cone: float = 0.0
     hair: UInt8 | None = None
+    clothes: UInt8 | None = None
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
     _stretches: Stretches | None = field(default=None, init=False, repr=False, compare=False)
     _layouts: Layouts = field(default_factory=Layouts, init=False, repr=False, compare=False)
@@ -174,8 +175,10 @@ class VoxelField:
         if self.texture is not None and len(self.texture.charts) != count:
             raise ValueError(f"a texture for {len(self.texture.charts)} rows does not fit a field "
                              f"of {count}")
-        if self.hair is not None and self.hair.shape != (count,):
-            raise ValueError(f"hair of {self.hair.shape} does not fit a field of {count} rows")
+        for name in ("hair", "clothes"):
+            shares = getattr(self, name)
+            if shares is not None and shares.shape != (count,):
+                raise ValueError(f"{name} of {shares.shape} does not fit a field of {count} rows")
 
     @property
     def basis(self) -> int:
@@ -260,7 +263,7 @@ class VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
         out = VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
                          self.center, self.radius, self.frame, self.background, cone=self.cone,
-                         hair=self.hair)
+                         hair=self.hair, clothes=self.clothes)
         out.take_lattice(self)
         return out
 

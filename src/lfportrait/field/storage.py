@@ -61,22 +61,23 @@ class FieldData(Protocol):
     backdrop: Backdrop | None
     cone: float
     hair: UInt8 | None
+    clothes: UInt8 | None
 
 
 Loaded = tuple[Int32, Float32, Float32, Float64,
                Float64, Float64, Background | None, SurfaceTexture | None,
-               Backdrop | None, float, UInt8 | None]
+               Backdrop | None, float, UInt8 | None, UInt8 | None]
 """The same in that order, as `VoxelField` takes it."""
 
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts",
-             "backdrop_picture", "hair")
+             "backdrop_picture", "hair", "clothes")
 """The arrays of a file that are worth compressing."""
 _NOISY = ("density_data", "sh_data")
 """Those in which no string comes again."""
 
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
-         "background_links", "background_data", "cone", "hair")
+         "background_links", "background_data", "cone", "hair", "clothes")
 _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
 _BACKDROP = ("backdrop_picture", "backdrop_pixels", "backdrop_light", "backdrop_points")
 
@@ -103,7 +104,8 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     more = {"frame": field.frame, "lfportrait_version": np.str_(__version__),
             **dict(zip(_TEXTURE, values)), **dict(zip(_BACKDROP, behind)),
             **({"cone": np.float64(field.cone)} if field.cone else {}),
-            **({} if field.hair is None else {"hair": field.hair}), **more}
+            **{name: shares for name in ("hair", "clothes")
+               if (shares := getattr(field, name)) is not None}, **more}
     _write(field, path, deflated, more)
 
 
@@ -147,7 +149,8 @@ def read_back(field: FieldData) -> Loaded:
             np.ascontiguousarray(field.density, np.float32), floats_of(halves(field.sh)),
             field.center.astype(np.float32).astype(np.float64),
             field.radius.astype(np.float32).astype(np.float64),
-            field.frame.astype(np.float64), behind, texture, drop, float(field.cone), field.hair)
+            field.frame.astype(np.float64), behind, texture, drop, float(field.cone), field.hair,
+            field.clothes)
 
 
 def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
@@ -224,7 +227,8 @@ def load_field(path: Any) -> Loaded:
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
             frame.astype(np.float64), _background(arrays, path),
             _texture(arrays, len(density), path), _backdrop(arrays, path), _cone(arrays, path),
-            _hair(arrays, len(density), path))
+            _shares(arrays, "hair", len(density), path),
+            _shares(arrays, "clothes", len(density), path))
 
 
 def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
@@ -235,12 +239,12 @@ def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
     return float(cone.item())
 
 
-def _hair(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> UInt8 | None:
-    """How much of each row is hair, if the file says so."""
-    hair = arrays.get("hair")
-    if hair is not None and (hair.shape != (rows,) or hair.dtype != np.uint8):
-        raise UserError(f"{path} is damaged: its hair is invalid")
-    return hair
+def _shares(arrays: dict[str, NDArray[Any]], name: str, rows: int, path: Path) -> UInt8 | None:
+    """How much of each row is hair or clothes, if the file says so."""
+    shares = arrays.get(name)
+    if shares is not None and (shares.shape != (rows,) or shares.dtype != np.uint8):
+        raise UserError(f"{path} is damaged: its {name} is invalid")
+    return shares
 
 
 def _turned(links: Int32) -> Int32:

@@ -295,7 +295,8 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
     links = np.full(field.links.shape, -1, np.int32)
     links[kept] = np.arange(len(rows), dtype=np.int32)
     return VoxelField(links, density[rows], field.sh[rows], field.center, field.radius, field.frame,
-                      field.background, hair=None if field.hair is None else field.hair[rows])
+                      field.background, hair=None if field.hair is None else field.hair[rows],
+                      clothes=None if field.clothes is None else field.clothes[rows])
 
 
 def kept_pixels(field: VoxelField, cameras: Camera, view: int, cut: Cut,

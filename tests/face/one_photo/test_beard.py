@@ -167,8 +167,8 @@ def test_what_no_photo_shows_is_bearded_or_bare_and_nothing_between(head):
     whole |= jaw > 0
     colors = np.where(whole[..., None], np.float32(0.1), np.float32(0.7)).repeat(3, axis=2)
     shell = shell_of(with_beard(head, True), 80)
-    sh, grown = painted(shell, [Shot.of(camera, colors, None, None, whole.astype(np.float32),
-                                        beneath(below, 150.0))])
+    sh, grown, _ = painted(shell, [Shot.of(camera, colors, None, None, whole.astype(np.float32),
+                                           beneath(below, 150.0))])
     shade = sh[:, 0, 0] * C0 + 0.5
     assert grown is not None
     near = shell.owner == HEAD

@@ -125,7 +125,7 @@ def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
 def test_a_head_knows_its_hair_whatever_its_color(long):
     shell, parts = shell_of(long, 64), long.parts
     fair = np.full((*parts.hair.shape, 3), 0.7, np.float32)
-    sh, hair = painted(shell, [Shot.of(parts.camera, fair, parts.hair.astype(np.float32))])
+    sh, hair, _ = painted(shell, [Shot.of(parts.camera, fair, parts.hair.astype(np.float32))])
     assert sh.shape == (len(shell.points), 3, 1) and hair is not None
     x, y, z = shell.points.T
     surface = (shell.away > -0.4 * shell.voxel) & (shell.away < shell.voxel)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import Bool, Float32, Int32
+from ...arrays import Bool, Float32, Int32, UInt8
 from ...field import SurfaceGraph, VoxelField
 from ...simd.threads import side_by_side
 from ..guides.filters import skin_distance
@@ -107,26 +107,36 @@ def _agreed(atlas: Atlas, hair: Float32) -> bool:
 def hair_of_head(field: VoxelField, points: Float32, normals: Float32) -> Float32 | None:
     """Hair at places [N, 3] of a head that knows it (`VoxelField.hair`), [N]; None if it does not.
 
-    It is mixed as colors are: between the lattice's points around a place, half a voxel before the
-    surface, as under thin hair lies skin.
+    Half a voxel before the surface, as under thin hair lies skin.
     """
-    if field.hair is None:
-        return None
-    shares = np.append(field.hair, np.uint8(0)).astype(np.float32) / np.float32(255)
-    there = np.append(np.ones(len(field.hair), np.float32), np.float32(0))
+    return None if field.hair is None else _shares_at(field, field.hair, points, normals)
+
+
+def clothes_of_head(field: VoxelField, points: Float32, normals: Float32) -> Float32 | None:
+    """Clothes at places [N, 3] of a head that knows them (`VoxelField.clothes`), [N]; else None."""
+    return None if field.clothes is None else _shares_at(field, field.clothes, points, normals)
+
+
+def _shares_at(field: VoxelField, known: UInt8, points: Float32, normals: Float32) -> Float32:
+    """How much places [N, 3] are what rows are ``known`` to be, uint8 [R]; [N].
+
+    It is mixed as colors are: between the lattice's points around a place, before the surface.
+    """
+    shares = np.append(known, np.uint8(0)).astype(np.float32) / np.float32(255)
+    there = np.append(np.ones(len(known), np.float32), np.float32(0))
 
     def mixed(part: Float32) -> Float32:
         at = (part - field.bounds[0]) / field.spacing - 0.5
         low = np.floor(at).astype(np.int64)
         way = (at - low).astype(np.float32)
-        total, known = np.zeros(len(part), np.float32), np.full(len(part), 1e-6, np.float32)
+        total, sure = np.zeros(len(part), np.float32), np.full(len(part), 1e-6, np.float32)
         for corner in np.ndindex(2, 2, 2):
             weight = np.prod(np.where(corner, way, 1 - way), axis=1)
             x, y, z = np.clip(low + corner, 0, np.array(field.links.shape[::-1]) - 1).T
             row = field.links[z, y, x]
             total += weight * shares[row]
-            known += weight * there[row]
-        return total / known
+            sure += weight * there[row]
+        return total / sure
 
     before = points + np.float32(0.5 * field.spacing.min()) * normals
     pieces = np.array_split(before, max(1, len(points) >> 15))

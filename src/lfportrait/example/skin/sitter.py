@@ -42,6 +42,7 @@ from .charts import Atlas, draw_atlas
 from .ears import ear_places
 from .hair import (
     GRAPH,
+    clothes_of_head,
     hair_behind,
     hair_by_color,
     hair_by_place,
@@ -199,7 +200,11 @@ class Skin:
             known = network_hair(atlas, index) if networks else None
             hair = _found_hair(plane, points, colors, flat, seen, ears, contours, known)
         depth = _depth(plane, points, field.hair is not None)
-        clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
+        clothes = clothes_of_head(field, points, normals)
+        if clothes is None:
+            clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
+        elif hair is not None:
+            clothes = clothes * (1 - hair)
         # What photos saw at a graze is grain and smears: painted it would be stipple.
         return Skin(atlas, plane, pixels, index, tone, detail * clear, appearance * clear,
                     contours * np.minimum(seen, clear), hair, clothes, ears, seen,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from ...arrays import Bool, Float32, Float64
+from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera
 from ...field import C0
 from .beard import BEARD
@@ -32,7 +32,7 @@ from .parts import Parts
 from .piece import METRES
 from .solid import HAIR, HEAD, WORN
 
-__all__ = ["WIDTHS", "Shot", "painted", "strand_contrast", "strands"]
+__all__ = ["WIDTHS", "Paint", "Shot", "painted", "strand_contrast", "strands"]
 
 
 LEAST, FULL = 0.25, 0.45
@@ -87,20 +87,21 @@ class Shot:
     beneath: Float32 | None = None
     # float32 [H, W], where lips and what is between them are seen, however slanted; or None.
     mouth: Float32 | None = None
+    clothes: Float32 | None = None  # float32 [H, W], how much it shows clothes (`cloth`); or None.
 
     @staticmethod
     def of(camera: Camera, colors: Float32, hair: Float32 | None, other: Float32 | None = None,
            beard: Float32 | None = None, beneath: Float32 | None = None,
-           mouth: Float32 | None = None) -> Shot:
+           mouth: Float32 | None = None, clothes: Float32 | None = None) -> Shot:
         """A photo whose hairlines are made as wide as hair and skin mix there."""
         if hair is None or not (hair > 0.5).any():
-            return Shot(camera, colors, None, other, beard, beneath, mouth)
+            return Shot(camera, colors, None, other, beard, beneath, mouth, clothes)
         pixels = PURE * float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
         mask = (hair > 0.5).astype(np.uint8)
         inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (mask, 1 - mask))
         away = np.where(mask > 0, inner, -outer) / max(pixels, 1.0)
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
-        return Shot(camera, colors, soft, other, beard, beneath, mouth)
+        return Shot(camera, colors, soft, other, beard, beneath, mouth, clothes)
 
     def contrast(self) -> Float64:
         """How strong strands of hair are in it (`strand_contrast`)."""
@@ -138,20 +139,22 @@ class Shot:
             if wrong is not None:
                 weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)
         beard = None if self.beard is None else Parts.at(self.beard, at).astype(np.float64)
-        return Look(colors.astype(np.float64), hair.astype(np.float64), beard, weight,
+        worn = None if self.clothes is None else Parts.at(self.clothes, at).astype(np.float64)
+        return Look(colors.astype(np.float64), hair.astype(np.float64), beard, worn, weight,
                     np.clip(cosine, 0, 1))
 
 
 class Look(NamedTuple):
     """What a photo shows of places [N].
 
-    Colors [N, 3], how much hair, and beard if that is known, how well it is seen (0 to 1), and
-    cosines of incidence.
+    Colors [N, 3], how much hair, and beard and clothes if these are known, how well it is seen (0
+    to 1), and cosines of incidence.
     """
 
     colors: Float64
     hair: Float64
     beard: Float64 | None
+    clothes: Float64 | None
     weight: Float64
     cosine: Float64
 
@@ -163,6 +166,7 @@ class _Mean:
         self.total, self.weights = np.zeros((count, 4)), np.zeros(count)
         # Beard, and how much is known of it: not every photo shows enough of a chin.
         self.bearded = np.zeros((count, 2))
+        self.worn = np.zeros(count)
         self.best = np.zeros(count)
 
     def add(self, colors: Float64, look: Look, weight: Float64) -> None:
@@ -170,6 +174,8 @@ class _Mean:
         self.weights += weight
         if look.beard is not None:
             self.bearded += weight[:, None] * np.stack([look.beard, np.ones(len(weight))], axis=1)
+        if look.clothes is not None:
+            self.worn += weight * look.clothes
         self.best = np.maximum(self.best, look.weight)
 
     @property
@@ -186,19 +192,33 @@ class _Mean:
         """How much of what is seen is beard, [N], as far as photos say."""
         return np.asarray(self.bearded[:, 0] / np.maximum(self.bearded[:, 1], 1e-9))
 
+    @property
+    def clothes(self) -> Float64:
+        """How much of what is seen is clothes, [N]."""
+        return np.asarray(self.worn / np.maximum(self.weights, 1e-9))
+
     def pure(self, kind: int) -> Float64:
         """How well places are seen that have a material, one of `_fill`, [N]."""
         share = (self.share, self.beard, (1 - self.share) * (1 - self.beard))[kind]
         return np.asarray(self.best * np.clip(2 * share - 1, 0, 1))
 
 
-def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8] | None]:
-    """The colors of a shell's points, and which of these are hair.
+class Paint(NamedTuple):
+    """Of a shell's points: coefficients, and of how much of what they are (255: all of it).
 
-    Returns
-    -------
-    sh : float32 [N, 3, 1], coefficients; the first shot's light is everybody's.
-    hair : uint8 [N], how much of a point is hair (255: all of it); None if there is none.
+    Coefficients are float32 [N, 3, 1]; hair uint8 [N], None if there is none; clothes uint8 [N],
+    None if they are not known.
+    """
+
+    sh: Float32
+    hair: UInt8 | None
+    clothes: UInt8 | None
+
+
+def painted(shell: Shell, shots: list[Shot]) -> Paint:
+    """The colors of a shell's points, and which of these are hair or clothes.
+
+    The first shot's light is everybody's.
     """
     points, normals = shell.on, shell.normals
     unworn = shell.field(np.zeros((len(points), 3, 1), np.float32))
@@ -242,12 +262,42 @@ def painted(shell: Shell, shots: list[Shot]) -> tuple[Float32, NDArray[np.uint8]
     share = own.best[:, None]
     out = np.clip(share * own.colors + (1 - share) * fill, 0, 1)
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
+    worn = None
+    if all(shot.clothes is not None for shot in shots):
+        worn = _whole(_clothed(shell, own))
     if not (hair.any() or bearded.any()):
-        return sh, None
+        return Paint(sh, None, worn)
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)
-    return sh, np.asarray(255 * grown + 0.5, np.uint8)
+    return Paint(sh, _whole(grown), worn)
+
+
+def _whole(shares: Float64) -> UInt8:
+    """Shares [N] of 1 as shares of 255."""
+    return np.asarray(255 * np.clip(shares, 0, 1) + 0.5, np.uint8)
+
+
+def _clothed(shell: Shell, own: _Mean) -> Float64:
+    """How much of a shell's points is clothes, or would be where it is hair, [N].
+
+    What no photo shows of a body or a neck goes on as that does; a head wears none.
+    """
+    out, bare = np.zeros(len(shell.on)), np.zeros(len(shell.on), bool)
+    bare[shell.face] = True
+    bare |= shell.scalp | (shell.owner == WORN)
+    neck = (shell.owner == HEAD) & ~bare
+    known = own.best * np.clip(1 - 2 * own.share, 0, 1)
+    for part in (neck, ~bare & ~neck):
+        if not part.any():
+            continue
+        # A neck that no photo shows goes on as what is around it.
+        used = part if known[part].sum() > 10 else ~bare
+        around = _spread(shell.on[used], own.clothes[used][:, None], known[used], 0)[:, 0]
+        seen = own.best[part]
+        out[part] = (seen * own.clothes[part]
+                     + (1 - seen) * np.clip(3 * around[part[used]] - 1, 0, 1))
+    return out
 
 
 def _bearded(shell: Shell, own: _Mean) -> Float64:

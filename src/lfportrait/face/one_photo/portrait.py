@@ -45,6 +45,7 @@ from ..landmarks import FIT, PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .beard import Beard, beard_of, beneath
 from .beside import faces_of_people, in_one_piece, seen_from_near, sitter_alone
+from .cloth import clothes_of
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
@@ -234,9 +235,14 @@ class _Seen:
         return True
 
 
+def _knows_hair() -> bool:
+    """Whether a network that sees hair is at hand."""
+    return models.available("hair-segmentation") or models.available("multiclass-segmentation")
+
+
 def _matte_of(image: NDArray[np.uint8], soft: Float32, faces: list[Float64], name: str) -> Float32:
     """Where a photo shows its sitter, float32 [H, W], whose face is the first; ``soft``: people."""
-    if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
+    if _knows_hair():
         hair = hair_mask(image)
         soft = seen_from_near(image, soft, hair, faces[0])
         alone = sitter_alone(image, soft, hair, faces)
@@ -249,7 +255,7 @@ def _matte_of(image: NDArray[np.uint8], soft: Float32, faces: list[Float64], nam
 
 def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
     """Where a photo shows hair, float32 [H, W]; by the network, else all above the brows."""
-    if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
+    if _knows_hair():
         return clean_hair(image, _hair_seen(image, landmarks), matte, landmarks)
     rows = np.arange(matte.shape[0])[:, None]
     high = landmarks[17:27, 1].min() - 0.45 * (landmarks[8, 1] - landmarks[27, 1])
@@ -413,8 +419,11 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
     colors = clean_colors(image, matte, fuzz)
     other = not_skin(colors, hair, picture.landmarks, camera, samples)
     below = None if beard is None else beneath(beard.below, unit)
-    return Shot.of(camera, colors, hair, other, None if beard is None else beard.whole, below,
-                   open_mouth(picture.landmarks, matte.shape))
+    whole, worn = None if beard is None else beard.whole, None
+    if _knows_hair():
+        worn = clothes_of(image, colors, matte, hair, whole, picture.landmarks, camera, samples)
+    return Shot.of(camera, colors, hair, other, whole, below,
+                   open_mouth(picture.landmarks, matte.shape), worn)
 
 
 def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,
@@ -438,16 +447,17 @@ def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float6
 def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | None,
              ) -> VoxelField:
     """A shell in its colors, as a field."""
-    sh, hair = painted(shell, shots)
+    sh, hair, clothes = painted(shell, shots)
     if wires is not None:
         worn = shell.owner == WORN
         sh[worn, :, 0] = (wires.colors_at(shell.points[worn]) - 0.5) / C0
     field = shell.field(sh)
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
-    if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
+    if _knows_hair():
         field.hair = hair  # else it would be a guess by place
         if hair is not None:
             hair[shell.owner == WORN] = 0
+        field.clothes = clothes
     return field
 
 

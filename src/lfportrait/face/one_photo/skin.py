@@ -18,7 +18,7 @@ from ..landmarks import mouth_opening
 from .samples import MeshSamples
 from .solid import STANDS, standing_out
 
-__all__ = ["clothes", "not_skin", "open_mouth"]
+__all__ = ["clothes", "features_of", "nearest_samples", "not_skin", "open_mouth"]
 
 
 CELL = 0.012
@@ -72,7 +72,7 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     small = camera.scaled(min(1.0, 1.0 / (CELL * unit)))
     width, height = int(small.width[0]), int(small.height[0])
     cell = float(np.linalg.norm(small.position[0]) / small.focal[0, 0])
-    rest, cosine = _nearest(small, samples)
+    rest, cosine = nearest_samples(small, samples)
     # The head and what lies around it is all that is looked at.
     rows, columns = (np.flatnonzero(np.isfinite(cosine).any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -88,7 +88,7 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     ears = (standing_out(rest.reshape(-1, 3)) > STANDS).reshape(height, width)
     there = np.isfinite(cosine) & ~curls & ~ears
     there &= (rest[..., 1] > LOWEST) & (rest[..., 1] < HIGHEST)
-    there &= ~_features(landmarks * np.array([width, height]) / np.array(colors.shape[1::-1]),
+    there &= ~features_of(landmarks * np.array([width, height]) / np.array(colors.shape[1::-1]),
                         (height, width))
     side = (rest[..., 2] < SIDE) & (rest[..., 1] < EYES) & (np.abs(rest[..., 0]) > UNDER)
     there &= (rest[..., 1] > CHIN) | (cosine < SQUARE)
@@ -153,8 +153,11 @@ def _unlike(lab: Float32, other: Float32) -> Float32:
                       np.float32)
 
 
-def _nearest(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:
-    """The head's nearest samples on the mean head [h, w, 3], NaN beside; cosines of incidence."""
+def nearest_samples(camera: Camera, samples: MeshSamples) -> tuple[Float64, Float64]:
+    """Where the head's nearest samples lie on the mean head [h, w, 3], and cosines of incidence.
+
+    NaN beside the head.
+    """
     pixels, depth = camera.project(samples.points)
     column, row = np.floor(pixels[0]).astype(np.int64).T
     width, height = int(camera.width[0]), int(camera.height[0])
@@ -187,7 +190,7 @@ def open_mouth(landmarks: Float64, shape: tuple[int, ...]) -> Float32 | None:
     return np.asarray(cv2.GaussianBlur(out, (0, 0), max(0.02 * width, 0.5)), np.float32)
 
 
-def _features(landmarks: Float64, shape: tuple[int, int]) -> Bool:
+def features_of(landmarks: Float64, shape: tuple[int, int]) -> Bool:
     """Brows, eyes and mouth, bool [h, w]; they are not like the skin around them."""
     out = np.zeros(shape, np.uint8)
     for part, more in (((17, 22), 1.3), ((22, 27), 1.3), ((36, 42), 1.6), ((42, 48), 1.6),

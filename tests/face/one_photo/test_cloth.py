@@ -1,0 +1,210 @@
+"""What of a body is clothes in a photo, and what is bare."""
+
+import cv2
+import numpy as np
+import pytest
+
+from lfportrait import models
+from lfportrait.capture import Camera
+from lfportrait.example.skin.hair import clothes_of_head
+from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo import cloth
+from lfportrait.face.one_photo.cloth import clothes_of
+from lfportrait.face.one_photo.lattice import shell_of
+from lfportrait.face.one_photo.paint import Shot, _clothed, _Mean, painted
+from lfportrait.face.one_photo.parts import parts_of
+from lfportrait.face.one_photo.piece import METRES
+from lfportrait.face.one_photo.samples import MeshSamples
+from lfportrait.face.one_photo.solid import BODY, HEAD, solid_of
+from tests.fields import shell_field
+
+SIDE = 400
+SKIN = np.float32([0.82, 0.62, 0.52])
+Head = tuple[Camera, MeshSamples, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def head() -> Head:
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] -= points[:, 2].mean()
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=560.0,
+                        target=(0, -0.4, 0), pitch=0.0)
+    landmarks = camera.project(points[prior.landmarks])[0][0]
+    return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
+
+
+@pytest.fixture(autouse=True)
+def _no_network(monkeypatch):
+    monkeypatch.setattr(models, "available", lambda name: False)
+
+
+def person(head: Head) -> np.ndarray:
+    """Head, neck and shoulders, bool [H, W]."""
+    camera, samples, landmarks = head
+    out = np.zeros((SIDE, SIDE), np.uint8)
+    pixels = camera.project(samples.points)[0][0]
+    cv2.fillConvexPoly(out, cv2.convexHull(np.rint(pixels).astype(np.int32)), 1)
+    x, y = landmarks[8]
+    shoulders = [(x - 45, y - 20), (x + 45, y - 20), (x + 55, y + 35), (x + 175, y + 75),
+                 (x + 185, SIDE), (x - 185, SIDE), (x - 175, y + 75), (x - 55, y + 35)]
+    cv2.fillPoly(out, [np.rint(shoulders).astype(np.int32)], 1)
+    return out > 0
+
+
+def shirt(head: Head) -> np.ndarray:
+    """What of the body is clothed, bool [H, W]: all but an open collar."""
+    x, y = head[2][8]
+    bare = np.zeros((SIDE, SIDE), np.uint8)
+    cv2.fillPoly(bare, [np.rint([(x - 50, y + 25), (x, y + 110), (x + 50, y + 25), (x + 50, 0),
+                                 (x - 50, 0)]).astype(np.int32)], 1)
+    low = np.arange(SIDE)[:, None] > y + 25
+    return person(head) & (bare == 0) & low
+
+
+def photo(head: Head, color: tuple[float, float, float] | None) -> np.ndarray:
+    """A lit face, a neck in the shade of its chin, and a shirt of one cloth, or none."""
+    y, x = np.mgrid[:SIDE, :SIDE]
+    chin = head[2][8]
+    light = np.linspace(1.1, 0.8, SIDE)[None, :, None] * np.ones((SIDE, 1, 1))
+    under = np.exp(-((x - chin[0]) / 70) ** 2 - ((y - chin[1] - 18) / 22.0) ** 2)
+    light = light * (1 - 0.55 * under[..., None] * (y > chin[1] - 4)[..., None])
+    out = SKIN * light
+    if color is not None:
+        worn = shirt(head)
+        folds = 1 + 0.1 * np.sin(x / 9.0 + y / 15.0)
+        out[worn] = (np.array(color) * folds[..., None])[worn]
+    noise = np.random.default_rng(3).normal(0, 0.01, (SIDE, SIDE, 1))
+    return np.clip(out + noise, 0, 1).astype(np.float32)
+
+
+def found(head: Head, colors: np.ndarray, **more: np.ndarray) -> np.ndarray:
+    camera, samples, landmarks = head
+    image = np.rint(255 * colors).astype(np.uint8)
+    return clothes_of(image, colors, person(head).astype(np.float32), more.get("hair"),
+                      more.get("beard"), landmarks, camera, samples)
+
+
+@pytest.mark.parametrize("color", [(0.03, 0.03, 0.035), (0.92, 0.92, 0.93), (0.2, 0.25, 0.45),
+                                   (0.36, 0.36, 0.36), (0.36, 0.30, 0.26)],
+                         ids=["black", "white", "blue", "grey", "brown"])
+def test_a_shirt_is_clothes_and_the_shade_of_a_chin_is_not(head, color):
+    worn, truth = found(head, photo(head, color)) > 0.5, shirt(head)
+    shown = person(head)
+    both, either = (worn & truth & shown).sum(), ((worn | truth) & shown).sum()
+    assert both > 0.94 * either
+
+
+def test_bare_shoulders_are_skin(head):
+    assert found(head, photo(head, None)).max() == 0
+
+
+def test_without_colors_the_place_says_it(head):
+    grey = photo(head, (0.45, 0.45, 0.45)).mean(axis=2, keepdims=True).repeat(3, axis=2)
+    worn, truth = found(head, grey) > 0.5, shirt(head)
+    assert (worn & truth).sum() > 0.85 * truth.sum()
+    x, y = np.rint(head[2][8]).astype(int)
+    assert not worn[y + 5:y + 15, x - 20:x + 20].any()
+
+
+def test_a_necklace_is_skin_and_a_button_cloth(head):
+    colors = photo(head, (0.2, 0.25, 0.45))
+    x, y = np.rint(head[2][8]).astype(int)
+    colors[y + 40:y + 44, x - 30:x + 30] = 0.9
+    colors[y + 150:y + 156, x - 3:x + 3] = SKIN
+    worn = found(head, colors)
+    assert worn[y + 36:y + 48, x - 20:x + 20].max() < 0.2
+    assert worn[y + 145:y + 160, x - 10:x + 10].min() > 0.8
+
+
+def test_below_hair_and_beard_it_goes_on_as_beside_them(head):
+    colors = photo(head, (0.2, 0.25, 0.45))
+    x, y = np.rint(head[2][8]).astype(int)
+    locks, beard = np.zeros((2, SIDE, SIDE), np.float32)
+    locks[y - 100:y + 130, x + 70:x + 95] = 1
+    beard[y - 20:y + 60, x - 40:x + 40] = 1
+    colors[(locks + beard) > 0] = (0.12, 0.08, 0.05)
+    worn = found(head, colors, hair=locks, beard=beard)
+    assert worn[y + 80:y + 130, x + 72:x + 92].min() > 0.9
+    assert worn[y + 45:y + 55, x - 15:x + 15].max() < 0.3, "a throat"
+
+
+def test_a_network_that_sees_clothes_is_asked_where_there_is_one(head, monkeypatch):
+    worn = shirt(head)
+    shares = {"clothes": worn, "body-skin": ~worn, "face-skin": np.zeros_like(worn)}
+    monkeypatch.setattr(models, "available", lambda name: name == "multiclass-segmentation")
+    monkeypatch.setattr(cloth, "parts_of_network", lambda image: {
+        name: share.astype(np.float32) for name, share in shares.items()})
+    out = found(head, photo(head, None)) > 0.5
+    shown = person(head)
+    assert (out & worn & shown).sum() > 0.95 * ((out | worn) & shown).sum()
+
+
+class _Shell:
+    """Points of a neck before and behind, of shoulders before and behind, and of a face."""
+
+    def __init__(self) -> None:
+        random = np.random.default_rng(1)
+        count = 400
+        turn = random.uniform(-np.pi, np.pi, count)
+        high = random.uniform(-1.2, 0.1, count)
+        radius = np.where(high > -0.6, 0.3, 0.8)
+        self.normals = np.stack([np.sin(turn), np.zeros(count), np.cos(turn)], axis=1)
+        self.on = self.normals * radius[:, None] + np.stack(
+            [np.zeros(count), high, np.zeros(count)], axis=1)
+        self.owner = np.where(high > -0.6, HEAD, BODY).astype(np.uint8)
+        self.face = high > -0.3
+        self.scalp = np.zeros(count, bool)
+
+
+def test_what_no_photo_shows_of_a_body_is_worn_as_what_it_shows(head):
+    shell = _Shell()
+    own = _Mean(len(shell.on))
+    front = np.clip(shell.normals[:, 2], 0, 1)
+    own.best[:] = own.weights[:] = front
+    own.worn[:] = front * (shell.owner == BODY)
+    worn = _clothed(shell, own)
+    assert worn[shell.owner == BODY].min() > 0.9
+    assert worn[shell.owner == HEAD].max() < 0.1
+    own.worn[:] = front  # a high collar
+    worn = _clothed(shell, own)
+    assert worn[(shell.owner == HEAD) & ~shell.face].min() > 0.9
+    assert worn[shell.face].max() == 0
+    own.worn[:] = 0
+    assert _clothed(shell, own).max() == 0
+
+
+def test_a_field_knows_its_clothes_if_its_photo_says(head):
+    camera, samples, _ = head
+    matte = person(head).astype(np.float32)
+    shell = shell_of(solid_of(parts_of(camera, matte, np.zeros_like(matte), 4.0), samples), 64)
+    colors = photo(head, (0.2, 0.25, 0.45))
+    plain = Shot.of(camera, colors, None)
+    assert painted(shell, [plain]).clothes is None
+    told = Shot.of(camera, colors, None, clothes=np.ones((SIDE, SIDE), np.float32))
+    worn = painted(shell, [told]).clothes
+    assert worn is not None and worn.shape == (len(shell.points),) and worn[shell.face].max() == 0
+
+
+def test_places_on_a_surface_are_what_the_rows_around_them_are():
+    field = shell_field(size=32)
+    rows = field.lattice_points()
+    places = rows[field.density > 0]
+    normals = places / np.linalg.norm(places, axis=1, keepdims=True)
+    assert clothes_of_head(field, places, normals) is None
+    field.clothes = np.where(rows[:, 1] < 0, 255, 0).astype(np.uint8)
+    worn = clothes_of_head(field, places, normals)
+    away = 2 * field.spacing.max()
+    assert worn is not None and worn[places[:, 1] < -away].min() > 0.99
+    assert worn[places[:, 1] > away].max() < 0.01
+
+
+def test_shoulders_beside_a_chin_are_clothed(head):
+    colors, shown = photo(head, (0.2, 0.25, 0.45)), person(head)
+    x, y = np.rint(head[2][8]).astype(int)
+    shown[y - 70:, x + 130:x + 185] = True
+    colors[y - 70:, x + 130:x + 185] = (0.2, 0.25, 0.45)
+    camera, samples, landmarks = head
+    worn = clothes_of(np.rint(255 * colors).astype(np.uint8), colors, shown.astype(np.float32),
+                      None, None, landmarks, camera, samples)
+    assert worn[y - 60:y + 40, x + 140:x + 180].min() > 0.9
