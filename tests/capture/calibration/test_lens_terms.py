@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lfportrait.capture.calibration import mapping
 from lfportrait.capture.calibration.mapping import adjust, starting_model
 from lfportrait.capture.lenses import Lens
 
@@ -136,3 +137,33 @@ def test_wrong_matches_do_not_bend_the_focal_length_of_a_narrow_sweep(pycolmap):
     camera = found.cameras[1]
     assert camera.model.name == "SIMPLE_PINHOLE"
     assert camera.mean_focal_length() == pytest.approx(648, rel=0.015)
+
+
+def test_right_matches_err_the_same_whatever_wrong_ones_do():
+    random = np.random.default_rng(0)
+    right = np.linalg.norm(random.normal(0, 0.2, (7000, 2)), axis=1)
+    matches = np.concatenate([right, random.uniform(1, 6, 3000)])
+    for nearest in (0.25, 0.5):
+        assert mapping._deviation(right, nearest) == pytest.approx(0.2, rel=0.04)
+    assert mapping._deviation(matches, 0.25) < 0.25 < mapping._deviation(matches)
+
+
+def test_the_last_loss_is_not_as_wide_as_points_that_were_just_found_again(pycolmap, monkeypatch):
+    widths = []
+    solve = mapping._solve
+
+    def noting(pycolmap, model, deviation, *options, **more):
+        widths.append(deviation)
+        return solve(pycolmap, model, deviation, *options, **more)
+
+    def found_again(model):
+        random = np.random.default_rng(1)
+        for point in model.points3D.values():
+            point.xyz = point.xyz + random.normal(0, 0.01, 3)
+        return model
+
+    monkeypatch.setattr(mapping, "_solve", noting)
+    found = adjust(pycolmap, scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 400, 300]),
+                   "SIMPLE_PINHOLE", found_again)
+    assert widths[-1] < 0.35  # not the 2 pixels that the points were moved by
+    assert found.cameras[1].mean_focal_length() == pytest.approx(900, rel=0.01)

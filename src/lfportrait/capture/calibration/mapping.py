@@ -204,10 +204,9 @@ share points with most others, and a sparse solver takes a tenth longer."""
 _ENOUGH = 10
 """Photos of a lens from which on its centre can be estimated."""
 _DEVIATIONS = (0.1, 1.0)
-"""Pixels: the least and the greatest deviation of right matches. Where half of all are wrong, their
-median says nothing."""
-_MEDIAN = float(np.sqrt(2 * np.log(2)))
-"""Median distance from the middle of a normal distribution in the plane, in its deviations."""
+"""Pixels: the least and the greatest deviation of right matches."""
+_SURE = 0.25
+"""Part of a head's matches that are right, surely: a quarter and more are wrong."""
 
 
 def starting_model(wanted: str) -> str:
@@ -264,14 +263,17 @@ def _errors(model: Any) -> Float64:
     return np.where(np.isfinite(errors), errors, 1e3)
 
 
-def _deviation(errors: Float64) -> float:
+def _deviation(errors: Float64, nearest: float = 0.5) -> float:
     """Deviation in pixels, along each axis, of right matches among these errors [N] in pixels.
 
-    From their median, which few wrong ones do not change (Huber 1981, "Robust Statistics").
+    From that part of the errors which is ``nearest``, as of a normal distribution in the plane: by
+    their median, which few wrong ones do not change (Huber 1981, "Robust Statistics"), or by less
+    where many are.
     """
     if not len(errors):
         return _DEVIATIONS[1]
-    return float(np.clip(np.median(errors) / _MEDIAN, *_DEVIATIONS))
+    within = float(np.sqrt(-2 * np.log(1 - nearest)))
+    return float(np.clip(np.quantile(errors, nearest) / within, *_DEVIATIONS))
 
 
 def _solve(pycolmap: Any, model: Any, deviation: float, iterations: int, *, center: bool = False,
@@ -345,9 +347,12 @@ def adjust(pycolmap: Any, model: Any, wanted: str,
     deviation = _deviation(_errors(model))
     fitted = (_with_earned_terms(pycolmap, model, deviation) if wanted == "auto" else
               _solve(pycolmap, _with_model(pycolmap, model, wanted), deviation, 30).model)
+    # Points that are found once more lie half as far off again until they are adjusted. The loss
+    # is as sharp as can be only here: under a sharp one terms are earned that are not there.
+    deviation = _deviation(_errors(fitted), _SURE)
     if triangulated is not None:
         fitted = triangulated(fitted)
-    return _solve(pycolmap, fitted, _deviation(_errors(fitted)), 25, settled=1e-6).model
+    return _solve(pycolmap, fitted, deviation, 25, settled=1e-6).model
 
 
 def _with_earned_terms(pycolmap: Any, model: Any, deviation: float) -> Any:
