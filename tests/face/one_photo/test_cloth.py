@@ -16,6 +16,7 @@ from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import BODY, HEAD, solid_of
+from lfportrait.field import C0
 from tests.fields import shell_field
 
 SIDE = 400
@@ -208,3 +209,18 @@ def test_shoulders_beside_a_chin_are_clothed(head):
     worn = clothes_of(np.rint(255 * colors).astype(np.uint8), colors, shown.astype(np.float32),
                       None, None, landmarks, camera, samples)
     assert worn[y - 60:y + 40, x + 140:x + 180].min() > 0.9
+
+
+def test_clothes_that_no_photo_shows_go_on_in_their_own_color(head):
+    camera, samples, _ = head
+    matte, cloth_color = person(head).astype(np.float32), (0.1, 0.2, 0.7)
+    shell = shell_of(solid_of(parts_of(camera, matte, np.zeros_like(matte), 4.0), samples), 64)
+    shot = Shot.of(camera, photo(head, cloth_color), None,
+                   clothes=shirt(head).astype(np.float32))
+    found = painted(shell, [shot])
+    colors = 0.5 + C0 * found.sh[:, :, 0]
+    behind = (shell.owner == BODY) & (shell.normals[:, 2] < -0.5)
+    assert np.abs(np.median(colors[behind], axis=0) - cloth_color).max() < 0.06
+    nape = shell.face & (shell.normals[:, 2] < 0)
+    if nape.any():
+        assert np.abs(np.median(colors[nape], axis=0) - SKIN).max() < 0.1

@@ -1,8 +1,8 @@
 """Colors of a solid from its photo, and of what the photo does not show.
 
 A place has the photo's color as far as the photo looks at it squarely; beyond, that fades into what
-lies around, by parts (hair, all else): the mirrored side's colors, with their light matched, then
-means over ever wider surroundings (pull and push, Gortler et al. 1996).
+lies around, by parts (hair, beard, clothes, skin): the mirrored side's colors, with their light
+matched, then means over ever wider surroundings (pull and push, Gortler et al. 1996).
 
 Hair that no photo shows has strands that run down from the crown, as strong as those it shows; it
 would else be as smooth as a helmet. They are noise that is long in the direction in which hair
@@ -199,7 +199,7 @@ class _Mean:
 
     def pure(self, kind: int) -> Float64:
         """How well places are seen that have a material, one of `_fill`, [N]."""
-        share = (self.share, self.beard, (1 - self.share) * (1 - self.beard))[kind]
+        share = _parts(self.share, self.beard, self.clothes)[kind]
         return np.asarray(self.best * np.clip(2 * share - 1, 0, 1))
 
 
@@ -250,7 +250,13 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         beard = _bearded(shell, own)
     else:  # one without a shape is skin's color
         own.bearded[:], other.bearded[:] = 0.0, 0.0
-    fill = _fill(points, own, other, np.stack([hair, beard]), skin)
+    worn = np.zeros(len(points))
+    known = all(shot.clothes is not None for shot in shots)
+    if known:
+        worn = _clothed(shell, own)
+    else:
+        own.worn[:], other.worn[:] = 0.0, 0.0
+    fill = _fill(points, own, other, _parts(hair, beard, worn), skin)
     if hair.any():
         # Short hair is too fine for them.
         grown = hair > 0.5
@@ -262,15 +268,19 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     share = own.best[:, None]
     out = np.clip(share * own.colors + (1 - share) * fill, 0, 1)
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
-    worn = None
-    if all(shot.clothes is not None for shot in shots):
-        worn = _whole(_clothed(shell, own))
+    clothes = _whole(worn) if known else None
     if not (hair.any() or bearded.any()):
-        return Paint(sh, None, worn)
+        return Paint(sh, None, clothes)
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)
-    return Paint(sh, _whole(grown), worn)
+    return Paint(sh, _whole(grown), clothes)
+
+
+def _parts(hair: Float64, beard: Float64, clothes: Float64) -> tuple[Float64, ...]:
+    """How much of places [N] is hair, beard, skin and clothes, by what covers what, [N] each."""
+    rest = (1 - hair) * (1 - beard)
+    return hair, (1 - hair) * beard, rest * (1 - clothes), rest * clothes
 
 
 def _whole(shares: Float64) -> UInt8:
@@ -351,15 +361,13 @@ def _closed(points: Float64, inside: Bool) -> Float64:
     return np.clip((away - reach) / 2 + 0.5, 0, 1)
 
 
-def _fill(points: Float64, own: _Mean, other: _Mean, grown: Float64, skin: Bool) -> Float64:
-    """Colors [N, 3] of what the photos do not show: of hair, beard and all else, each by its own.
+def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...], head: Bool,
+          ) -> Float64:
+    """Colors [N, 3] of what the photos do not show: of each of the parts (`_parts`) by its own.
 
-    ``grown`` is how much of a place is hair, and how much of the rest a beard, [2, N]; ``skin`` is
-    the head: what a body wears is seen on no cheek, but necks go on in skin.
+    What is no clothes on the ``head`` goes on by itself: where clothes are not known they are seen
+    on no cheek, but necks go on in skin.
     """
-    hair, beard = grown
-    parts = (hair, (1 - hair) * beard, (1 - hair) * (1 - beard))
-
     def filled(kind: int) -> Float64:
         out, place = np.zeros_like(points), parts[kind] > 0
         if not place.any():
@@ -369,14 +377,14 @@ def _fill(points: Float64, own: _Mean, other: _Mean, grown: Float64, skin: Bool)
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight), 0, 1)
         found = _filled(at, photo, weight, matched, known)
-        bare = skin[place]
+        bare = head[place]
         if kind == 2 and bare.any():
             found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
         out[place] = parts[kind][place, None] * found
         return out
 
     with ThreadPoolExecutor(2) as pool:
-        return np.asarray(sum(pool.map(filled, range(3))))
+        return np.asarray(sum(pool.map(filled, range(len(parts)))))
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
@@ -403,7 +411,7 @@ def _filled(points: Float64, photo: Float64, weight: Float64, matched: Float64,
     mixed = ((weight[:, None] * photo + own[:, None] * matched)
              / np.maximum(both_weights, 1e-9)[:, None])
     if both_weights.sum() < 10:
-        return np.broadcast_to(photo.mean(axis=0), photo.shape)
+        return np.broadcast_to(photo.mean(axis=0), photo.shape).copy()
     around = _spread(points, mixed, both_weights, 0)
     # Where the other side is seen well, its detail.
     return np.asarray(known[:, None] * matched + (1 - known[:, None]) * around)
