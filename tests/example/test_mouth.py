@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from lfportrait.example import TransferConfig, parts_lips, transfer
+from lfportrait.example import Transfer, TransferConfig, parts_lips, transfer
+from lfportrait.example.lids import closed
 from lfportrait.example.mouth import Palette, lips_apart, part_lips, with_open_mouth
+from lfportrait.example.video import reduced
 from lfportrait.face import mouth_opening
 from tests.portraits import drawn_face
 
@@ -124,6 +126,27 @@ def test_a_transfer_paints_the_smile(painting, smile):
                       with_gap(points, 0.03)).image
     place = (upper + middle) // 2, x
     assert made[place].mean() > closed[place].mean() + 0.1
+
+
+def test_a_mouth_that_opens_does_not_jump(painting, smile):
+    photo, points, (x, upper, *_) = smile
+    painter, before, steps = Palette.of(painting), None, []
+    for opening in np.arange(0.06, 0.2, 0.005):
+        marks = with_gap(points, opening)
+        paint = np.full(photo.shape, 0.5, np.float32)
+        if parts_lips(painting, marks):
+            part_lips(paint, photo, marks, painter)
+        if before is not None:
+            steps.append(np.abs(paint - before)[upper - 3:upper + 12, x - 6:x + 6].mean())
+        before = paint
+    assert max(steps) < 0.12 and sum(steps) > 0.2
+
+
+def test_a_shut_eye_has_a_white_too(painting):
+    shut = closed(painting, (True, True))
+    small = reduced(Transfer(shut), 2.0)
+    for palette in (Palette.of(shut), small.palette):
+        np.testing.assert_allclose(palette.white, Palette.of(painting).white, atol=0.02)
 
 
 def test_the_line_between_painted_lips_is_in_the_gap(painting):

@@ -235,6 +235,29 @@ def test_a_frame_painted_onward_shows_what_the_one_before_did():
     assert np.abs(later.image[:, 8:-4] - first.image[:, 4:-8]).max() < 1.01 / 255
 
 
+def test_a_smile_is_painted_onward_too():
+    drawn = drawn_face(200, 160, seed=5)
+    drawn.landmarks[[61, 62, 63]] = drawn.landmarks[[67, 66, 65]]
+    style = Transfer(drawn)
+    (frame, points), *_ = _walk(1)
+    points = points.copy()
+    width = np.linalg.norm(points[54] - points[48])
+    points[[61, 62, 63], 1] -= 0.15 * width
+    points[[67, 66, 65], 1] += 0.15 * width
+    assert parts_lips(drawn, points)
+    plane = pixel_centres(frame.shape)
+    first = style.apply(frame, points, seeds_anchor=plane)
+    still = np.zeros((-(-frame.shape[0] // 2), -(-frame.shape[1] // 2), 2), np.float32)
+    motion = Motion(still, -still, np.ones(still.shape[:2], bool), 2)
+    later = paint_onward(style, frame, points, lambda: first.mask, plane, motion, motion.trusted,
+                         first)
+    assert np.abs(later.image - first.image).max() < 1e-5
+    style.palette = None
+    bare = paint_onward(style, frame, points, lambda: first.mask, plane, motion, motion.trusted,
+                        first)
+    assert np.abs(later.image - bare.image).max() > 0.1
+
+
 def test_an_exemplar_of_half_the_size_paints_alike():
     exemplar = drawn_face(400, 320, seed=5)
     whole = Transfer(exemplar)

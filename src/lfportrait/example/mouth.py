@@ -48,6 +48,8 @@ BRIGHTER = 1.3
 """White is that much brighter than the painted cheeks, at most; or as bright as the eyes."""
 FLESH = 0.7
 """What is as red as the lips stays as it is painted by so much: gums, a tongue."""
+SOON = 0.03
+"""So much further open, over the mouth's width, it is painted in full: in a film nothing jumps."""
 FEW = 12
 """Fewer pixels say nothing."""
 
@@ -55,7 +57,12 @@ FEW = 12
 def parts_lips(exemplar: Exemplar, points: Points) -> bool:
     """Whether a sitter's mouth is open, by landmarks [68, 2 or 3], and the painted one is not."""
     theirs = mouth_opening(exemplar.landmarks)
-    return theirs < SHOWN and mouth_opening(points) > max(OPEN, theirs + WIDER)
+    return theirs < SHOWN and mouth_opening(points) > _least(theirs)
+
+
+def _least(painted: float) -> float:
+    """The opening from which on a mouth is painted after a photo, by that of the painted one."""
+    return max(OPEN, painted + WIDER)
 
 
 def lips_apart(points: Float64) -> Float64:
@@ -102,7 +109,8 @@ def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: 
     mixed = painter.dark + share * (painter.white_in(white / max(skin, 1e-3)) - painter.dark)
     flesh = FLESH * _flesh(shown, light, inside & (light > 0.8 * white), lips)
     out = paint.copy()
-    out[near] += ((1 - flesh) * gap)[:, None] * (mixed - paint[near])
+    share = np.clip((mouth_opening(landmarks) - _least(painter.opening)) / SOON, 0, 1)
+    out[near] += (share * (1 - flesh) * gap)[:, None] * (mixed - paint[near])
     return np.asarray(out, np.float32)
 
 
@@ -163,8 +171,9 @@ class _Mouth(NamedTuple):
 
     def plane(self, places: NDArray[np.floating]) -> tuple[Float64, Float64]:
         """Coordinates of places [N, 2], [N] each."""
-        x, y = (np.asarray(places - self.corner) @ self.axes).T
-        return x, y
+        x, y = np.asarray(places, np.float64).T - self.corner[:, None]
+        (a, b), (c, d) = self.axes
+        return a * x + c * y, b * x + d * y
 
     def around(self, x: Float64, y: Float64) -> Bool:
         """The lips and what lies between them, roughly; bool [N]."""
@@ -202,13 +211,21 @@ class Palette(NamedTuple):
     black: Float64  # [3], in the eyes.
     cheeks: Float64  # [3]
     skin: float  # Light of the cheeks.
-    brightest: float  # Light of the painting.
+    brightest: float  # Light of the painting around its face.
+    opening: float  # Of the painted mouth (`mouth_opening`).
 
     @staticmethod
     def of(exemplar: Exemplar) -> Palette | None:
         """Of a painting, its eyes open; None where its face is too small."""
         shown = exemplar.opened or exemplar
-        image, points = shown.image, shown.landmarks
+        points = shown.landmarks
+        if not np.isfinite(points).all():
+            return None
+        low, high = points.min(axis=0), points.max(axis=0)
+        part = tuple(slice(max(int(low[axis] - 0.3 * shown.size), 0),
+                           max(int(high[axis] + 0.3 * shown.size), 0)) for axis in (1, 0))
+        image = shown.image[part]
+        points = points - [part[1].start, part[0].start]
         mouth = _Mouth.of(points)
         eyes = np.logical_or(*(polygon(image.shape[:2], points[first:first + 6]) > 0
                                for first in EYES))
@@ -225,7 +242,8 @@ class Palette(NamedTuple):
                        _mean(image, light, lips, DARK, False),
                        _mean(image, light, eyes, DARK, False),
                        np.median(image[cheeks], axis=0) / 255,
-                       float(np.median(light[cheeks])), float(np.quantile(light, 0.999)))
+                       float(np.median(light[cheeks])), float(np.quantile(light, 0.999)),
+                       mouth_opening(points))
 
     def white_in(self, ratio: float) -> Float64:
         """White paint that is ``ratio`` times as bright as the cheeks, [3]."""

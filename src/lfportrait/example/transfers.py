@@ -245,7 +245,7 @@ class Transfer:
     def moved(self, landmarks: NDArray[np.floating]) -> Transfer:
         """The same exemplar with landmarks [68, 2] a little beside, in the same regions."""
         other = copy.copy(self)
-        for name in ("_like", "_bald", "_flat", "_palette"):
+        for name in ("_like", "_bald", "_flat", "palette"):
             other.__dict__.pop(name, None)
         other.exemplar = replace(self.exemplar, landmarks=np.asarray(landmarks, np.float64))
         regions = self.regions
@@ -382,11 +382,12 @@ class Transfer:
 
         ``paint`` is float32 [H, W, 3], the rest as for `apply`.
         """
-        if self._palette is not None and parts_lips(self.exemplar, landmarks):
-            part_lips(paint, photo, landmarks, self._palette)
+        if parts_lips(self.exemplar, landmarks) and self.palette is not None:
+            part_lips(paint, photo, landmarks, self.palette)
 
     @functools.cached_property
-    def _palette(self) -> Palette | None:
+    def palette(self) -> Palette | None:
+        """What open mouths are painted with; None where the painted face is too small."""
         return Palette.of(self.exemplar)
 
     def _painter(self) -> PhotoPatches:

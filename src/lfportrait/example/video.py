@@ -228,7 +228,9 @@ def reduced(prepared: Transfer, factor: float) -> Transfer:
     chunks = prepared.config.blit
     levels = max(1, chunks.levels - round(np.log2(factor)))
     config = replace(prepared.config, blit=replace(chunks, levels=levels))
-    return Transfer(exemplar, config, regions=regions, exact=True)
+    out = Transfer(exemplar, config, regions=regions, exact=True)
+    out.palette = prepared.palette  # of eyes that may be shut in the picture
+    return out
 
 
 def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,

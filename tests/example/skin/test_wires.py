@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.mouth import Palette
-from lfportrait.example.skin.sitter import canvas_of
+from lfportrait.example.mouth import Palette, parts_lips
+from lfportrait.example.skin.painting import SkinConfig, SkinPainter
+from lfportrait.example.skin.sitter import Skin, canvas_of
 from lfportrait.example.skin.wires import painted_wires, wires
+from tests.portraits import HEAD_LANDMARKS, drawn_face
+
+from .conftest import PIXELS
 
 
 @pytest.fixture
@@ -53,11 +57,44 @@ def test_a_head_without_any_is_left_as_it_is(skin, painter):
     assert painted_wires(skin, paint, paint[:, 0], palette) is paint
 
 
-def test_a_painting_shows_them(worn, painter):
+@pytest.fixture
+def dark_eyed():
+    """A painter whose eyes have black in them."""
+    drawn = drawn_face(160, 120)
+    for first in (36, 42):
+        x, y = drawn.landmarks[first:first + 6].mean(axis=0).astype(int)
+        drawn.image[y - 1:y + 2, x - 1:x + 2] = 10
+    return SkinPainter(drawn)
+
+
+def test_a_painting_shows_them(worn, dark_eyed):
     there, place = worn
+    painter = dark_eyed
+    assert Palette.of(painter.given).black.max() < 0.2
     color = painter.paint(there).color
     canvas = canvas_of(there, 1)[0]
     seen = np.full((len(place), 3), np.nan, np.float32)
     seen[canvas.slots[canvas.own]] = color[canvas.own]
     black = Palette.of(painter.given).black
     assert np.abs(np.nanmedian(seen[place], axis=0) - black).max() < 0.2
+
+
+@pytest.mark.parametrize("patchmatch", [True, False])
+def test_an_open_mouth_of_a_head_is_painted(field, dark_eyed, patchmatch):
+    """In the painter's white where the head is light between its lips."""
+    marks = HEAD_LANDMARKS.copy()
+    width = np.linalg.norm(marks[54] - marks[48])
+    marks[[61, 62, 63], 1] += 0.12 * width
+    marks[[67, 66, 65], 1] -= 0.12 * width
+    skin = Skin.of(field, marks, pixels=PIXELS, networks=False)
+    given = dark_eyed.given
+    closed = given.landmarks.copy()
+    closed[[61, 62, 63]] = closed[[67, 66, 65]] = 0.5 * (closed[[61, 62, 63]]
+                                                         + closed[[67, 66, 65]])
+    painter = SkinPainter(replace(given, landmarks=closed), SkinConfig(patchmatch=patchmatch))
+    assert parts_lips(painter.exemplar, skin.plane.landmarks)
+    color = painter.paint(skin).color
+    painter._draw = lambda *_: None
+    plain = painter.paint(skin).color
+    changed = np.abs(color - plain).max(axis=2) > 0.1
+    assert 5 < changed.sum() < 0.05 * changed.size

@@ -347,6 +347,7 @@ class SkinPainter:
                                core)
         if source is None:
             color = painted.result()
+            self._draw(places, canvas, color)
             exchange(canvas.owner, color)
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
@@ -371,8 +372,11 @@ class SkinPainter:
 
     def _draw(self, skin: Skin, canvas: Canvas, color: Float32) -> None:
         """Draw what only the photo knows: an open mouth, spectacles; as for `even_edge`."""
-        smiles, palette = parts_lips(self.exemplar, skin.plane.landmarks), Palette.of(self.given)
-        if palette is None or not (smiles or wires(skin).any()):
+        smiles = parts_lips(self.exemplar, skin.plane.landmarks)
+        if not (smiles or wires(skin).any()):
+            return
+        palette = Palette.of(self.given)
+        if palette is None:
             return
         width = skin.atlas.depth.shape[1]
         photo = skin.atlas.color_of((skin.index // width, skin.index % width))
