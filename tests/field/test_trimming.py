@@ -76,6 +76,8 @@ def test_rags_are_cut_off_and_nothing_else(seed, lean):
 
 def test_rows_that_stay_keep_their_values():
     field = bust(RAGS)
+    rows = np.arange(len(field.density))
+    field.hair, field.clothes = (np.uint8(rows % one) for one in (251, 241))
     cut = find_cut(field, FACE, ALL)
     done = trim(field, cut)
     assert len(done.density) < len(field.density)
@@ -88,6 +90,9 @@ def test_rows_that_stay_keep_their_values():
     order = done.links[done.links >= 0]
     theirs = field.density[field.links[tuple(index[np.argsort(order)].T)]][places]
     assert np.array_equal(mine, theirs)
+    for name in ("hair", "clothes"):
+        np.testing.assert_array_equal(getattr(done, name)[done.links[both]],
+                                      getattr(field, name)[field.links[both]])
 
 
 def test_pixels_that_a_cut_leaves_show_what_they_showed():
