@@ -139,6 +139,8 @@ def test_the_faces_of_a_painting_that_comes_are_looked_for(opened, tmp_path):
     """Several: it is asked which one. None: it is said."""
     face = [[60.0 + n, 80.0 + n] for n in range(68)]
     count = 0
+    for number in range(3):  # all of them: a slow page may still ask for a picture
+        picture(40 + number, 200).save(tmp_path / f"new{number}.png")
     opened.go("style/ben")
     opened.page.route("**/picture?*size=0*", lambda route: route.fulfill(
         body=(tmp_path / f"new{count}.png").read_bytes(), content_type="image/png"))
@@ -147,7 +149,6 @@ def test_the_faces_of_a_painting_that_comes_are_looked_for(opened, tmp_path):
                   for n in range(count)], "width": 200, "height": 200,
         "chosen": 1 if count else None}))
     for count in range(3):
-        picture(40 + count, 200).save(tmp_path / f"new{count}.png")
         opened.page.set_input_files("#painting-files", [tmp_path / f"new{count}.png"])
         if count == 2:
             opened.page.wait_for_selector("dialog[open] .face-box")
