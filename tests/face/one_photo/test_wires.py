@@ -19,7 +19,7 @@ from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import WORN, Solid
 from tests.portraits import CANONICAL
 
-SKIN, WIRE = (200, 150, 120), (30, 40, 90)
+SKIN, WIRE, HORN = (200, 150, 120), (30, 40, 90), (110, 110, 120)
 SIZE, FOCAL = 500, 1000.0
 
 
@@ -35,6 +35,13 @@ def worn():
     rims = tuple(landmarks[eye:eye + 6].mean(axis=0)
                  + 24 * np.stack([np.cos(angle), np.sin(angle)], axis=1) for eye in (36, 42))
     photo = np.full((SIZE, SIZE, 3), SKIN, np.uint8)
+    for side, rim in zip((-1, 1), rims):  # broad temples, as of horn, with hinges of metal
+        ear = np.linalg.norm(prior.rest - np.array([side, 1, 1]) * wires.EAR, axis=1).argmin()
+        turn = np.radians(wires.HINGE)
+        first = rim.mean(axis=0) + 24 * np.array([side * np.cos(turn), -np.sin(turn)])
+        last = view.project(prior.mean[ear:ear + 1].astype(float))[0]
+        ends = np.rint([first, last]).astype(int)
+        cv2.line(photo, ends[0], ends[1], HORN, 5)
     for rim in rims:
         cv2.polylines(photo, [np.rint(rim).astype(np.int32)], True, WIRE, 5)
     frame = np.diag([1 / METRES, -1 / METRES, -1 / METRES, 1.0])

@@ -436,7 +436,7 @@ def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float6
             bare = without_wires(shown, picture.landmarks)
         else:
             found = wires_of(shown, picture.landmarks, fit.prior, fit.views[0], local,
-                             capture.frame, samples)
+                             capture.frame, samples, picture.hair)
             if found is not None:
                 wires, bare = found
         same = (bare == shown).all(axis=-1, keepdims=True)

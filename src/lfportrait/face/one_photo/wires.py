@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
-from ...arrays import Float64
+from ...arrays import Bool, Float64
 from ...measure import usable_cores
 from ..glasses import IN_PHOTOS, Spectacles, drawn_spectacles, find_spectacles
 from ..head_fit import View
@@ -42,6 +42,8 @@ HINGE = 25.0
 """Degrees above the middle of a rim at which its temple begins."""
 LEAST = 0.85
 """Voxels that a wire's radius has at least: a thinner one would have gaps."""
+TEMPLE = 0.009
+"""Metres that a temple may be high in a photo, from which it is taken off the skin."""
 OF_LINES = 0.08
 """What is so surely a line is taken off the photo."""
 
@@ -66,7 +68,8 @@ class Wires:
 
 
 def wires_of(image: Bytes, landmarks: Float64, prior: HeadPrior, view: View, local: Float64,
-             frame: Float64, samples: MeshSamples) -> tuple[Wires, Bytes] | None:
+             frame: Float64, samples: MeshSamples, hair: NDArray[np.floating] | None = None,
+             ) -> tuple[Wires, Bytes] | None:
     """The spectacles that a photo shows, and the photo without them; None where there are none.
 
     Parameters
@@ -77,6 +80,7 @@ def wires_of(image: Bytes, landmarks: Float64, prior: HeadPrior, view: View, loc
     local : float64 [N, 3], its vertices in the camera's frame, metres.
     frame : float64 [4, 4], from there to the portrait frame.
     samples : Of the head, portrait frame.
+    hair : [H, W] in [0, 1], which hides the temples.
     """
     found = find_spectacles(image, landmarks, sure=IN_PHOTOS)
     if found is None:
@@ -104,7 +108,19 @@ def wires_of(image: Bytes, landmarks: Float64, prior: HeadPrior, view: View, loc
     unit = float(np.linalg.norm(frame[:3, 0]))
     places = _outside(places, ways, samples, unit * (radius + CLEAR))
     wires = Wires(places, np.concatenate(colors), unit * radius, cKDTree(places))
-    return wires, _taken_off(image, found)
+    lines = _drawn(image.shape, found) | _drawn_temples(image.shape, temples, view, hair)
+    return wires, _taken_off(image, lines, found.width)
+
+
+def _drawn_temples(shape: tuple[int, ...], temples: list[Float64], view: View,
+                   hair: NDArray[np.floating] | None) -> Bool:
+    """Where a photo shows temples [n, 3] beside hair, bool [H, W]: broad ones, hinges and all."""
+    out = np.zeros(shape[:2], np.uint8)
+    for temple in temples:
+        pixels = temple[:, :2] / temple[:, 2:] * view.focal + view.center - 0.5
+        wide = max(round(TEMPLE * view.focal / float(temple[0, 2])), 1)
+        cv2.polylines(out, [np.rint(pixels).astype(np.int32)], False, 1, wide)
+    return np.asarray((out > 0) & (hair < 0.5 if hair is not None else True), bool)
 
 
 def _bridges(found: Spectacles) -> list[Float64]:
@@ -174,17 +190,23 @@ def _outside(places: Float64, ways: Float64, samples: MeshSamples, least: float)
 def without_wires(image: Bytes, landmarks: Float64) -> Bytes:
     """A photo, uint8 [H, W, 3], without the lines of the spectacles that are worn, if any are."""
     found = find_spectacles(image, landmarks, sure=IN_PHOTOS)
-    return image if found is None else _taken_off(image, found)
+    if found is None:
+        return image
+    return _taken_off(image, _drawn(image.shape, found), found.width)
 
 
-def _taken_off(image: Bytes, found: Spectacles) -> Bytes:
-    """A photo without the lines of spectacles, filled from beside them."""
-    lines = drawn_spectacles(found, (image.shape[0], image.shape[1])) > OF_LINES
+def _drawn(shape: tuple[int, ...], found: Spectacles) -> Bool:
+    """Lines of spectacles, bool [H, W]."""
+    return np.asarray(drawn_spectacles(found, (shape[0], shape[1])) > OF_LINES)
+
+
+def _taken_off(image: Bytes, lines: Bool, width: float) -> Bytes:
+    """A photo without lines [H, W] of a width, filled from beside them."""
     rows, columns = (np.flatnonzero(lines.any(axis=axis)) for axis in (1, 0))
-    margin = round(6 * found.width) + 8
+    margin = round(6 * width) + 8
     part = tuple(slice(max(int(one[0]) - margin, 0), int(one[-1]) + margin)
                  for one in (rows, columns))
     out = image.copy()
     out[part] = cv2.inpaint(np.ascontiguousarray(image[part]), lines[part].astype(np.uint8),
-                            max(found.width, 3.0), cv2.INPAINT_TELEA)
+                            max(width, 3.0), cv2.INPAINT_TELEA)
     return out
