@@ -109,8 +109,8 @@ def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: 
     mixed = painter.dark + share * (painter.white_in(white / max(skin, 1e-3)) - painter.dark)
     flesh = FLESH * _flesh(shown, light, inside & (light > 0.8 * white), lips)
     out = paint.copy()
-    share = np.clip((mouth_opening(landmarks) - _least(painter.opening)) / SOON, 0, 1)
-    out[near] += (share * (1 - flesh) * gap)[:, None] * (mixed - paint[near])
+    opened = np.clip((mouth_opening(landmarks) - _least(painter.opening)) / SOON, 0, 1)
+    out[near] += (opened * (1 - flesh) * gap)[:, None] * (mixed - paint[near])
     return np.asarray(out, np.float32)
 
 
@@ -152,7 +152,7 @@ def _flesh(colors: Float32, light: Float32, teeth: Bool, lips: Bool) -> Float32:
 
 
 class _Mouth(NamedTuple):
-    """The inner edges of lips in a plane, x from one corner (0) to the other (1), y down."""
+    """The edges of lips in a plane of their own: x from one corner (0) to the other (1), y down."""
 
     corner: Float64  # [2]
     axes: Float64  # [2, 2], from the plane to these.

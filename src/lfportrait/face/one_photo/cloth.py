@@ -65,9 +65,8 @@ ACCURACY = 3e-3
 """Relative, of what is found."""
 LIGHTNESS = 0.6
 """Weight of lightness in an edge."""
-FAINTEST = 4.0
+FAINTEST, PASSES = 4.0, 1e-3
 """Square of a difference in CIELAB that is no edge, and what is left where there is one."""
-PASSES = 1e-3
 CLOSE = 0.28, 0.36
 """Down and beside so far from a chin skin is a neck's, portrait units."""
 SURE, FEW = 4.5, 0.3
