@@ -13,31 +13,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
+from .. import share
 from ..capture import capture_formats
 from ..errors import UserError
-from ..lightfield import EncodeConfig
-from ..lightfield.prints import (
-    PrintConfig,
-    PrintSheet,
-    SheetView,
-    check_file,
-    fitted,
-    write_lenses,
-    write_pitch_test,
-    write_print,
-)
-from ..share import (
-    ExportConfig,
-    ExportContext,
-    FrameConfig,
-    NoParameters,
-    PageConfig,
-    export_of,
-    exports,
-    own_exports,
-    serve_page,
-    write_page,
-)
+from ..lightfield import EncodeConfig, prints
+from ..lightfield.prints import PrintConfig, check_file
+from ..share import ExportConfig, ExportContext, FrameConfig, NoParameters, PageConfig, write_page
 from ..stylize import load_styled
 from ..temporary import temporary_folder
 from .common import Common
@@ -46,7 +27,7 @@ _OURS = ExportConfig, PageConfig, FrameConfig, NoParameters
 """Parameters that stand among the command's options without the name of a kind before them."""
 
 
-_NAMES = ", ".join(f"{name} ({kind.title})" for kind in own_exports()
+_NAMES = ", ".join(f"{name} ({kind.title})" for kind in share.own_exports()
                    for name in (f"{kind.mark}{kind.written[0]}",)
                    if kind.command == "export" and kind.claim(Path(f"x{name}")))
 
@@ -77,12 +58,12 @@ class Export(Common):
     @classmethod
     def sections(cls) -> dict[str, type]:
         """The parameters of kinds that have their own."""
-        return {one.name: one.parameters for one in exports().values()
+        return {one.name: one.parameters for one in share.exports().values()
                 if one.command == "export" and one.parameters not in _OURS}
 
     def run(self) -> dict[str, Any]:
         """Convert and write."""
-        export = export_of(self.out, self.config.kind)
+        export = share.export_of(self.out, self.config.kind)
         given = (self.config, self.page, self.frame, *self.given)
         parameters = next((one for one in given if type(one) is export.parameters), None)
         with self.progress("export") as progress:
@@ -101,7 +82,7 @@ class Formats(Common):
 
     def run(self) -> dict[str, Any]:
         """Look and print."""
-        kinds, captures = exports().values(), capture_formats().values()
+        kinds, captures = share.exports().values(), capture_formats().values()
         rows = [(one.name, f"{one.mark}{' '.join(one.written)}", f"{one.title}: {one.purpose}" + (
             "" if one.command == "export" else f" (lfportrait {one.command})")) for one in kinds]
         wide = [max(len(row[column]) for row in rows) for column in (0, 1)]
@@ -138,7 +119,7 @@ class View(Common):
         if self.field.suffix.lower() in (".html", ".htm"):
             if not self.field.is_file():
                 raise UserError(f"no such file: {self.field}")
-            serve_page(self.field, self.port, browse=self.browser, ready=announce)
+            share.serve_page(self.field, self.port, browse=self.browser, ready=announce)
             return {}
         voxels = load_styled(self.field)
         with temporary_folder() as folder:
@@ -146,7 +127,7 @@ class View(Common):
             with self.progress("view") as progress:
                 progress.update(0, "page")
                 figures = write_page(voxels, path, self.page)
-            serve_page(path, self.port, browse=self.browser, ready=announce)
+            share.serve_page(path, self.port, browse=self.browser, ready=announce)
         return figures
 
 
@@ -183,7 +164,7 @@ class Print(Common):
     def run(self) -> dict[str, Any]:
         """Code and write."""
         if self.pitch_test:
-            figures = write_pitch_test(self.config, self.out, self.pitch_range)
+            figures = prints.write_pitch_test(self.config, self.out, self.pitch_range)
             self._say(f"{self.out}: {len(figures['pitches'])} pitches from "
                       f"{figures['pitches'][0]:.3f} to {figures['pitches'][-1]:.3f} lpi; how to "
                       "read them is printed on it")
@@ -199,30 +180,30 @@ class Print(Common):
         """The print and what goes with it."""
         from ..field import VoxelField
 
-        sheet = PrintSheet.of(self.config)
+        sheet = prints.PrintSheet.of(self.config)
         check_file(self.out, sheet.display.width, sheet.display.height)
         if self.lenses is not None:
             check_file(self.lenses, sheet.display.width, sheet.display.height, grey=True)
         voxels = VoxelField.load(path)
         with self.progress("print", sheet.display.height) as progress:
-            coding, depth = fitted(voxels, sheet)
-            figures = write_print(voxels, sheet, self.out, progress, coding=coding)
+            coding, depth = prints.fitted(voxels, sheet)
+            figures = prints.write_print(voxels, sheet, self.out, progress, coding=coding)
         figures["depth_mm"] = depth.figures()
         self._say("\n".join([sheet.summary(), *depth.lines()]))
         if warning := depth.warning():
             warnings.warn(warning, stacklevel=1)
         if self.preview:
-            figures["preview"] = self._preview(SheetView.of(voxels, sheet, coding,
-                                                            self.preview_height))
+            figures["preview"] = self._preview(prints.SheetView.of(voxels, sheet, coding,
+                                                                   self.preview_height))
         if self.lenses is not None:
-            figures["lenses"] = write_lenses(sheet, self.lenses, self.lens_profile)
+            figures["lenses"] = prints.write_lenses(sheet, self.lenses, self.lens_profile)
             self._say(f"{self.lenses}: white is {figures['lenses']['height_mm']:.3f} mm high, "
                       f"lenses {figures['lenses']['lens_mm']:.3f} mm of it")
         if self.save_display is not None:
             sheet.display.save(self.save_display)
         return figures
 
-    def _preview(self, view: SheetView) -> list[Path]:
+    def _preview(self, view: prints.SheetView) -> list[Path]:
         """Write the preview's picture and sweep."""
         from ..files import write_image
         from ..share import write_video

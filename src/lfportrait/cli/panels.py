@@ -18,35 +18,12 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 import tyro
 
+from .. import lightfield, share
 from ..errors import UserError
 from ..files import write_image
-from ..lightfield import (
-    Display,
-    EncodeConfig,
-    InterlaceConfig,
-    QuiltHint,
-    QuiltLayout,
-    assemble_quilt,
-    each_view,
-    interlace,
-    layout_for,
-    lossless,
-    quilt_of,
-    read_coded,
-    read_views,
-    write_coded,
-)
+from ..lightfield import Display, EncodeConfig, InterlaceConfig, QuiltHint, QuiltLayout, quilt_of
 from ..lightfield.screens import URL, Bridge, DepthPicture, Device, Entry
-from ..share import (
-    QUILTS,
-    SECONDS,
-    DrivePlan,
-    QuiltName,
-    SequenceConfig,
-    fill_drive,
-    write_quilt,
-    write_sequence,
-)
+from ..share import QUILTS, SECONDS, DrivePlan, QuiltName, SequenceConfig
 from .common import Common
 
 
@@ -79,20 +56,20 @@ class Encode(Common):
 
         if self.sequence.frames:
             return self._moving()
-        lossless(self.out)
+        lightfield.lossless(self.out)
         panel = Display.resolve(self.display)
         voxels = VoxelField.load(self.field)
         config = composed(voxels, panel, self.config)
         with self.progress("encode") as progress:
             progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
             image, figures = encode_with_figures(voxels, panel, config, device=self.device)
-        write_coded(self.out, image, panel)
+        lightfield.write_coded(self.out, image, panel)
         if self.quilt is not None:
             picture, name = quilt_of(voxels, panel, config, name=self.quilt.name,
                                       device=self.device)
             layout = QuiltLayout.of_name(self.quilt.name, panel) or QuiltLayout.of_name(name)
             assert layout is not None
-            write_quilt(self.quilt, picture, layout)
+            share.write_quilt(self.quilt, picture, layout)
         return figures
 
     def _moving(self) -> dict[str, Any]:
@@ -104,8 +81,8 @@ class Encode(Common):
         voxels = VoxelField.load(self.field)
         start = time.perf_counter()
         with self.progress("encode", self.sequence.frames) as progress:
-            figures = write_sequence(voxels, panel, self.config, self.sequence, self.out,
-                                     progress.step)
+            figures = share.write_sequence(voxels, panel, self.config, self.sequence, self.out,
+                                           progress.step)
         figures["seconds"] = {"sequence": round(time.perf_counter() - start, 3)}
         return figures | {"display": panel.name, "views": panel.views,
                           "subpixels": 3 * panel.width * panel.height}
@@ -133,7 +110,7 @@ class Simulate(Common):
         if len(self.eye) not in (1, 2):
             raise UserError("--eye takes X or X Y")
         panel = Display.resolve(self.display)
-        image = simulate(read_coded(self.lightfield, panel), panel, self.eye,
+        image = simulate(lightfield.read_coded(self.lightfield, panel), panel, self.eye,
                          crosstalk=self.crosstalk)
         write_image(self.out, image)
         return {}
@@ -167,17 +144,17 @@ class Interlace(Common):
 
     def run(self) -> dict[str, Any]:
         """Code and write."""
-        lossless(self.out)
+        lightfield.lossless(self.out)
         panel = Display.resolve(self.display)
         asked = QuiltHint.of_options(self.columns, self.rows, self.aspect)
         layout = (QuiltLayout.of_name(self.source.name, panel) if self.source.is_dir()
-                  else layout_for(self.source, panel, asked=asked))
+                  else lightfield.layout_for(self.source, panel, asked=asked))
         start = time.perf_counter()
-        views, aspect = read_views(self.source, panel, layout=layout, views=self.views)
+        views, aspect = lightfield.read_views(self.source, panel, layout=layout, views=self.views)
         loaded = time.perf_counter()
-        image = interlace(views, panel, self.config, aspect=self.aspect or aspect)
+        image = lightfield.interlace(views, panel, self.config, aspect=self.aspect or aspect)
         coded = time.perf_counter()
-        write_coded(self.out, image, panel)
+        lightfield.write_coded(self.out, image, panel)
         return {"views": len(views), "view_size": [views.shape[2], views.shape[1]],
                 "aspect": self.aspect or aspect, "display": panel.name,
                 "subpixels": 3 * panel.width * panel.height,
@@ -213,7 +190,7 @@ class Deinterlace(Common):
         if not 0 <= self.views <= 1024:
             raise UserError(f"--views must be 1 to 1024, not {self.views}")
         start = time.perf_counter()
-        image = read_coded(self.lightfield, panel)
+        image = lightfield.read_coded(self.lightfield, panel)
         if quilt:
             layout = QuiltLayout.of_name(self.out.name, panel)
             if layout is None:
@@ -221,11 +198,11 @@ class Deinterlace(Common):
             out = QuiltName.completed(self.out, layout)
             size = self.size if self.size[0] else panel.quilt_size
             width, height = size[0] // layout.columns, size[1] // layout.rows
-            tiles = np.stack(list(each_view(image, panel, count=layout.count, width=width,
-                                            height=height)))
-            picture = assemble_quilt(tiles, layout, size)
+            tiles = np.stack(list(lightfield.each_view(
+                image, panel, count=layout.count, width=width, height=height)))
+            picture = lightfield.assemble_quilt(tiles, layout, size)
             if out.suffix.lower() in QUILTS:
-                write_quilt(out, picture, layout)
+                share.write_quilt(out, picture, layout)
             else:
                 write_image(out, picture)
             count = layout.count
@@ -233,8 +210,8 @@ class Deinterlace(Common):
             count, out = self.views or panel.views, self.out
             width, height = self.size if self.size[0] else (panel.width, panel.height)
             with self.progress("deinterlace", count) as progress:
-                for index, view in enumerate(each_view(image, panel, count=count, width=width,
-                                                       height=height)):
+                for index, view in enumerate(lightfield.each_view(
+                        image, panel, count=count, width=width, height=height)):
                     write_image(out / f"{index:04d}.png", view)
                     progress.update(index + 1)
         if not self.quiet:
@@ -349,7 +326,7 @@ class Cast(Common):
                          self.display, self.picture, self.seconds, self.config,
                          QuiltHint.of_options(self.columns, self.rows, self.aspect))
         with self.progress("cast", len(plan.sources)) as progress:
-            figures = fill_drive(plan, lambda number, _: progress.update(
+            figures = share.fill_drive(plan, lambda number, _: progress.update(
                 number, plan.sources[number].name))
         if not self.quiet:
             for quilt in figures["quilts"]:
@@ -395,7 +372,7 @@ class Cast(Common):
         """The layout of a quilt, or of that which Bridge makes of a picture with depth."""
         asked = QuiltHint.of_options(self.columns, self.rows, self.aspect)
         if "://" not in source and not self.rgbd:
-            return layout_for(Path(source), panel, asked=asked)
+            return lightfield.layout_for(Path(source), panel, asked=asked)
         # Of a file behind an address only the name is known.
         hints = asked, QuiltHint.of_name(source.rpartition("/")[2])
         layout = next((QuiltLayout(hint.columns, hint.rows, aspect) for hint in hints
@@ -423,7 +400,7 @@ class Cast(Common):
         assert layout is not None
         out = Path(source).with_suffix("")
         out = out.with_name(f"{out.name}{layout.suffix()}.png").resolve()
-        write_quilt(out, quilt, layout)
+        share.write_quilt(out, quilt, layout)
         return str(out), layout
 
 
@@ -481,7 +458,7 @@ class Show(Common):
         if any(path.suffix.lower() == ".npz" for path in self.lightfields):
             raise UserError("a field is shown with --live; without, it is coded first: lfportrait "
                             "encode field.npz")
-        images = [read_coded(path, panel) for path in self.lightfields]
+        images = [lightfield.read_coded(path, panel) for path in self.lightfields]
         screen = show(images, panel, screen=self.screen, seconds=self.seconds)
         return {"screen": screen, "display": panel.name, "pictures": len(images)}
 

@@ -15,26 +15,10 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import tyro
 
+from .. import example
 from ..arrays import Float32, Float64, UInt8
 from ..errors import UserError
-from ..example import (
-    Exemplar,
-    Lids,
-    Method,
-    MethodConfig,
-    Transfer,
-    TransferConfig,
-    VideoTransfer,
-    as_painted,
-    closed_words,
-    face_landmarks,
-    fitting,
-    mix_regions,
-    not_worn,
-    photo_method,
-    prepare,
-    suited,
-)
+from ..example import Exemplar, Lids, Method, MethodConfig, TransferConfig, face_landmarks
 from ..face import detect_landmarks, face_pose
 from ..files import picture_format, write_image
 from ..labels import LABELS, RegionStyle, members, read_regions, read_value
@@ -65,14 +49,14 @@ class _Painter:
         if isinstance(self.config, TransferConfig):
             _note_missing(self.exemplar, self.config)
             aside = ThreadPoolExecutor(1)
-            self._coming = aside.submit(lambda: prepare(
-                as_painted(self.exemplar, self.config.wear), self.config))
+            self._coming = aside.submit(lambda: example.prepare(
+                example.as_painted(self.exemplar, self.config.wear), self.config))
             aside.shutdown(wait=False)
 
     def _apply(self, style: str, photo: UInt8, points: Float64) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
-        chosen = (fitting(exemplar, points, photo, self.config.eyes, self.config.wear)
+        chosen = (example.fitting(exemplar, points, photo, self.config.eyes, self.config.wear)
                   if isinstance(self.config, TransferConfig) else exemplar)
         self.lids = chosen.lids
         own = np.array_equal((chosen.opened or chosen).landmarks, exemplar.landmarks)
@@ -80,7 +64,7 @@ class _Painter:
         if key == ("", True, (False, False)) and self._coming is not None:
             self.prepared[key], self._coming = self._coming.result(), None
         if key not in self.prepared:
-            self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
+            self.prepared[key] = example.prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
     def paint(self, photo: UInt8, points: Float64) -> tuple[Float32, Any]:
@@ -89,11 +73,11 @@ class _Painter:
         if not self.choices:
             return result.image, result
         others = {style: self._apply(style, photo, points).image for style in self.others}
-        return mix_regions(photo, points, result.image, self.choices, others), result
+        return example.mix_regions(photo, points, result.image, self.choices, others), result
 
 
 def _note_missing(exemplar: Exemplar, config: TransferConfig) -> None:
-    for note in not_worn(exemplar, config.wear):
+    for note in example.not_worn(exemplar, config.wear):
         print(f"note: {note}", file=sys.stderr)
 
 
@@ -112,9 +96,9 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
         print(f"note: the face in {path.name} is turned by {turned:.0f} degrees: landmarks of its "
               f"far side are guesses (reliable up to {DOUBTFUL:.0f} degrees)", file=sys.stderr)
     if any(painter.lids) and not any(one.region in ("eyes", "features") for one in choices):
-        print(f"note: {closed_words(painter.lids)} closed, and painted so: --eyes painted opens "
-              f"{'them' if all(painter.lids) else 'it'}, --region eyes=off leaves the photo's",
-              file=sys.stderr)
+        print(f"note: {example.closed_words(painter.lids)} closed, and painted so: --eyes painted "
+              f"opens {'them' if all(painter.lids) else 'it'}, --region eyes=off leaves the "
+              "photo's", file=sys.stderr)
     if dump is not None:
         result.dump(dump)
     return dict(result.seconds)
@@ -164,8 +148,8 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     frames, points = _first_face(frames)
     if points is not None:
         # Eyes blink in a video: they are painted open.
-        exemplar = as_painted(suited(exemplar, points))
-    video = VideoTransfer(Transfer(exemplar, config))
+        exemplar = example.as_painted(example.suited(exemplar, points))
+    video = example.VideoTransfer(example.Transfer(exemplar, config))
     start = time.perf_counter()
 
     def painted() -> Iterator[UInt8]:
@@ -252,7 +236,7 @@ class TransferPhoto(Common):
         """The configuration of the chosen method."""
         if self.method == "styleblit":
             return replace(self.config, seed=self.seed)
-        kind = photo_method(self.method).parameters
+        kind = example.photo_method(self.method).parameters
         config = next((one for one in self.given if isinstance(one, kind)), kind())
         common = {"seed": self.seed, "device": self.device}
         return replace(config, **{entry.name: common[entry.name] for entry in fields(kind)

@@ -14,18 +14,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..capture import (
-    DataSetFacts,
-    DepthFacts,
-    PictureFacts,
-    VideoFacts,
-    data_set_facts,
-    is_calibrated,
-    is_video,
-    photo_listing,
-    picture_facts,
-    video_facts,
-)
+from .. import capture
+from ..capture import DataSetFacts, DepthFacts, PictureFacts, VideoFacts
 from ..errors import UserError
 from ..files import own_output, plain_json
 from ..lightfield import QuiltHint, QuiltLayout, layout_of_file, quilt_part
@@ -109,13 +99,13 @@ def inspect(path: Path) -> Inspection:
 
 
 def _facts(path: Path) -> PictureFacts | VideoFacts | DataSetFacts | FolderFacts | OtherFacts:
-    if is_calibrated(path):
-        return data_set_facts(path)
+    if capture.is_calibrated(path):
+        return capture.data_set_facts(path)
     if path.is_dir():
         return _folder(path)
-    if is_video(path):
-        return video_facts(path)
-    return picture_facts(path) if kind_of(path) == "picture" else _other(path)
+    if capture.is_video(path):
+        return capture.video_facts(path)
+    return capture.picture_facts(path) if kind_of(path) == "picture" else _other(path)
 
 
 def _other(path: Path) -> OtherFacts:
@@ -127,11 +117,11 @@ def _other(path: Path) -> OtherFacts:
 
 def _folder(path: Path) -> FolderFacts:
     try:
-        listing = photo_listing(path)
+        listing = capture.photo_listing(path)
     except UserError as error:
         return FolderFacts(path, str(error))
     with ThreadPoolExecutor(usable_cores()) as threads:
-        pictures = list(threads.map(picture_facts, listing.files))
+        pictures = list(threads.map(capture.picture_facts, listing.files))
     fault = "" if listing.files else "it has no photos"
     return FolderFacts(path, fault, pictures, _left_out(path, listing))
 

@@ -20,17 +20,9 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from .. import models
+from .. import capture, models
 from ..arrays import Float64, UInt8
-from ..capture import (
-    Photo,
-    fineness,
-    is_calibrated,
-    is_video,
-    read_photos,
-    read_video,
-    relative_sharpness,
-)
+from ..capture import Photo
 from ..color import linear_light
 from ..face import (
     MOST_TURNED,
@@ -283,7 +275,8 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
     """Check a folder of photos, or a video; `UserError` if there is nothing that can be read."""
     path = Path(path)
     note(progress, "reading photos")
-    photos = read_video(path, 60, _SIDE) if is_video(path) else read_photos(path, _SIDE)
+    photos = (capture.read_video(path, 60, _SIDE) if capture.is_video(path)
+              else capture.read_photos(path, _SIDE))
     faces = _can_see_faces()
     if not faces:
         warnings.warn("faces are not detected: run `lfportrait models fetch face-landmarker` "
@@ -303,8 +296,9 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
                     turned = _look(photos[index], True, turn)
                     looked[index] = turned if turned[0].yaw is not None else looked[index]
     facts = [one for one, _, _ in looked]
-    sharp = relative_sharpness(np.array([fineness(photo.image) for photo in photos]),
-                               [photo.image.shape[:2] for photo in photos])
+    sharp = capture.relative_sharpness(
+        np.array([capture.fineness(photo.image) for photo in photos]),
+        [photo.image.shape[:2] for photo in photos])
     for one, value in zip(facts, sharp):
         one.sharpness = float(value)
     _judge(facts, np.array([color for _, color, _ in looked]), [share for _, _, share in looked])
@@ -318,7 +312,7 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
         return PhotoCheck(facts, [], _few_advice(facts), images, [*notes, *_notes(path)])
     gaps = _gaps(facts)
     lenses = len({photo.lens for photo in photos})
-    placed = is_calibrated(path) or head_way(path, "auto") != "photos"
+    placed = capture.is_calibrated(path) or head_way(path, "auto") != "photos"
     reason = "" if placed else reason_to_fit(photos)
     notes = [f"A head will be fitted to the best of these pictures, as {reason}. For one that all "
              "of them show, hold still, do not talk, and let the camera go around the head."
@@ -340,7 +334,8 @@ def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80
     """Write a contact sheet of photos or of a video's frames, marked with what is wrong."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # unreadable files were reported already
-        photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)
+        photos = (capture.read_video(path, frames, 240) if capture.is_video(path)
+                  else capture.read_photos(path, 240))
     write_image(out, contact_sheet([photo.image for photo in photos],
                                    [photo.name for photo in photos], marks), sheet=True, quality=90)
 

@@ -54,22 +54,9 @@ from ..runner import Here, Outcome, finished, run_tasks
 from ..simd.host import compiling_progress
 from ..stages import StageFolder, check_writable
 from ..version import __version__
+from . import graph
 from .first_look import LookTaken, PageLook
-from .graph import (
-    STAGES,
-    MakeConfig,
-    Task,
-    capture_key,
-    code_key,
-    field_key,
-    fitted,
-    look_at,
-    painting_key,
-    portrait_tasks,
-    share_key,
-    source_key,
-    style_key,
-)
+from .graph import STAGES, MakeConfig, Task, fitted
 from .made_from import head_way
 from .warmup import Warmup, head_kernels, import_ahead
 from .work import Tools, do_stage
@@ -382,7 +369,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     models.require(config.stylize.networks, download=not offline, quiet=quiet,
                    purpose=f"--method {config.stylize.method}")
     if not isinstance(photos, Capture):
-        look_at(Path(photos))
+        graph.look_at(Path(photos))
         get_networks(Path(photos), None if isinstance(style, Exemplar) else Path(style),
                      config.keep_background, offline=offline, quiet=quiet)
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
@@ -404,12 +391,12 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
 def _tasks(photos: Path | Capture, exemplar: Exemplar, display: Display, config: MakeConfig,
            seed: int) -> dict[str, Task]:
     """The tasks of one portrait in one folder."""
-    keys = {"capture": capture_key(source_key(photos), config, seed)}
-    keys["reconstruct"] = field_key(keys["capture"], config)
-    keys["stylize"] = style_key(keys["reconstruct"], config, painting_key(exemplar))
-    keys["encode"] = code_key(keys["stylize"], config, display)
-    keys["share"] = share_key(keys["encode"], config)
-    tasks = portrait_tasks(
+    keys = {"capture": graph.capture_key(graph.source_key(photos), config, seed)}
+    keys["reconstruct"] = graph.field_key(keys["capture"], config)
+    keys["stylize"] = graph.style_key(keys["reconstruct"], config, graph.painting_key(exemplar))
+    keys["encode"] = graph.code_key(keys["stylize"], config, display)
+    keys["share"] = graph.share_key(keys["encode"], config)
+    tasks = graph.portrait_tasks(
         keys, config, seed, display=display,
         source="" if isinstance(photos, Capture) else str(photos),
         inputs={"capture": "capture", "field": "field.npz", "styled": "styled.npz"})

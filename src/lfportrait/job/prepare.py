@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import capture as captures
 from .. import models
 from ..arrays import Float32, Float64, UInt8
 from ..cache import kept_arrays, key_of
@@ -32,13 +33,7 @@ from ..capture import (
     Photo,
     PhotosError,
     calibrate,
-    consistent_mattes,
-    follow_head,
-    is_calibrated,
-    matte_agreement,
-    portrait_frame_from_landmarks,
     read_source,
-    refine_changes,
     refine_matte,
 )
 from ..color import to_uint8
@@ -103,7 +98,7 @@ def _with_landmarks(capture: Capture, fresh: bool, reframe: bool, progress: Prog
 
 def _in_portrait_frame(capture: Capture, points: Float64) -> Capture:
     """The capture with a face's landmarks [68, 3], turned into its frame."""
-    similarity = portrait_frame_from_landmarks(points, capture.cameras)
+    similarity = captures.portrait_frame_from_landmarks(points, capture.cameras)
     if np.allclose(similarity, np.eye(4), atol=1e-3):
         return replace(capture, landmarks=points)
     points = points @ similarity[:3, :3].T + similarity[:3, 3]
@@ -137,8 +132,8 @@ def _following(capture: Capture, soft: list[Float32], config: CalibrateConfig,
                progress: Progress | None) -> tuple[Capture, list[Float32], dict[str, Any]]:
     """The capture and its rough mattes, its cameras following a head that moved; figures."""
     note(progress, "checking whether the head moved")
-    followed, motion = follow_head(capture, soft, config.seed,
-                                   None if progress is None else progress.say)
+    followed, motion = captures.follow_head(capture, soft, config.seed,
+                                            None if progress is None else progress.say)
     figures = {"moved": motion.moved, "followed": bool(motion.followed),
                "pixels": motion.pixels if np.isfinite(motion.pixels) else None,
                "pixels_after": motion.after if np.isfinite(motion.after) else None,
@@ -297,7 +292,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         return fit_to_face(photos, config, progress, keep_background=keep_background)
     read: list[Photo] | None = None
     if (way == "photos" and made_from == "auto" and not keep_background
-            and not is_calibrated(photos)):
+            and not captures.is_calibrated(photos)):
         note(progress, "reading photos")
         read = read_source(photos, config.max_side, config.video_frames)
         reason = reason_to_fit(read, progress)
@@ -333,7 +328,7 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
     Raises `NotTogether` if photos are ``few`` and the cameras of too many of them are not found, or
     are wrong.
     """
-    if is_calibrated(photos):
+    if captures.is_calibrated(photos):
         capture = Capture.load(photos)
         figures: dict[str, Any] = {"source": "calibrated"}
         fresh = False
@@ -420,7 +415,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     if soft is None:
         soft = rough_mattes(capture, progress)
     # A few views leave too much of space undecided.
-    agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
+    agree = (captures.matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
              else np.ones(len(capture), bool))
     mattes, how = None, "network"
     seen = np.mean([float(matte.mean()) for matte in soft]) > _NOBODY
@@ -455,11 +450,11 @@ def _along_edges(capture: Capture, soft: list[Float32], sure: bool,
     views = range(len(capture))
     refined = side_by_side(lambda view: refine_matte(capture.images[view], soft[view]), views, 2)
     note(progress, "cutting out the person: votes of the views")
-    agreed = consistent_mattes(capture, refined)
+    agreed = captures.consistent_mattes(capture, refined)
     if sure and len(capture.training()) >= 6:
         agreed = trim(capture, agreed, progress)
-    return side_by_side(lambda view: refine_changes(capture.images[view], refined[view],
-                                                    agreed[view]), views, 2)
+    return side_by_side(lambda view: captures.refine_changes(capture.images[view], refined[view],
+                                                             agreed[view]), views, 2)
 
 
 def _up_in_image(capture: Capture, view: int) -> Float64:
@@ -479,7 +474,7 @@ def capture_of_face(photos: Path) -> Capture:
     was read before, with `LatePictures`. Raises `UserError` if there is no such capture, it is
     damaged, or no face was found.
     """
-    if not photos.exists() or not is_calibrated(photos):
+    if not photos.exists() or not captures.is_calibrated(photos):
         return _read(photos)
     read: list[Capture] = []
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
+from .. import lightfield
 from ..capture import Camera, Capture
 from ..color import to_uint8
 from ..errors import UserError
@@ -25,15 +26,7 @@ from ..example import Exemplar, Skin, load_skin, save_skin
 from ..face import fit_to_surface, is_portrait, portrait_field
 from ..field import VoxelField, reconstruct_with_figures
 from ..files import write_image
-from ..lightfield import (
-    Display,
-    QuiltLayout,
-    ViewMask,
-    composed,
-    encode_with_figures,
-    quilt_of,
-    write_coded,
-)
+from ..lightfield import Display, QuiltLayout, ViewMask, quilt_of
 from ..measure import give_back_memory, peak_memory_bytes
 from ..progress import Outlook, Progress
 from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_quilt, write_video
@@ -272,11 +265,11 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
     Among them is ``quilt``, the quilt's file name. ``prefix`` begins the quilt's name; quilts of
     that prefix from before are removed.
     """
-    encode = composed(styled, display, config.encode)
-    image, figures = encode_with_figures(styled, display, encode,
-                                         mask=ViewMask.build(display), device=device)
+    encode = lightfield.composed(styled, display, config.encode)
+    image, figures = lightfield.encode_with_figures(styled, display, encode,
+                                                    mask=ViewMask.build(display), device=device)
     with ThreadPoolExecutor(1) as beside:  # compressing lets go of Python's lock
-        written = beside.submit(write_coded, folder / name, image, display)
+        written = beside.submit(lightfield.write_coded, folder / name, image, display)
         picture, quilt = quilt_of(styled, display, encode)
         written.result()
     for old in folder.glob(f"{prefix}quilt_*.png"):

@@ -11,17 +11,10 @@ from typing import Any
 
 from ..errors import UserError
 from ..measure import free_disk_bytes
+from . import exports
 from .answers import Refusal, truth
 from .displays import Displays
 from .events import Events
-from .exports import (
-    checked_options,
-    checked_placement,
-    forget_unfinished,
-    keep,
-    kind_of,
-    quality_of,
-)
 from .jobs import Jobs, JobState
 from .orders import Order
 from .photos import VIDEO_FRAME, Uploads, check_key, sheet
@@ -215,7 +208,7 @@ class Desk:
                 raise Refusal("not_ready", "the version was not made fine, so the file was not "
                               "made: let it go on, and the version is made fine first",
                               needs="styled")
-            job.order["quality"] = quality_of(version.fine or bool(job.order.get("fine")))
+            job.order["quality"] = exports.quality_of(version.fine or bool(job.order.get("fine")))
             look = self.version_look(project, version)
             return Order("export", **{**choices, "display": panel.source},
                          more={**job.order, "version": version.id, "look": look})
@@ -278,8 +271,9 @@ class Desk:
         self.look_at_disk()
         if job.kind in ("export", "fine") and job.state in ("cancelled", "failed"):
             with contextlib.suppress(Refusal, OSError):
-                forget_unfinished(Path(job.order["target"]) if job.kind == "export" else Versions(
-                    self.projects.get(str(job.project))).get(str(job.version)).folder, job.created)
+                place = Path(job.order["target"]) if job.kind == "export" else Versions(
+                    self.projects.get(str(job.project))).get(str(job.version)).folder
+                exports.forget_unfinished(place, job.created)
         if job.state == "done" and job.project is not None:
             # At once: a job that waits for this one begins after it.
             with contextlib.suppress(Refusal, UserError, OSError):
@@ -311,15 +305,16 @@ class Desk:
             version = Versions(project).get(str(job.version))
             version.save(fine=job.order.get("wanted"))
         elif job.kind == "export" and job.result is not None:
-            keep(project, job.result)
+            exports.keep(project, job.result)
 
 
 def export_order(desk: Desk, project: Project, data: dict[str, Any]) -> dict[str, Any]:
     """The choices of an export, checked; the file is not yet named."""
-    kind = kind_of(str(data.get("kind")))
+    kind = exports.kind_of(str(data.get("kind")))
     display = data.get("display")
     if display is not None:
         display = desk.displays.get(str(display)).id
     return {"kind": kind.name, "display": display or desk.displays.of(project).id,
-            "fine": truth(data, "fine"), "placement": checked_placement(data.get("placement")),
-            "options": checked_options(kind, data.get("options"))}
+            "fine": truth(data, "fine"),
+            "placement": exports.checked_placement(data.get("placement")),
+            "options": exports.checked_options(kind, data.get("options"))}

@@ -28,27 +28,13 @@ from ...files import file_state, tells_changes, write_json
 from ...lightfield import Display, EncodeConfig
 from ...measure import free_disk_bytes, usable_cores
 from ...runner import Costs, Need, Plan
-from ..graph import (
-    STAGES,
-    MakeConfig,
-    Task,
-    capture_key,
-    code_key,
-    field_key,
-    fitted,
-    look_at,
-    page_key,
-    skin_key,
-    source_files,
-    source_key,
-    style_key,
-    sweep_key,
-)
+from .. import graph
+from ..graph import STAGES, MakeConfig, Task
 from .jobs_file import Jobs, Panel, Sitter
 
 
 def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
-              fingerprint: Callable[[Path], str] = source_key) -> Plan[Task]:
+              fingerprint: Callable[[Path], str] = graph.source_key) -> Plan[Task]:
     """The graph of the jobs of a file.
 
     ``paintings`` has the hashes of the paintings (`painting_key`) by the names of the styles;
@@ -56,7 +42,7 @@ def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
     """
     def look(sitter: Sitter) -> str | UserError:
         try:
-            look_at(sitter.source)
+            graph.look_at(sitter.source)
             return fingerprint(sitter.source)
         except UserError as error:
             return error
@@ -101,11 +87,11 @@ class _Portraits:
     def tasks(self) -> list[Task]:
         """All tasks, each after those that it needs."""
         config = self.jobs.parameters(self.sitter.name)
-        key = capture_key(self.source, config, self.sitter.seed)
+        key = graph.capture_key(self.source, config, self.sitter.seed)
         capture = self._task("capture", "capture", ("capture", "photo.jpg"), key, needs=(),
                              config=config, source=str(self.sitter.source))
-        config = fitted(config, self._shown())
-        key = field_key(key, config)
+        config = graph.fitted(config, self._shown())
+        key = graph.field_key(key, config)
         field = self._task("field", "field", ("field.npz",), key, needs=(capture.name,),
                            config=config, inputs={"capture": self._path("capture")})
         found = {task.name: task for task in (capture, field)}
@@ -135,12 +121,12 @@ class _Portraits:
             # Skins of unlike resolution have files of their own.
             pixels = config.stylize.pixels
             file = f"skin-{pixels:g}"
-            skin = skin_key(field.key, pixels)
+            skin = graph.skin_key(field.key, pixels)
             found.append(self._task("skin", file, (f"{file}.npz",), skin, needs=needs,
                                     config=config, inputs=dict(inputs)))
             needs = (*needs, found[0].name)
             inputs["skin"] = self._path(f"{file}.npz")
-        key = style_key(field.key, config, self.paintings[style])
+        key = graph.style_key(field.key, config, self.paintings[style])
         styled = self._task("stylize", "styled", ("styled.npz", "thumbnail.jpg"), key, needs=needs,
                             config=config, style=style, label=style,
                             source=self.jobs.styles[style].painting, skin_key=skin,
@@ -149,13 +135,13 @@ class _Portraits:
         for name in self.sitter.displays:
             found.append(self._coded(style, self.jobs.panels[name], styled))
         if self.sitter.pages:
-            found.append(self._task("page", "page", ("portrait.html",), page_key(key, config),
+            found.append(self._task("page", "page", ("portrait.html",), graph.page_key(key, config),
                                     needs=(styled.name,), config=config, style=style,
                                     label="portrait.html", inputs=self._styled_file(style)))
         if self.sitter.sweeps:
             display = self._first_display()
             found.append(self._task(
-                "sweep", "sweep", ("sweep.mp4",), sweep_key(key, config, display),
+                "sweep", "sweep", ("sweep.mp4",), graph.sweep_key(key, config, display),
                 needs=(styled.name,), config=config, style=style, display=display,
                 label="sweep.mp4", inputs=self._styled_file(style)))
         return found
@@ -163,7 +149,7 @@ class _Portraits:
     def _coded(self, style: str, panel: Panel, styled: Task) -> Task:
         config = self.jobs.parameters(self.sitter.name, style, panel.name)
         return self._task("encode", f"display-{panel.name}", (f"{panel.name}.png",),
-                          code_key(styled.key, config, panel.display), needs=(styled.name,),
+                          graph.code_key(styled.key, config, panel.display), needs=(styled.name,),
                           config=config, style=style, display=panel.display,
                           label=panel.name, inputs=self._styled_file(style))
 
@@ -193,7 +179,7 @@ class Fingerprints:
     def __call__(self, source: Path) -> str:
         """The hash of a sitter's photos; `UserError` if one can't be read."""
         try:
-            states = [(str(path), file_state(path)) for path in sorted(source_files(source))]
+            states = [(str(path), file_state(path)) for path in sorted(graph.source_files(source))]
         except OSError as error:
             raise UserError(f"can't read the photos in {source}: {error.strerror}") from error
         key = hash_of(*states)

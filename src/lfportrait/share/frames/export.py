@@ -20,36 +20,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import lightfield
 from ...arrays import Float64, UInt8
 from ...color import linear_light, to_uint8
 from ...errors import UserError
 from ...field import Rendering, VoxelField
 from ...files import write_json
-from ...lightfield import (
-    Display,
-    EncodeConfig,
-    Ground,
-    Placement,
-    backdrop_of,
-    ground_of,
-    view_camera,
-)
+from ...lightfield import Display, EncodeConfig, Ground, Placement
 from ...temporary import temporary_folder
 from ..kinds import ExportContext
 from ..video import ENCODERS, Codec, has_encoder, write_video
-from .files import (
-    VIDEOS,
-    FrameConfig,
-    QuiltName,
-    check_picture,
-    picture_bytes,
-    quilt_block,
-    quilt_exif,
-    quilt_settings,
-    safe_names,
-    write_hop,
-    write_picture,
-)
+from . import files
+from .files import VIDEOS, FrameConfig
 from .quilts import QuiltPlan, write_quilt
 
 _SOLID = 10.0
@@ -178,8 +160,8 @@ class TwoEyes:
 
         Where it sees the ground, the depth is the ground's.
         """
-        camera = view_camera(self.window, encode, eye * self.baseline / 2,
-                             width=self.window.width, height=self.window.height)
+        camera = lightfield.view_camera(self.window, encode, eye * self.baseline / 2,
+                                        width=self.window.width, height=self.window.height)
         if ground is None:
             return field.render(camera, 0, background=encode.background)
         shot = field.render(camera, 0, background=ground.seen(camera))
@@ -229,7 +211,7 @@ class TwoEyes:
 
 def window_ground(field: VoxelField, window: Display, encode: EncodeConfig) -> Ground | None:
     """The ground behind a head in a window, as sharp as it is: there are no lenses to blur it."""
-    return ground_of(field, window, replace(encode, ground_blur=0.0))
+    return lightfield.ground_of(field, window, replace(encode, ground_blur=0.0))
 
 
 def anaglyph_of(left: UInt8, right: UInt8) -> UInt8:
@@ -332,8 +314,8 @@ class Flat:
 
     def picture(self, field: VoxelField, encode: EncodeConfig) -> UInt8:
         """A frame, uint8 [H, W, 3]."""
-        camera = view_camera(self.window, encode, 0.0, width=self.window.width,
-                             height=self.window.height)
+        camera = lightfield.view_camera(self.window, encode, 0.0, width=self.window.width,
+                                        height=self.window.height)
         ground = window_ground(field, self.window, encode)
         behind = encode.background if ground is None else ground.seen(camera)
         frame = to_uint8(field.render(camera, 0, background=behind).color)
@@ -362,15 +344,15 @@ def write_quilt_of(field: VoxelField, path: Path, config: FrameConfig,
     """A quilt, a picture or a video; it is composed as `lfportrait.lightfield.quilt_of` does."""
     encode = _placed(config, context.encode)
     plan = QuiltPlan.of(path.name, _on_panel(config, context))
-    out = QuiltName.completed(path, plan.layout)
+    out = files.QuiltName.completed(path, plan.layout)
     figures = {"size": plan.size, "views": plan.layout.count, "display": plan.display.name,
                "out": out}
     if path.suffix.lower() in VIDEOS:
         figures |= write_moving(out, lambda place: plan.picture(field, place), plan.size, encode,
-                                config, comment=quilt_block(plan.layout), step=context.step)
-        write_json(out.with_name(f"{out.name}.json"), quilt_settings(plan.layout, movie=True))
+                                config, comment=files.quilt_block(plan.layout), step=context.step)
+        write_json(out.with_name(f"{out.name}.json"), files.quilt_settings(plan.layout, movie=True))
         return figures
-    check_picture(out, *plan.size)
+    files.check_picture(out, *plan.size)
     return figures | write_quilt(out, plan.picture(field, encode), plan.layout)
 
 
@@ -379,23 +361,25 @@ def write_package(field: VoxelField, path: Path, config: FrameConfig,
     """A quilt packed for Looking Glass Studio."""
     encode = _placed(config, context.encode)
     plan = QuiltPlan.of(path.stem, _on_panel(config, context))
-    name = QuiltName.completed(Path(f"{safe_names([path.stem])[0]}.png"), plan.layout).name
+    safe = Path(f"{files.safe_names([path.stem])[0]}.png")
+    name = files.QuiltName.completed(safe, plan.layout).name
     figures = {"size": plan.size, "views": plan.layout.count, "display": plan.display.name}
     if not config.frames:
-        contents = picture_bytes(".png", plan.picture(field, encode), quilt_exif(plan.layout))
-        return figures | write_hop(path, name, contents, plan.layout)
+        contents = files.picture_bytes(".png", plan.picture(field, encode),
+                                       files.quilt_exif(plan.layout))
+        return figures | files.write_hop(path, name, contents, plan.layout)
     with temporary_folder() as folder:
         movie = folder / f"{name[:-4]}.mp4"
         figures |= write_moving(movie, lambda place: plan.picture(field, place), plan.size, encode,
-                                config, comment=quilt_block(plan.layout), step=context.step)
-        return figures | write_hop(path, movie.name, movie, plan.layout, movie=True)
+                                config, comment=files.quilt_block(plan.layout), step=context.step)
+        return figures | files.write_hop(path, movie.name, movie, plan.layout, movie=True)
 
 
 def write_flat(field: VoxelField, path: Path, config: FrameConfig,
                context: ExportContext) -> dict[str, Any]:
     """A video for a flat panel, white behind where nothing else is asked for."""
     encode = _placed(config, context.encode)
-    if (config.backdrop is None and backdrop_of(field, encode) is None
+    if (config.backdrop is None and lightfield.backdrop_of(field, encode) is None
             and encode.ground != "black"):
         encode = replace(encode, background=_WHITE)
     codec_for(path, (0, 0), config.codec, flat=True)
@@ -425,9 +409,9 @@ def write_with_depth(field: VoxelField, path: Path, config: FrameConfig,
     eyes = TwoEyes.of(config)
     size = 2 * eyes.window.width, eyes.window.height
     encode = _framed(field, eyes, config, context)
-    check_picture(path, *size)
+    files.check_picture(path, *size)
     image, figures = eyes.with_depth(field, encode)
-    write_picture(path, image)
+    files.write_picture(path, image)
     return {"size": size, **figures}
 
 
@@ -450,8 +434,8 @@ def _two_eyes(field: VoxelField, path: Path, config: FrameConfig, context: Expor
     if moving:
         figures |= write_moving(path, picture, size, encode, config, step=context.step)
     else:
-        check_picture(path, *size)
-        write_picture(path, picture(encode))
+        files.check_picture(path, *size)
+        files.write_picture(path, picture(encode))
     return {**figures, "parallax_percent": [min(far for far, _ in seen),
                                             max(near for _, near in seen)]}
 

@@ -22,19 +22,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from ... import lightfield
 from ...arrays import UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ...files import atomic_path, atomic_write
-from ...lightfield import (
-    Display,
-    EncodeConfig,
-    QuiltHint,
-    QuiltLayout,
-    layout_for,
-    quilt_of,
-    quilt_part,
-)
+from ...lightfield import Display, EncodeConfig, QuiltHint, QuiltLayout, quilt_of
 from ...media.pictures import open_picture
 from ...temporary import temporary_folder
 from .files import (
@@ -217,12 +210,12 @@ def _layout(source: Path, panel: Display, asked: QuiltHint | None) -> tuple[str,
         raise UserError(f"{source} is neither a field (.npz) nor a picture: {error}") from error
     if suffix is None:
         raise UserError(f"a frame that stands alone plays PNG and JPEG only: convert {source}")
-    return suffix, layout_for(source, panel, asked=asked)
+    return suffix, lightfield.layout_for(source, panel, asked=asked)
 
 
 def _title(source: Path) -> str:
     """Whose portrait it is: what every job calls the same has its name from the job's folder."""
-    part = quilt_part(source.stem)
+    part = lightfield.quilt_part(source.stem)
     stem = source.stem[:part.start()] if part else source.stem
     return source.resolve().parent.name or stem if stem in _EVERYBODYS else stem
 

@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from ... import lightfield
 from ...arrays import Bool, UInt8
 from ...browsing import open_browser
 from ...capture import Camera
@@ -39,14 +40,7 @@ from ...color import to_uint8
 from ...errors import UserError
 from ...field import C0, Backdrop, VoxelField
 from ...files import atomic_write, script_json, script_streams
-from ...lightfield import (
-    Display,
-    EncodeConfig,
-    backdrop_of,
-    customary_views,
-    render_views,
-    world_ground,
-)
+from ...lightfield import Display, EncodeConfig
 from ...version import __version__
 from ..kinds import PageConfig
 from ..paths import DISTANCE, head_extent
@@ -75,7 +69,7 @@ def poster(voxels: VoxelField, start: dict[str, Any]) -> bytes:
     size = max(_HEIGHT, width)
     camera = Camera.arc(np.zeros(1), distance=start["distance"], width=size, height=size,
                         focal=focal, target=tuple(start["target"]))
-    seen = next(render_views(voxels, camera, background=0.0))
+    seen = next(lightfield.render_views(voxels, camera, background=0.0))
     alpha = np.clip(seen.alpha, 0.0, 1.0)[..., None]
     color = np.clip(seen.color / np.maximum(alpha, 1e-6), 0.0, 1.0)
     picture = to_uint8(np.concatenate([color, alpha], axis=2))
@@ -120,11 +114,11 @@ class PageGround:
     @staticmethod
     def of(voxels: VoxelField, config: EncodeConfig) -> PageGround | None:
         """What panels show behind a field; None where that is a grey level."""
-        drop = backdrop_of(voxels, config)
+        drop = lightfield.backdrop_of(voxels, config)
         if drop is None:
             return None
         longest = max(drop.picture.shape[:2])
-        plane = world_ground(voxels, config, max(longest / _LONGEST, 1.0) / drop.pixels)
+        plane = lightfield.world_ground(voxels, config, max(longest / _LONGEST, 1.0) / drop.pixels)
         assert plane is not None
         picture = np.clip(plane.planes.transpose(1, 2, 0) + 0.5, 0, 255).astype(np.uint8)
         across, down = plane.texel
@@ -391,7 +385,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     fixed = len(script) + len(style) + len(picture) * 4 // 3 + 20_000 + (plane.size if plane else 0)
     packed = fit(lattice, config.max_size * 1e6 - fixed, texture)
     header = {**packed.header, "start": view, "displays": _presets(),
-              "quilts": customary_views(), "version": __version__,
+              "quilts": lightfield.customary_views(), "version": __version__,
               **({"ground": plane.header} if plane else {})}
     cone = config.cone or voxels.cone
     if 0 < cone < 360:

@@ -11,19 +11,11 @@ from starlette.responses import Response
 
 from ...files import atomic_write, read_json
 from ...labels import BY_HAND
+from .. import styles
 from ..answers import Refusal, number, numbers, points, stamp_of, text, whole
 from ..previews import Turn
 from ..projects import Project, record_in
-from ..styles import (
-    GROUPS,
-    LARGEST,
-    LINES,
-    MIRROR,
-    Style,
-    preview_file,
-    write_picture,
-    write_regions,
-)
+from ..styles import LARGEST, Style
 from ..versions import Version, Versions, checked_mix, styles_of
 from .call import Call, Table, picture, query_number, shown_page
 
@@ -121,7 +113,7 @@ async def style_picture(call: Call) -> Any:
     path = call.desk.styles.own(project if style.path is not None else None) / name
     if not path.is_file() and style.path is not None:
         # A file is only read: it is there while the previews' process has much to do.
-        await asyncio.to_thread(write_picture, style.path, size, path)
+        await asyncio.to_thread(styles.write_picture, style.path, size, path)
     elif not path.is_file():
         await call.ask("style_picture", {"style": style.source, "size": size, "file": str(path)},
                        turn=Turn.LATER if size else Turn.NEXT)
@@ -190,8 +182,8 @@ async def _landmarks(call: Call, style: Style, project: Project | None) -> dict[
     chosen = _nearest(used, data["faces"])
     return {"points": used, "found": data["faces"][chosen - 1] if chosen else None,
             "edited": style.path is not None and style.beside("landmarks.txt").is_file(),
-            "width": data["width"], "height": data["height"], "lines": LINES, "groups": GROUPS,
-            "mirror": MIRROR}
+            "width": data["width"], "height": data["height"], "lines": styles.LINES,
+            "groups": styles.GROUPS, "mirror": styles.MIRROR}
 
 
 @TABLE.add("POST", "/api/styles/{style}/face")
@@ -257,7 +249,7 @@ async def paint_regions(call: Call) -> dict[str, Any]:
     style, project = _style(call)
     style.beside("regions.png")
     data = await _found(call, style, project)
-    await asyncio.to_thread(write_regions, style, await _body(call),
+    await asyncio.to_thread(styles.write_regions, style, await _body(call),
                             (data["width"], data["height"]))
     _tell(call, project)
     return await _regions(call, style, project)
@@ -314,7 +306,7 @@ async def preview(call: Call) -> Any:
     look = call.desk.look(project, None if style is None else style.id, mix, **more)
     facts = {"look": look, "cameras": cameras, "size": whole(data, "size", 64, 2048, 480)}
     plain = style is not None and not mix and "landmarks" not in more and cameras == _FRONT
-    keep = preview_file(project, style) if plain and style is not None else None
+    keep = styles.preview_file(project, style) if plain and style is not None else None
     if keep is not None:
         facts["keep"] = str(keep)
     slot = text(data, "slot", "")
@@ -330,7 +322,7 @@ async def preview(call: Call) -> Any:
 def kept_preview(call: Call) -> Any:
     """The preview that is kept."""
     project = call.project
-    path = preview_file(project, call.desk.styles.get(call.word("style"), project))
+    path = styles.preview_file(project, call.desk.styles.get(call.word("style"), project))
     if not path.is_file():
         raise Refusal("not_found", "there is no preview yet")
     return picture(call, path)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ... import models
+from ... import job, models
 from ...cache import hash_of
 from ...capture import Capture
 from ...demo import demo_capture
@@ -25,30 +25,7 @@ from ...example import Exemplar
 from ...face import frontal_order, is_portrait
 from ...field import VoxelField
 from ...files import atomic_path, plain_json, write_image, write_json
-from ...job import (
-    FULL,
-    QUICK,
-    STAGES,
-    MakeConfig,
-    Task,
-    Warmup,
-    capture_key,
-    check_photos,
-    code_key,
-    do_stage,
-    field_key,
-    get_networks,
-    head_kernels,
-    head_way,
-    look_at,
-    painting_key,
-    portrait_tasks,
-    run_figures,
-    share_key,
-    source_key,
-    stage_key,
-    style_key,
-)
+from ...job import FULL, QUICK, STAGES, MakeConfig, Task, Warmup, get_networks
 from ...lightfield import EncodeConfig
 from ...measure import usable_cores
 from ...media.pictures import read_image
@@ -62,15 +39,8 @@ from ..exports import forget_unfinished, kind_of
 from ..orders import Order
 from ..photos import VIDEO_FRAME
 from ..projects import record_in
-from .pictures import (
-    EarlyPicture,
-    Teller,
-    cameras_picture,
-    coded_picture,
-    head_picture,
-    photo_picture,
-    turned,
-)
+from . import pictures
+from .pictures import EarlyPicture, Teller
 from .resident import Look, Sitting
 
 _FITTED = {"capture": 2.5, "reconstruct": 7.5}
@@ -96,7 +66,7 @@ def do_task(order: Order, teller: Teller, task: Task, figures: dict[str, Any],
         return
     own = teller.tools(task.record, draw, warmup=warmup, **tools)
     figures[task.record] = stages.run(task.record, task.key, task.outputs, partial(
-        do_stage, task, order.folder, stages, own, figures))
+        job.do_stage, task, order.folder, stages, own, figures))
 
 
 def expected(*stages: tuple[str, str]) -> list[tuple[str, float]]:
@@ -109,38 +79,38 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
     """Cameras, field and surface: all that previews need; a first look at the chosen painting."""
     look = EarlyPicture(order, teller)
     config = order.config()
-    fitted = not order.demo and head_way(order.source, config.made_from) == "face"
+    fitted = not order.demo and job.head_way(order.source, config.made_from) == "face"
     seconds = dict(expected(("capture", "capture"), ("reconstruct", "field"), ("surface", "skin")))
     teller.tell("stages", [*(seconds | (_FITTED if fitted else {})).items()])
-    with Warmup(head_kernels(fitted, order.demo)) as warmup:
+    with Warmup(job.head_kernels(fitted, order.demo)) as warmup:
         look.warmup = warmup
         if order.demo and not any(order.source.glob("transforms.json")):
             _take_embedded(order)
-        look_at(order.source)
+        job.look_at(order.source)
         get_networks(order.source, None, config.keep_background, offline=True, quiet=True)
-        key, figures = capture_key(source_key(order.source), config, 0), dict[str, Any]()
-        capture, field_task = portrait_tasks(
-            {"capture": key, "reconstruct": field_key(key, config)}, config,
+        key, figures = job.capture_key(job.source_key(order.source), config, 0), dict[str, Any]()
+        capture, field_task = job.portrait_tasks(
+            {"capture": key, "reconstruct": job.field_key(key, config)}, config,
             folders=dict.fromkeys(("capture", "reconstruct"), order.inside(order.job)),
             inputs=order.inputs(), source=str(order.source))
         do_task(order, teller, capture, figures, warmup,
                 sheet=order.folder / ".studio" / "photos-left-out.jpg")
         taken = Capture.load(order.job / "capture")
-        teller.picture("capture", photo_picture(taken) if is_portrait(taken)
-                       else cameras_picture(taken))
+        teller.picture("capture", pictures.photo_picture(taken) if is_portrait(taken)
+                       else pictures.cameras_picture(taken))
         number = iter(range(1 << 30))
 
         def draw(field: VoxelField) -> Any:
             if is_portrait(taken):  # it is not trained, and shown once
                 teller.page("reconstruct", field)
-            return head_picture(field, 320, (turned(next(number)),))
+            return pictures.head_picture(field, 320, (pictures.turned(next(number)),))
 
         do_task(order, teller, field_task, figures, warmup, draw=draw, look=look)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")
             field = VoxelField.load(order.job / "field.npz")
-            picture = head_picture(field)
+            picture = pictures.head_picture(field)
             teller.picture("reconstruct", picture)
             kept_skin(order.job / "field.npz", field, taken, config.stylize.pixels)
             if not look.figures:
@@ -161,7 +131,7 @@ def _check(order: Order, teller: Teller) -> dict[str, Any]:
     teller.tell("stages", [("check", 10.0)])
     with teller.stage("check") as progress:
         progress.total = int(order.more["count"])
-        found = check_photos(order.source, progress)
+        found = job.check_photos(order.source, progress)
     figures = found.figures()
     facts = {one.pop("name"): one for one in figures.pop("photos")}
     if order.source.is_file() and found.images:
@@ -206,23 +176,24 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
         "display": panel, "folders": {"stylize": painted, "encode": where, "share": where},
         "inputs": {**order.inputs(), "styled": f"{where}/styled.npz"}}
     with Warmup(("transfer", "stylize", "encode")) as warmup:
-        (stylize,) = portrait_tasks({"stylize": key}, config, **more)
+        (stylize,) = job.portrait_tasks({"stylize": key}, config, **more)
         do_task(order, teller, stylize, figures, warmup, exemplar=exemplar, others=exemplars[1:])
         key = mixed_file(order, key, f"{painted}/styled.npz")
         styled = VoxelField.load(order.version / "styled.npz")
-        teller.picture("stylize", head_picture(styled))
-        code = code_key(key, config, panel)
-        encode, share = portrait_tasks({"encode": code, "share": share_key(code, config)}, config,
-                                       **more)
+        teller.picture("stylize", pictures.head_picture(styled))
+        code = job.code_key(key, config, panel)
+        encode, share = job.portrait_tasks(
+            {"encode": code, "share": job.share_key(code, config)}, config, **more)
         do_task(order, teller, encode, figures, warmup)
-        teller.picture("encode", coded_picture(read_image(order.version / "lightfield.png")))
+        coded = read_image(order.version / "lightfield.png")
+        teller.picture("encode", pictures.coded_picture(coded))
         do_task(order, teller, share, figures, warmup, exemplar=exemplar)
     _photograph(order)
     hero = order.version / "hero.png"
     if hero.is_file():
         teller.picture("share", read_image(hero))
     resumed: list[str] = [name for name in ("capture", "reconstruct") if name in figures]
-    write_json(order.version / "run.json", run_figures(
+    write_json(order.version / "run.json", job.run_figures(
         figures, exemplar.name, panel.name, resumed))
     return {"display": panel.name, "key": key}
 
@@ -238,16 +209,17 @@ def _painted(order: Order, config: MakeConfig, exemplars: list[Exemplar]) -> tup
     """The folder of the head that is painted in all styles of a version, and its key."""
     field = order.field_key()
     if len(exemplars) == 1:
-        return f"painted/{order.style_id}", style_key(field, config, painting_key(exemplars[0]))
+        key = job.style_key(field, config, job.painting_key(exemplars[0]))
+        return f"painted/{order.style_id}", key
     names = [one.name for one in exemplars[1:]]
-    return f"painted/{order.style_id}-and-{hash_of(names)[:8]}", stage_key(
-        "stylize", field, config.stylize, [(one.name, *painting_key(one)) for one in exemplars])
+    return f"painted/{order.style_id}-and-{hash_of(names)[:8]}", job.stage_key(
+        "stylize", field, config.stylize, [(one.name, *job.painting_key(one)) for one in exemplars])
 
 
 def mixed_file(order: Order, key: str, painted: str) -> str:
     """Write the version's ``styled.npz``: the painted head, or its mix; the key of that file."""
     source, target = order.folder / painted, order.version / "styled.npz"
-    own = stage_key("stylize", "mix", key, order.mix) if order.mix else key
+    own = job.stage_key("stylize", "mix", key, order.mix) if order.mix else key
     record = "mix"
     if finished_record(order.version, record, own, ("styled.npz",)) is not None:
         return own

@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from PIL import Image
 
-from ... import models
+from ... import lightfield, models
 from ...arrays import Float64, UInt8
 from ...cache import hash_of, tried
 from ...errors import UserError
@@ -28,20 +28,7 @@ from ...field import Backdrop, VoxelField, head_points
 from ...files import atomic_path, file_state, write_image, write_json
 from ...job import FAIR, GOOD, Session, check_style, chosen_face
 from ...labels import BY_HAND
-from ...lightfield import (
-    DepthReport,
-    Display,
-    EncodeConfig,
-    ViewMask,
-    composed,
-    eight_bit,
-    encode,
-    layout_of_file,
-    pattern,
-    render_views,
-    simulate,
-    write_coded,
-)
+from ...lightfield import DepthReport, Display, EncodeConfig, ViewMask, pattern
 from ...lightfield.screens import Bridge
 from ...media.pictures import read_image
 from ...runner import serve as serve_requests
@@ -202,7 +189,7 @@ class Sitting:
                 background: float = 1.0) -> UInt8:
         """What is shown from some cameras, side by side: uint8 [size, size * cameras, 3]."""
         field = self.field(look)
-        return np.concatenate([eight_bit(seen.color) for seen in render_views(
+        return np.concatenate([lightfield.eight_bit(seen.color) for seen in lightfield.render_views(
             field, views_of(field, cameras, size), background=background)], axis=1)
 
 
@@ -365,7 +352,8 @@ class _Resident:
         panel = Display.resolve(facts["display"])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the report says it
-            return field, panel, composed(field, panel, EncodeConfig(**facts["placement"]))
+            placed = lightfield.composed(field, panel, EncodeConfig(**facts["placement"]))
+        return field, panel, placed
 
     def budget(self, facts: Facts) -> dict[str, Any]:
         """The panel's depth budget for a head as it is placed."""
@@ -383,26 +371,27 @@ class _Resident:
         field, panel, config = self._placed(facts)
         key = repr((look.key(), panel, config))
         if self._coded is None or self._coded[0] != key:
-            self._coded = key, encode(field, panel, config, mask=ViewMask.build(panel))
+            self._coded = key, lightfield.encode(field, panel, config, mask=ViewMask.build(panel))
         return self._coded[1]
 
     def eye(self, facts: Facts) -> dict[str, Any]:
         """What an eye in front of the panel sees, JPEG."""
         image, panel = self.coded(facts), Display.resolve(facts["display"])
         block = max(1, round(panel.width / int(facts["width"])))
-        seen = simulate(image, panel, facts["eye"], crosstalk=facts["crosstalk"], block=block)
+        seen = lightfield.simulate(image, panel, facts["eye"], crosstalk=facts["crosstalk"],
+                                   block=block)
         return {"picture": jpeg(np.asarray(np.clip(seen, 0, 1) * 255 + 0.5, np.uint8))}
 
     def full(self, facts: Facts) -> dict[str, Any]:
         """Write the coded picture for the panel's own window."""
         panel = Display.resolve(facts["display"])
-        write_coded(Path(facts["file"]), self.coded(facts), panel)
+        lightfield.write_coded(Path(facts["file"]), self.coded(facts), panel)
         return {}
 
     def pattern(self, facts: Facts) -> dict[str, Any]:
         """Write a test pattern."""
         panel = Display.resolve(facts["display"])
-        write_coded(Path(facts["file"]), pattern(panel, facts["kind"]), panel)
+        lightfield.write_coded(Path(facts["file"]), pattern(panel, facts["kind"]), panel)
         return {}
 
     def bridge(self, facts: Facts) -> dict[str, Any]:
@@ -420,7 +409,7 @@ class _Resident:
     def cast(self, facts: Facts) -> dict[str, Any]:
         """Show a quilt by Bridge."""
         path = Path(facts["file"])
-        layout = layout_of_file(path)
+        layout = lightfield.layout_of_file(path)
         if layout is None:
             raise UserError(f"{path.name} is no quilt; export the version as a quilt first")
         with Bridge(timeout=_BRIDGE) as bridge:
