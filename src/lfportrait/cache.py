@@ -27,12 +27,9 @@ from numpy.typing import NDArray
 from .errors import UserError
 from .files import UNREADABLE_ARRAYS, atomic_write, file_state, load_arrays, temporary_home
 
-MOST = 100
-"""Files that are kept of a kind: those that were used last."""
-_DIGITS = 32
-"""Of a hash."""
-_INSTALLATIONS = 8
-"""States of packages whose hashes are kept."""
+MOST = 100  # Files that are kept of a kind: those that were used last.
+_DIGITS = 32  # Of a hash.
+_INSTALLATIONS = 8  # States of packages whose hashes are kept.
 
 
 def _plain(value: Any) -> Any:

@@ -26,8 +26,7 @@ _WHITE_HLG, _WHITE_PQ = 0.2650, 203.0
 _SYSTEM_GAMMA = 1.09
 """Of HLG on a display of 550 cd/m2 (ITU-R BT.2100: 1.2 + 0.42 log10(L / 1000)): between videos that
 hold scene light (1.0) and those made for a display of 1000 cd/m2 (1.2)."""
-_KNEE = 0.9
-"""Light above this part of white is compressed: highlights keep their shape."""
+_KNEE = 0.9  # Light above this part of white is compressed: highlights keep their shape.
 
 
 def to_uint8(values: NDArray[Any]) -> UInt8:

@@ -2,8 +2,7 @@
 
 import re
 
-_LONGEST = 1500
-"""Letters of a message: more is what a damaged file holds, not what anybody reads."""
+_LONGEST = 1500  # Letters of a message: more is what a damaged file holds, not what anybody reads.
 
 
 class UserError(Exception):

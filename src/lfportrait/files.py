@@ -51,14 +51,11 @@ _ARRAY = re.compile(r"\{'descr': '([^']+)', 'fortran_order': (True|False), "
                     r"'shape': \(([0-9, ]*)\), \} *\n?")
 """The head of an array, as NumPy writes it."""
 
-_PIECE = 1 << 20
-"""Bytes of an array that are read at a time."""
-_ALIGNED = 64
-"""Alignment of mapped numbers in bytes."""
+_PIECE = 1 << 20  # Bytes of an array that are read at a time.
+_ALIGNED = 64  # Alignment of mapped numbers in bytes.
 _HEADER, _ZIP64 = 30, 20
 """Bytes of a member's header without its name, and of the field with 64-bit sizes."""
-_PADDING = 0xD935
-"""The kind of a field that only takes room."""
+_PADDING = 0xD935  # The kind of a field that only takes room.
 _SHEET, _HEAD = b"lfportrait sheet", 1024
 """Mark of pictures that look at photos, and within how many bytes of their files it stands."""
 _UMASK_LOCK = threading.Lock()
@@ -394,10 +391,8 @@ def load_arrays(path: Path) -> dict[str, NDArray[Any]]:
                 for member in archive.infolist()}
 
 
-_CARD = 10_000_000
-"""Nanoseconds of a step of the clock of memory cards (exFAT; FAT: 2 s)."""
-_SOON = 2_000_000_000
-"""Nanoseconds within which two changes may have the same time."""
+_CARD = 10_000_000  # Nanoseconds of a step of the clock of memory cards (exFAT; FAT: 2 s).
+_SOON = 2_000_000_000  # Nanoseconds within which two changes may have the same time.
 
 
 def file_state(path: Path) -> tuple[int, int, int, int]:

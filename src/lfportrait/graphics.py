@@ -14,8 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-DEVICES = Path("/dev")
-"""Where the system shows devices as files."""
+DEVICES = Path("/dev")  # Where the system shows devices as files.
 _SIGNS = ("dri/renderD*", "nvidia[0-9]*", "kfd", "dxg", "nvhost-gpu", "mali0")
 """Files there that a GPU's driver makes: any maker's, NVIDIA's, AMD's, that of Windows'
 subsystem for Linux, and of boards."""

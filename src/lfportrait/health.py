@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 MEMORY = 4_000_000_000
 """Bytes that a job takes at its peak: the demo, measured; ``demo --quick`` takes half."""
-DISK = 1_000_000_000
-"""Bytes that its folder takes: the demo's 0.2 GB, and larger photos."""
+DISK = 1_000_000_000  # Bytes that its folder takes: the demo's 0.2 GB, and larger photos.
 
 State = Literal["good", "optional", "bad"]
 

@@ -19,14 +19,11 @@ from typing import Any
 
 from .errors import UserError
 
-FEATURES = ("brows", "eyes", "nose", "lips")
-"""Features of a face."""
+FEATURES = ("brows", "eyes", "nose", "lips")  # Features of a face.
 LABELS = (*FEATURES, "skin", "ears", "hair", "neck", "clothes", "background")
 """All parts; together they are everything."""
-GROUPS = {"features": FEATURES, "body": ("neck", "clothes")}
-"""Names for several parts."""
-PICTURE_LABELS = (*FEATURES, "skin", "hair", "body", "background")
-"""Ears belong to the skin here."""
+GROUPS = {"features": FEATURES, "body": ("neck", "clothes")}  # Names for several parts.
+PICTURE_LABELS = (*FEATURES, "skin", "hair", "body", "background")  # Ears belong to the skin here.
 SURFACE_LABELS = LABELS[:-1]
 MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features", "ears")
 BY_HAND = ("auto", "hair", "hat", "neck", "skin", "background")

@@ -180,8 +180,7 @@ def limit_threads(environment: MutableMapping[str, str], system: Path = Path("/"
             environment.setdefault(name, str(cores))
 
 
-_NO_LIMIT = 1 << 60
-"""Bytes from which version 1 means that there is no limit."""
+_NO_LIMIT = 1 << 60  # Bytes from which version 1 means that there is no limit.
 _USUAL = "/sys/fs/cgroup"
 
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from .arrays import Bool, Float64
 
-_WINDOW = 11
-"""Width of SSIM's window in pixels."""
+_WINDOW = 11  # Width of SSIM's window in pixels.
 
 
 def psnr(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None) -> float:

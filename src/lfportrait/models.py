@@ -30,8 +30,7 @@ from .errors import UserError
 from .files import atomic_path, file_state
 from .progress import Progress
 
-OFFLINE = "LFPORTRAIT_OFFLINE"
-"""Environment variable of processes that download nothing."""
+OFFLINE = "LFPORTRAIT_OFFLINE"  # Environment variable of processes that download nothing.
 
 
 @dataclass(frozen=True)
@@ -297,14 +296,10 @@ def listing() -> list[str]:
     return rows
 
 
-TIMEOUT = 30.0
-"""Seconds that a server may take to answer, and between two pieces of a file."""
-TRIES = 2
-"""How often a file is asked for; a file that the server says it has not, only once."""
-PAUSE = 1.0
-"""Seconds between two tries."""
-SLOWEST = 1024
-"""Bytes a second below which a server counts as stalled."""
+TIMEOUT = 30.0  # Seconds that a server may take to answer, and between two pieces of a file.
+TRIES = 2  # How often a file is asked for; a file that the server says it has not, only once.
+PAUSE = 1.0  # Seconds between two tries.
+SLOWEST = 1024  # Bytes a second below which a server counts as stalled.
 
 
 class _FailedError(Exception):

@@ -28,10 +28,8 @@ _PIECE = 1 << 20
 """Bytes of a picture that are coded together, about: as many on any machine, for the same file."""
 _BLOCK = 1 << 17
 """Bytes that are filtered at once: with what is tried on them they fit into a core's cache."""
-_SUB, _UP, _AVERAGE = 1, 2, 3
-"""PNG's numbers of the filters."""
-_KINDS = {1: 0, 2: 4, 3: 2, 4: 6}
-"""PNG's kinds of color by the number of channels."""
+_SUB, _UP, _AVERAGE = 1, 2, 3  # PNG's numbers of the filters.
+_KINDS = {1: 0, 2: 4, 3: 2, 4: 6}  # PNG's kinds of color by the number of channels.
 
 
 class PngWriter:

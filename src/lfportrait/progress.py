@@ -15,8 +15,7 @@ _SURE, _SECONDS = 0.02, 2.0
 
 _NUMBER = re.compile(r"[,:]? \d")
 """Ends the name of a step in a note: ``"refine 3 of 40: 0.8"``, ``"128^3, 1.2 M voxels"``."""
-_COUNT = re.compile(r"(\d+) of (\d+)")
-"""How far a step is, in a note."""
+_COUNT = re.compile(r"(\d+) of (\d+)")  # How far a step is, in a note.
 
 
 class Outlook(Protocol):

@@ -31,10 +31,8 @@ from pathlib import Path
 
 from .errors import UserError
 
-_ROOM = 1 << 20
-"""Bytes that are wanted before anything begins."""
-_FULL = 64 << 10
-"""Free bytes below which a folder is full: SQLite asks for more at a time."""
+_ROOM = 1 << 20  # Bytes that are wanted before anything begins.
+_FULL = 64 << 10  # Free bytes below which a folder is full: SQLite asks for more at a time.
 _NUMBERS = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EROFS, errno.EACCES,
             errno.EPERM, errno.EIO}
 _SIGNS = ("disk i/o error", "database or disk is full", "unable to open database",
@@ -119,8 +117,7 @@ MARK = r"\d+-\d+-[0-9a-f]{8}-[0-9a-f]{8}\.part"
 _NAME = re.compile(
     r"\.?(?P<stem>.+)\.(?P<process>\d+)-(?P<start>\d+)-(?P<host>[0-9a-f]{8})-[0-9a-f]{8}"
     r"\.(?P<kind>part|moved)(?P<suffix>\.[^.]*)?", re.DOTALL)
-_LONGEST = 255
-"""Bytes of a file's name."""
+_LONGEST = 255  # Bytes of a file's name.
 _FOREIGN = 24 * 3600.0
 """Seconds after which nobody writes any more what a process of another host has begun."""
 _SWEPT: set[str] = set()

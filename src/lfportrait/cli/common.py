@@ -23,8 +23,7 @@ from ..plugins import offered
 from ..progress import Outlook, Progress
 
 _HIDDEN: Any = tyro.conf.Suppress
-_MOST = 16
-"""A command with no more options than this shows all of them."""
+_MOST = 16  # A command with no more options than this shows all of them.
 
 
 def print_short_help(command: type, program: str) -> None:

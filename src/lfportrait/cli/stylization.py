@@ -28,8 +28,7 @@ from ..progress import Progress
 from ..stylize import MixConfig, StyledField, StylizeConfig
 from .common import Common
 
-DOUBTFUL = 77.0
-"""Degrees beyond which the landmarks of a turned photo are often wrong."""
+DOUBTFUL = 77.0  # Degrees beyond which the landmarks of a turned photo are often wrong.
 
 
 class _Painter:

@@ -36,8 +36,7 @@ def resized(picture: NDArray[Any], width: int, height: int) -> NDArray[Any]:
     return np.array(Image.fromarray(picture).resize((width, height), kind))
 
 
-SIZE, VIEWS = 384, 60
-"""Width and height of the photos in pixels, and their number."""
+SIZE, VIEWS = 384, 60  # Width and height of the photos in pixels, and their number.
 LEAST_SIZE, LEAST_VIEWS = 16, 4
 
 

@@ -43,10 +43,8 @@ from .warmup import Warmup
 PAGE = "portrait.html"
 KERNELS = "transfer", "stylize", "encode"
 """What of `Warmup` a look needs beside the training's own."""
-PIXELS = 256.0
-"""Of the skin, per world unit, at most; a preview paints every second one."""
-SIZE = 2.0
-"""Of the page in MB, at most."""
+PIXELS = 256.0  # Of the skin, per world unit, at most; a preview paints every second one.
+SIZE = 2.0  # Of the page in MB, at most.
 
 
 class LookTaken(Exception):

@@ -41,8 +41,7 @@ from ..progress import Progress, note, say
 
 MadeFrom = Annotated[Literal["auto", "face", "photos"], tyro.conf.arg(name="from")]
 """What a head is made from: the face, to which a head is fitted; or what the photos share."""
-_FEWEST = 3
-"""Photos from which on cameras are looked for by what the photos have in common."""
+_FEWEST = 3  # Photos from which on cameras are looked for by what the photos have in common.
 _MANY = 10
 """Photos from which on a head is fitted to the best one, and only where that was asked for or the
 face decides (`reason_to_fit`)."""
@@ -163,8 +162,7 @@ def fit_to_face(photos: Path, config: CalibrateConfig, progress: Progress | None
     return capture, {**figures, **{name: text for name, text in said.items() if text}}
 
 
-_LOOKS = 40
-"""Pictures at most that are looked at to tell how a face moves."""
+_LOOKS = 40  # Pictures at most that are looked at to tell how a face moves.
 _CHANGED = {"mouth": 0.07, "width": 0.065}
 """Spread (of the middle 80 %) of a mouth's opening and width, over the distance of the outer
 corners of the eyes, from which on a face moves. In nine films of faces that do, the first is 0.08
@@ -175,14 +173,10 @@ _TURN = 60.0
 the head is seen from both sides."""
 _ONE_SIDE = 6.0
 """Degrees of the arc below which no shape can be seen, however still the head is held."""
-_LYING = 45.0
-"""Degrees by which heads lean in pictures that lie on their side."""
-_SEEN = 0.6
-"""Share of the pictures that must show a face for its movements to decide."""
-_TRIES = 4
-"""How many of the best pictures are tried."""
-_FRONTAL = 30.0
-"""Degrees up to which a mouth's width is compared."""
+_LYING = 45.0  # Degrees by which heads lean in pictures that lie on their side.
+_SEEN = 0.6  # Share of the pictures that must show a face for its movements to decide.
+_TRIES = 4  # How many of the best pictures are tried.
+_FRONTAL = 30.0  # Degrees up to which a mouth's width is compared.
 
 
 @dataclass(frozen=True)
@@ -310,16 +304,12 @@ def _costs(faces: Sequence[FaceLook]) -> Float64:
 
 _RELAXED = (0.52, 0.6)
 """Widths of a mouth that neither laughs nor pouts, over the distance of the eyes' corners."""
-_LEVEL = 5.0
-"""Pitch that `face_pose` finds in faces which look straight ahead, degrees."""
+_LEVEL = 5.0  # Pitch that `face_pose` finds in faces which look straight ahead, degrees.
 
 
-_COVERED = 0.5
-"""Share of either half of a face under hair from which it counts."""
-_HAND = 0.15
-"""Share of a face that must be skin of the body for a hand to be there."""
-_STRIP = 0.25
-"""Share of both halves below which one is not looked at."""
+_COVERED = 0.5  # Share of either half of a face under hair from which it counts.
+_HAND = 0.15  # Share of a face that must be skin of the body for a hand to be there.
+_STRIP = 0.25  # Share of both halves below which one is not looked at.
 _HALVES = ([27, 28, 29, 30, 33, 31, 3, 2, 1, 0, 17, 18, 19, 20, 21],
            [27, 28, 29, 30, 33, 35, 13, 14, 15, 16, 26, 25, 24, 23, 22])
 """Landmarks around the halves of a face between brows and nose: no beard grows there."""

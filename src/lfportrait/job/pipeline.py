@@ -94,8 +94,7 @@ _TRAINING = {"start": (0.6, 0.6), "surface": (3.0, 5.5), "rays": (0.5, 3.0), "fi
 _FITTED = {"laying the head over its photo": 0.2, "hair and body from the outline": 0.15,
            "lattice": 3.6, "colors": 0.9}
 """Seconds of the steps of a head that is fitted to a face, which is not trained."""
-COMPILE = 0.86
-"""Core-seconds to compile a function."""
+COMPILE = 0.86  # Core-seconds to compile a function.
 
 
 class Source(NamedTuple):
@@ -219,14 +218,10 @@ def _trained(stage: str, config: MakeConfig, source: Source, look: bool, cores: 
 
 
 _COMPILING = "compiling kernels"
-_KNOWN = 5.0
-"""Seconds of the table that count as measured from the first."""
-_FORGET = 20.0
-"""Seconds after which a step counts half for what this machine is like now."""
-_ODD = 2.0
-"""How many times slower than those before it a step may seem."""
-_MOST = 8.0
-"""How many times slower, or faster, than the table a machine may be."""
+_KNOWN = 5.0  # Seconds of the table that count as measured from the first.
+_FORGET = 20.0  # Seconds after which a step counts half for what this machine is like now.
+_ODD = 2.0  # How many times slower than those before it a step may seem.
+_MOST = 8.0  # How many times slower, or faster, than the table a machine may be.
 
 
 class TimeLeft:

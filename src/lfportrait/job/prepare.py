@@ -46,12 +46,9 @@ from ..simd.threads import side_by_side
 from .made_from import NotTogether, fit_to_face, head_way, reason_to_fit
 from .photo_check import problem_sheet
 
-_OUTLIERS = 0.6
-"""Share of a face's landmarks that do not fit cameras which are wrong."""
-_PLACED = 0.8
-"""Share of placed photos below which cameras are estimated from the face."""
-_FAR = 10.0
-"""Pixels by which a head's features are off, by cameras that are of something else."""
+_OUTLIERS = 0.6  # Share of a face's landmarks that do not fit cameras which are wrong.
+_PLACED = 0.8  # Share of placed photos below which cameras are estimated from the face.
+_FAR = 10.0  # Pixels by which a head's features are off, by cameras that are of something else.
 
 
 def find_face(capture: Capture, progress: Progress | None = None, *,

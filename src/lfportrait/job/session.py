@@ -31,8 +31,7 @@ from ..lightfield import Display, encode
 from ..progress import Progress
 from ..stylize import NearbyPainters, Painters, StyledField, StylizeConfig
 
-_EXEMPLARS = 16
-"""Paintings that are kept."""
+_EXEMPLARS = 16  # Paintings that are kept.
 
 
 class Session:

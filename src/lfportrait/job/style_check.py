@@ -34,8 +34,7 @@ from .session import preview_head
 
 SMALL = 300
 """A face of so many pixels from chin to brows, or less, has coarse strokes on any panel."""
-HALF = 45.0
-"""From so many degrees on about half of a face is its mirror image."""
+HALF = 45.0  # From so many degrees on about half of a face is its mirror image.
 CORNER, GRAIN, LIKE = 0.04, 4.0, (8.0, 24.0)
 """Size of the corners that a frame is looked for in, over the picture's shorter side. A pixel is of
 their color if it is no further from it than their grain (`GRAIN` of its deviations), within
@@ -48,8 +47,7 @@ SHADE, DEEP = 0.52, 75.0
 luma of 255."""
 UNSURE, NEITHER = 0.36, (0.3, 0.7)
 """A hair matte is unsure if so much of it lies between hair and none."""
-HAND = 0.04
-"""Share of the face that must be skin of the body for a hand to be there."""
+HAND = 0.04  # Share of the face that must be skin of the body for a hand to be there.
 
 
 @dataclass(frozen=True)

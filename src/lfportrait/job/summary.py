@@ -44,13 +44,10 @@ from ..stylize import kept_skin, load_styled
 from ..version import __version__
 from .graph import MakeConfig, Task
 
-_FRAMES = 90
-"""Of the sweep."""
+_FRAMES = 90  # Of the sweep.
 _ANGLES = (-45, 0, 45)
-_COLUMN = 448
-"""The same in one of three columns."""
-_SHOWN = 640
-"""Width in pixels, about, at which the report shows a picture."""
+_COLUMN = 448  # The same in one of three columns.
+_SHOWN = 640  # Width in pixels, about, at which the report shows a picture.
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
 """Colors of places seen from none, one, two and more directions, which people with color
 blindness can distinguish."""

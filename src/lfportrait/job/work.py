@@ -43,8 +43,7 @@ if TYPE_CHECKING:
 Look = Callable[[Capture, Callable[[], VoxelField]], None]
 """Is offered a field that is made in part: its capture, and what gives it."""
 
-_THUMBNAIL = 192
-"""Height of the small pictures of an index in pixels."""
+_THUMBNAIL = 192  # Height of the small pictures of an index in pixels.
 
 
 @dataclass
@@ -241,8 +240,7 @@ def say_poor(figures: dict[str, Any]) -> None:
                       "without cameras --from face takes the best one", stacklevel=2)
 
 
-POOR = 20.0
-"""PSNR in dB of held-out photos below which a field is of no use."""
+POOR = 20.0  # PSNR in dB of held-out photos below which a field is of no use.
 
 
 def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,

@@ -35,14 +35,12 @@ from .scheduler import AnyTask, Failure, Outcome, Runner, failure_of
 
 CAN_PAUSE = hasattr(os, "killpg")
 """Whether this system can stop a process and all that it has started, and let it go on."""
-_LOG = 1 << 20
-"""Bytes of a log after which it begins again."""
+_LOG = 1 << 20  # Bytes of a log after which it begins again.
 _BEGIN = ("import gc; gc.disable(); from {module} import {function}; gc.freeze(); gc.enable(); "
           "{function}()")
 """What a process runs. Nothing that is imported is ever garbage: to look for some meanwhile, and
 among it later, takes an eighth of a start."""
-_WOKEN_BY = 1
-"""Linux: prctl's number for the signal that a process gets when its parent ends."""
+_WOKEN_BY = 1  # Linux: prctl's number for the signal that a process gets when its parent ends.
 
 
 def send(stream: IO[bytes], value: Any) -> None:

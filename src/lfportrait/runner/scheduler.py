@@ -78,8 +78,7 @@ class Plan(Generic[AnyTask]):
 
 _NEWEST = 0.25
 """What the newest work counts in the mean at the least: parameters and machines change."""
-_SLACK = 1.2
-"""Memory of work over the largest that was measured of its kind."""
+_SLACK = 1.2  # Memory of work over the largest that was measured of its kind.
 
 
 @dataclass(frozen=True)
@@ -167,8 +166,7 @@ def failure_of(error: BaseException) -> Failure:
                    "".join(traceback.format_exception(error)))
 
 
-_PATIENCE = 0.5
-"""Seconds after which it is looked again whether more tasks can run at once."""
+_PATIENCE = 0.5  # Seconds after which it is looked again whether more tasks can run at once.
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,12 @@ import numpy as np
 from ..simd.decorators import kernel, lean_kernel
 from ..simd.threads import shared
 
-TILE = 16
-"""Side of a tile in pixels."""
+TILE = 16  # Side of a tile in pixels.
 COLUMNS = 8
 """Of a projected splat: middle x, y; inverse covariance xx, xy, yy; opacity; half width, height."""
 LEAST = np.float32(1 / 255)
 MOST = np.float32(0.99)
-DARK = np.float32(1e-4)
-"""A pixel whose transmittance is lower is finished."""
+DARK = np.float32(1e-4)  # A pixel whose transmittance is lower is finished.
 
 
 @shared("positions")

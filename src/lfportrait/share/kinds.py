@@ -24,8 +24,7 @@ from .frames.files import PICTURES, VIDEOS, FrameConfig
 if TYPE_CHECKING:
     from ..field import VoxelField
 
-METRES = 0.1
-"""Of a unit of the portrait frame: a head, which lies within -1 to 1, is 20 cm high."""
+METRES = 0.1  # Of a unit of the portrait frame: a head, which lies within -1 to 1, is 20 cm high.
 
 
 Up = Literal["auto", "y-up", "y-down"]
@@ -522,8 +521,7 @@ KINDS: tuple[type[Export], ...] = (
 """In the order in which the studio shows them."""
 
 
-EXPORTS = "lfportrait.exports"
-"""Group of entry points with classes above `Export`."""
+EXPORTS = "lfportrait.exports"  # Group of entry points with classes above `Export`.
 
 
 def exports() -> dict[str, Export]:

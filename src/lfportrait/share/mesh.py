@@ -39,12 +39,9 @@ from .gltf import Glb
 
 FINER = 1.5
 """Pixels of the picture per texel of a painted field: looking up between pixels blurs a little."""
-PLAIN = 1.5
-"""Pixels of the picture per lattice point, where the field has no texture."""
-LARGEST = 4096
-"""Side of the picture at most: what phones show."""
-NEAR = 4.0
-"""Lattice spacings that a face may lie before a chart's surface or under it."""
+PLAIN = 1.5  # Pixels of the picture per lattice point, where the field has no texture.
+LARGEST = 4096  # Side of the picture at most: what phones show.
+NEAR = 4.0  # Lattice spacings that a face may lie before a chart's surface or under it.
 PIECE = 4
 """Side in pixels of the piece of a face that no chart shows; its corners lie one pixel inside."""
 
@@ -166,8 +163,7 @@ def _pieces(colors: UInt8, width: int) -> tuple[UInt8, Float32]:
     return picture, places.astype(np.float32)
 
 
-LONGEST = 60
-"""Letters that are kept of a name that is not plain."""
+LONGEST = 60  # Letters that are kept of a name that is not plain.
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _ODD = re.compile(r"[^A-Za-z0-9_.-]+")
 
@@ -232,8 +228,7 @@ def _linear(color: UInt8) -> NDArray[np.uint16]:
     return np.column_stack([table[color], np.full(len(color), 65535, np.uint16)])
 
 
-_AT_ONCE = 1 << 14
-"""Lines that are formatted together."""
+_AT_ONCE = 1 << 14  # Lines that are formatted together.
 
 
 def _write_lines(stream: BinaryIO, rows: NDArray[Any], form: str) -> None:
@@ -306,10 +301,8 @@ def write_ply(stream: BinaryIO, place: Float32, normals: Float32, item: PointClo
 
 
 ALIGNED = 64
-HEADER = 30
-"""Bytes of a zip member's header without its name and extra field."""
-PADDING = 0x1986
-"""The kind of an extra field that only takes room, as USD's own writer has it."""
+HEADER = 30  # Bytes of a zip member's header without its name and extra field.
+PADDING = 0x1986  # The kind of an extra field that only takes room, as USD's own writer has it.
 EPOCH = (1980, 1, 1, 0, 0, 0)
 
 _MATERIAL = """

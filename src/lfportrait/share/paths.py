@@ -24,8 +24,7 @@ from ..lightfield import EncodeConfig, Ground, eight_bit, render_views, world_gr
 from .kinds import ExportContext, LoopConfig
 from .video import write_video
 
-DISTANCE = 4.0
-"""Of the cameras from what they look at, in world units."""
+DISTANCE = 4.0  # Of the cameras from what they look at, in world units.
 _MARGIN = 1.04
 
 
@@ -144,8 +143,7 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
 
 _QUALITY = 80
 """Of WebP: strokes keep their edges, and a loop of 480 pixels has about half a megabyte."""
-_TICK = 10
-"""Milliseconds in which GIF files count; players show less than two of them as ten."""
+_TICK = 10  # Milliseconds in which GIF files count; players show less than two of them as ten.
 
 
 def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:

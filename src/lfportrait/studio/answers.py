@@ -29,8 +29,7 @@ STATUS = {
     "preview_lost": 503, "killed": 503, "disk_full": 507}
 """The codes of errors, and the HTTP status of each."""
 
-_LONGEST = 80
-"""Characters of a name."""
+_LONGEST = 80  # Characters of a name.
 
 
 class Refusal(Exception):
@@ -150,8 +149,7 @@ _FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt")
                                            for n in range(1, 10))}
 """Names that mean devices on Windows, with any ending."""
-_FORMLESS = ("Cf", "Cs", "Co", "Cn")
-"""Signs that are not seen, or that nobody knows."""
+_FORMLESS = ("Cf", "Cs", "Co", "Cn")  # Signs that are not seen, or that nobody knows.
 _LONGEST_NAME = 120
 
 

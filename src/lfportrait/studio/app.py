@@ -204,10 +204,8 @@ _ALWAYS = {"x-content-type-options": "nosniff", "referrer-policy": "no-referrer"
 _SAFE = ("GET", "HEAD")
 _OPEN = ("/api/session",)
 _BYTES = "application/octet-stream"
-LARGEST = 1 << 20
-"""Bytes of a JSON body; what is larger is an upload, which has bounds of its own."""
-PATIENCE = 20.0
-"""Seconds in which a body must go on."""
+LARGEST = 1 << 20  # Bytes of a JSON body; what is larger is an upload, which has bounds of its own.
+PATIENCE = 20.0  # Seconds in which a body must go on.
 
 
 class Keys:

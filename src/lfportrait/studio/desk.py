@@ -23,8 +23,7 @@ from .projects import Project, Projects
 from .styles import Styles
 from .versions import Version, Versions, mix_arguments
 
-_QUIET = 2.0
-"""Seconds without another upload after which photos are checked."""
+_QUIET = 2.0  # Seconds without another upload after which photos are checked.
 _LOW, _AGAIN = 2 << 30, 120.0
 """Free bytes below which the disk is nearly full, and seconds before it is said again."""
 

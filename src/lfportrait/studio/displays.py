@@ -18,13 +18,10 @@ from ..lightfield import Display
 from .answers import Refusal, choice, folder_name, free_place, id_of, number, truth, whole
 from .projects import Project, Projects
 
-KINDS = ("views", "slant", "fringe", "depth")
-"""Test patterns."""
+KINDS = ("views", "slant", "fringe", "depth")  # Test patterns.
 _LARGEST = 256 << 10
-_COUNTS = 8
-"""Counts of bands that are kept."""
-_ALIKE = 0.2
-"""Numbers that differ by less, in bands, are the same."""
+_COUNTS = 8  # Counts of bands that are kept.
+_ALIKE = 0.2  # Numbers that differ by less, in bands, are the same.
 
 
 @dataclass(frozen=True)

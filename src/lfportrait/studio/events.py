@@ -17,10 +17,8 @@ from .. import runner
 from ..models import OFFLINE
 
 _KEPT = 1000
-_WAITING = 500
-"""Lines that a page may be behind; a page that does not read any more is let go."""
-_ALIVE = 15.0
-"""Seconds between two lines at least, so that both ends see a broken connection."""
+_WAITING = 500  # Lines that a page may be behind; a page that does not read any more is let go.
+_ALIVE = 15.0  # Seconds between two lines at least, so that both ends see a broken connection.
 
 
 class Events:

@@ -17,8 +17,7 @@ from ..temporary import MARK
 from .answers import Refusal, choice, folder_name, id_of, number, text, truth, whole
 from .projects import Project
 
-_BOUND = 1e9
-"""Of numbers that have none."""
+_BOUND = 1e9  # Of numbers that have none.
 _PLACEMENT = {"size": (0.05, 4.0), "shift_x": (-4.0, 4.0), "shift_y": (-4.0, 4.0),
               "focus": (-4.0, 4.0), "depth_scale": (0.01, 4.0), "turn": (-180.0, 180.0),
               "ground_depth": (0.0, 20.0), "background": (0.0, 1.0), "shadow": (0.0, 1.0),

@@ -181,8 +181,7 @@ def load_jobs(folder: Path) -> list[JobState]:
 
 
 _KEPT = 100
-_LIGHT = 2
-"""Light jobs that run at once."""
+_LIGHT = 2  # Light jobs that run at once.
 _NOTES = 20
 _KILLED = Failure("killed", "the job's process was ended from outside, as it happens where memory "
                   "is short: close other programs, then let it go on; what is finished is kept")

@@ -37,8 +37,7 @@ from .answers import Refusal, failed, file_name, free_name, free_place, id_of, s
 from .projects import Project, record_in
 
 _SIDES = (240, 1280)
-VIDEO_FRAME = "video.jpg"
-"""Picture of a video among the small pictures: a frame of its middle."""
+VIDEO_FRAME = "video.jpg"  # Picture of a video among the small pictures: a frame of its middle.
 _FACTS = ("sharpness", "yaw", "pitch", "face", "brightness")
 
 
@@ -220,17 +219,13 @@ def small_picture(path: Path, target: Path, size: int) -> None:
         raise Refusal("user_error", f"{path.name} can't be read: it is damaged") from error
 
 
-_PHOTO, _VIDEO = 128 << 20, 8 << 30
-"""Bytes of the largest photo and video."""
-_ROOM = 512 << 20
-"""Bytes that stay free on the disk."""
+_PHOTO, _VIDEO = 128 << 20, 8 << 30  # Bytes of the largest photo and video.
+_ROOM = 512 << 20  # Bytes that stay free on the disk.
 _MOST = 500
-_SLOWEST, _WITHIN = 16 << 10, 20.0
-"""Bytes that must come in so many seconds."""
+_SLOWEST, _WITHIN = 16 << 10, 20.0  # Bytes that must come in so many seconds.
 _BLOCK = 1 << 20
 _HASH = re.compile("[0-9a-f]{64}")
-_KEPT = 14 * 86400.0
-"""Seconds after which an unfinished upload is deleted."""
+_KEPT = 14 * 86400.0  # Seconds after which an unfinished upload is deleted.
 
 
 @dataclass

@@ -21,8 +21,7 @@ from ..runner import Failure, Outcome, Schedule, Task, Workers
 from .answers import Refusal
 from .events import Child, Events
 
-_MOST = 64
-"""Questions of one turn that wait."""
+_MOST = 64  # Questions of one turn that wait.
 
 
 class Turn(IntEnum):

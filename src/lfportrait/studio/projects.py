@@ -39,8 +39,7 @@ from ..media.kinds import PHOTOS, VIDEOS
 from ..temporary import sweep_below
 from .answers import Refusal, folder_name, free_place, id_of, is_id
 
-OWN = ".studio"
-"""Folder of the studio's own files, in the projects' folder and in each project."""
+OWN = ".studio"  # Folder of the studio's own files, in the projects' folder and in each project.
 _TAKEN = ("paintings", "displays", "exports")
 _MARKS = ("studio.json", "photos", "portrait", "capture", "field.npz")
 """A folder with one of these is a project."""

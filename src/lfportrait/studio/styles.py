@@ -26,10 +26,8 @@ from ..media.pictures import open_picture, read_image
 from .answers import Refusal, file_name, folder_name, free_name, free_place, id_of, stamp_of
 from .projects import OWN, Project, Projects, record_in
 
-LARGEST = 128 << 20
-"""Bytes of a painting's file."""
-_SHOWN = 4096
-"""Longest side of a painting's picture on the page."""
+LARGEST = 128 << 20  # Bytes of a painting's file.
+_SHOWN = 4096  # Longest side of a painting's picture on the page.
 _BESIDE = ("landmarks.txt", "landmarks.png", "mask.png", "check.png", "regions.png")
 """Endings of what lies beside a painting."""
 

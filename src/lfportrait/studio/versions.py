@@ -18,8 +18,7 @@ from ..labels import GROUPS, MOST, SURFACE_LABELS
 from .answers import Refusal, folder_name, free_place, id_of, number, text, truth
 from .projects import Project, record_in
 
-PORTRAIT = "portrait"
-"""Id of the version that `lfportrait make` wrote into the job's folder."""
+PORTRAIT = "portrait"  # Id of the version that `lfportrait make` wrote into the job's folder.
 
 
 @dataclass(frozen=True)

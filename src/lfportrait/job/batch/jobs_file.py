@@ -142,8 +142,7 @@ def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
 
 _SECTIONS = ("calibrate", "reconstruct", "stylize", "encode", "page", "keep_background",
              "sweep_size")
-_FROM = "from"
-"""Names `MakeConfig.made_from`, as on the command line."""
+_FROM = "from"  # Names `MakeConfig.made_from`, as on the command line.
 _SWITCHES = {"pages": bool, "sweeps": bool, "seed": int}
 _SOURCES = ("photos", "video", "capture")
 _STYLE_SECTIONS = ("stylize", "encode", "page", "sweep_size")

@@ -29,8 +29,7 @@ from ...stages import finished_record
 from ...temporary import sweep_below
 from ..graph import STAGES
 
-FOLDER = ".batch"
-"""Folder in the results for the batch's own files."""
+FOLDER = ".batch"  # Folder in the results for the batch's own files.
 
 Event = dict[str, Any]
 Watcher = Callable[[Event], None]
@@ -122,10 +121,8 @@ def is_running(results: Path) -> bool:
     return False
 
 
-_EVERY = 10.0
-"""Seconds between lines where there is no terminal."""
-_SHOWN = 40
-"""Tasks of the graph that a dry run shows at most."""
+_EVERY = 10.0  # Seconds between lines where there is no terminal.
+_SHOWN = 40  # Tasks of the graph that a dry run shows at most.
 
 
 def duration(seconds: float) -> str:

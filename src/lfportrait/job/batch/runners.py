@@ -35,12 +35,9 @@ from ..warmup import Warmup
 from ..work import Tools, do_stage
 from .journal import locked_file
 
-ATTEMPTS = 3
-"""How often a task is given out whose worker dies."""
-KERNELS = ("reconstruct", "transfer", "stylize", "encode")
-"""What tasks need compiled."""
-_MEMORY_SHARE = 0.85
-"""Part of the free memory that tasks may take together."""
+ATTEMPTS = 3  # How often a task is given out whose worker dies.
+KERNELS = ("reconstruct", "transfer", "stylize", "encode")  # What tasks need compiled.
+_MEMORY_SHARE = 0.85  # Part of the free memory that tasks may take together.
 
 
 def thread_settings(cores: int) -> dict[str, str]:
@@ -105,10 +102,8 @@ def _size(path: Path) -> int:
     return path.stat().st_size
 
 
-_QUEUED = 2
-"""Tasks that Ray has for each core: one that runs and one that can follow at once."""
-_PATIENCE = 10.0
-"""Seconds until files that another machine wrote must be seen here."""
+_QUEUED = 2  # Tasks that Ray has for each core: one that runs and one that can follow at once.
+_PATIENCE = 10.0  # Seconds until files that another machine wrote must be seen here.
 
 
 @functools.cache

@@ -34,13 +34,11 @@ from . import files
 from .files import VIDEOS, FrameConfig
 from .quilts import QuiltPlan, write_quilt
 
-_SOLID = 10.0
-"""Densities below this are fog, which nobody sees at the border."""
+_SOLID = 10.0  # Densities below this are fog, which nobody sees at the border.
 _FLOATING = 5e-4
 """Share of the solid points that may stand out at each side: what floats about the head."""
 _MOST_POINTS = 20_000
-_NEAREST = 0.9
-"""How near the head may come to the eyes, as a share of their distance."""
+_NEAREST = 0.9  # How near the head may come to the eyes, as a share of their distance.
 
 
 @dataclass(frozen=True)
@@ -228,8 +226,7 @@ _SAFE = Margins(355 / 3840, 100 / 3840, 108 / 2160, stands=True)
 """What the maker asks to leave free. The head stands, as things stand in the panel's box."""
 _LARGEST_H264 = 4096
 _FRAMES = 120
-_QUALITY = {"h264": 18, "hevc": 20, "vp9": 24}
-"""Rate factors; the maker's advice for HEVC."""
+_QUALITY = {"h264": 18, "hevc": 20, "vp9": 24}  # Rate factors; the maker's advice for HEVC.
 _FLAT_QUALITY = 18
 
 

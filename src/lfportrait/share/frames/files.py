@@ -85,8 +85,7 @@ VIDEOS = (".mp4", ".mov", ".mkv", ".webm")
 _MOST_VIEWS, _MOST_TILES = 108, 50
 _RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt")
                                          for number in range(1, 10))}
-_LONGEST = 100
-"""Letters of a name on a drive, without what is put behind it."""
+_LONGEST = 100  # Letters of a name on a drive, without what is put behind it.
 
 
 @dataclass(frozen=True)
@@ -184,8 +183,7 @@ def quilt_exif(layout: QuiltLayout) -> Image.Exif:
 
 _LARGEST = {".webp": 16383, ".jpg": 65500, ".jpeg": 65500}
 """Pixels a side. JPEG's format has 35 more; libjpeg, which all use, does not write them."""
-_MOST = 2 << 30
-"""Bytes of a decoded picture: what is larger, most programs refuse to open."""
+_MOST = 2 << 30  # Bytes of a decoded picture: what is larger, most programs refuse to open.
 _OPTIONS: dict[str, dict[str, int]] = {
     ".webp": {"quality": 92, "method": 4},
     # Colors at full size: a quilt's tiles are small, and anaglyphs and depth live in colors.

@@ -44,10 +44,8 @@ from .files import (
 
 QUILTS = PICTURES
 """Endings of the formats that quilts are written in with all that goes with them."""
-_MOST_PIXELS = 8192
-"""Pixels a side that the graphics cards of all who look at quilts take."""
-_SAME = 0.01
-"""Names give the aspect in a few digits."""
+_MOST_PIXELS = 8192  # Pixels a side that the graphics cards of all who look at quilts take.
+_SAME = 0.01  # Names give the aspect in a few digits.
 
 
 @dataclass(frozen=True)
@@ -142,10 +140,8 @@ _CALIBRATION = Path("LKG_calibration") / "visual.json"
 _PLAYED = {"PNG": ".png", "JPEG": ".jpg"}
 """What a frame that stands alone plays, by Pillow's names."""
 _EVERYBODYS = ("styled", "field", "quilt")
-_FAT_FILE = (4 << 30) - 1
-"""Bytes of the largest file that FAT holds."""
-_SPARE = 1 << 20
-"""Bytes left free for folders and clusters."""
+_FAT_FILE = (4 << 30) - 1  # Bytes of the largest file that FAT holds.
+_SPARE = 1 << 20  # Bytes left free for folders and clusters.
 
 
 @dataclass(frozen=True)

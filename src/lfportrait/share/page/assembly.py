@@ -87,8 +87,7 @@ def _base64(data: bytes) -> str:
     return base64.b64encode(data).decode()
 
 
-_LONGEST = 720
-"""Pixels of the picture's longer side: a ground is soft, and lies behind."""
+_LONGEST = 720  # Pixels of the picture's longer side: a ground is soft, and lies behind.
 _QUALITY = 78
 
 _DARK, _LIGHT = 0.16, 0.88

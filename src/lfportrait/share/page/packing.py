@@ -105,8 +105,7 @@ out."""
 _CLEAR = 0.05
 """Part of the light that a voxel must take before its color is kept as exactly as asked; what
 takes less is seen less, and may be rounded more."""
-_LOOSEST = 24
-"""Largest tolerance, in 255ths, for what is hardly seen."""
+_LOOSEST = 24  # Largest tolerance, in 255ths, for what is hardly seen.
 _OPAQUE = 9.0
 """Optical depth of a voxel that lets 1/8000 of the light through: larger values are clipped."""
 _HOLLOW = 0.3
@@ -278,15 +277,13 @@ def _range(values: Float32, taken: Float32, band: int,
     return min(low, -0.5 / C0), max(high, 0.5 / C0)
 
 
-_BLOCK = 8
-"""Texels across a block that is kept as a whole: so the mask is small."""
+_BLOCK = 8  # Texels across a block that is kept as a whole: so the mask is small.
 _ALIGN = 16
 """Charts are moved by multiples of this, so that the first levels of the pyramid stay as they
 were."""
 _MARGIN = 12
 """Texels kept around a chart's rows, beside a cell: the blur of coarser levels reads them."""
-_LONGEST = 4096
-"""Side of a texture that every device with WebGL2 of the last years takes."""
+_LONGEST = 4096  # Side of a texture that every device with WebGL2 of the last years takes.
 _WEIGHTS = (1, 3, 3, 1)
 
 
@@ -464,12 +461,10 @@ _TEXTURED = ((1, 1, 0), (2, 2, 0), (3, 3, 0), (4, 4, 0), (4, 6, 0), (6, 8, 0), (
 """The same for a field with a texture: largest errors of the lattice's values, of the texture's in
 254ths, and how many times that is halved. It is halved late: rounded to 8/254 it is still 35 dB
 from what it was on two heads, at half the resolution it is 30 to 32 dB."""
-_COARSE = (4, 4)
-"""Tolerances of lattice and texture where the lattice is made coarser."""
+_COARSE = (4, 4)  # Tolerances of lattice and texture where the lattice is made coarser.
 _SHRINKS = (0.8, 0.64, 0.5, 0.4, 0.32, 0.25)
 """Sides of the lattice over those of the field's, tried next."""
-_HALVED = (1, 1, 2, 2, 3, 3)
-"""How many times the texture is halved with each of them."""
+_HALVED = (1, 1, 2, 2, 3, 3)  # How many times the texture is halved with each of them.
 
 
 class _Packings:

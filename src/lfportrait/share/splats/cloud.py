@@ -211,8 +211,7 @@ def render_splats(splats: Splats, cameras: Camera, view: int = 0,
     return np.asarray(image[..., :3] + (1 - image[..., 3:]) * np.float32(background), np.float32)
 
 
-DOWN = {".ply", ".sog"}
-"""Endings of files that programs take to have +y down."""
+DOWN = {".ply", ".sog"}  # Endings of files that programs take to have +y down.
 _ACROSS = np.array([-1, -1, 1], np.float32)
 _HARMONICS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1], np.float32)
 """Signs of the harmonics that half a turn about z changes: those odd in x and y together."""
@@ -315,10 +314,8 @@ def write_ply(stream: BinaryIO, splats: Splats) -> None:
 
 
 
-PALETTE = 4096
-"""Sets of coefficients above degree 0 that a file holds at most."""
-SAMPLE = 40_000
-"""Splats from which those sets are chosen."""
+PALETTE = 4096  # Sets of coefficients above degree 0 that a file holds at most.
+SAMPLE = 40_000  # Splats from which those sets are chosen.
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The time of a zip file's members: the same splats give the same file."""
 
@@ -433,8 +430,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
 
 COLOR = 0.15
 """Coefficients of degree 0 are multiplied by this, as colors beyond black and white occur."""
-BITS = 18
-"""Binary places of positions, at most: 4 millionths of a world unit."""
+BITS = 18  # Binary places of positions, at most: 4 millionths of a world unit.
 HALF_TURN = 511 * np.sqrt(2)
 """What a component of a quaternion is multiplied with: nine bits and a sign."""
 STEPS = (2, 4)

@@ -31,26 +31,19 @@ from .cloud import Splats, quaternions_of, render_splats, splat_view
 
 LOOKS = ((0.0, 8), (40.0, 6), (-30.0, 6), (75.0, 3), (-65.0, 3))
 """Pitch in degrees and number of cameras on each ring around the head."""
-DISTANCE = 3.5
-"""Of the cameras from the middle, in radii of what the field holds."""
-PIXEL = 1.0
-"""Of their pictures, in distances between neighbouring splats."""
-LARGEST = 1000
-"""Side of those pictures at most, pixels."""
+DISTANCE = 3.5  # Of the cameras from the middle, in radii of what the field holds.
+PIXEL = 1.0  # Of their pictures, in distances between neighbouring splats.
+LARGEST = 1000  # Side of those pictures at most, pixels.
 THIN = 12.0
 """By this factor a copy of the field is denser that shows where something thin is: where the field
 itself takes 1 - 0.5^(1 / 12) = 6 % of the light."""
-DEEP = 4
-"""How much deeper than wide a cell is."""
+DEEP = 4  # How much deeper than wide a cell is.
 FACING = 0.35
 """Where the cosine between normal and view is lower, a ray is stopped by the soft layer over the
 surface: what it meets counts as thin."""
-FAINT = 0.04
-"""Pixels that are more transparent show no color that could be trusted."""
-WIDTH = 0.48
-"""Standard deviation of a disc along the surface, in distances to its neighbours."""
-FLAT = 0.25
-"""Its standard deviation across the surface, in those along it."""
+FAINT = 0.04  # Pixels that are more transparent show no color that could be trusted.
+WIDTH = 0.48  # Standard deviation of a disc along the surface, in distances to its neighbours.
+FLAT = 0.25  # Its standard deviation across the surface, in those along it.
 
 
 @dataclass(frozen=True)
@@ -267,10 +260,8 @@ def _frames(normals: Float32) -> Float32:
     return np.stack([first, np.cross(third, first), third], axis=2).astype(np.float32)
 
 
-PITCH = (-35.0, 60.0)
-"""Of the views, in degrees."""
-CLOSE = (1.0, 2.0, 2.0)
-"""How large views show the head, one after the other; 1 shows all of it."""
+PITCH = (-35.0, 60.0)  # Of the views, in degrees.
+CLOSE = (1.0, 2.0, 2.0)  # How large views show the head, one after the other; 1 shows all of it.
 RATES = {"opacity": 0.2, "scales": 0.06, "positions": 0.1}
 """Step sizes: of the logit of the opacity, of the logarithm of the scales, and of places in widths
 of the splat. They fall to a tenth."""
@@ -370,8 +361,7 @@ def _views(ball: Ball, pixels: int, steps: int) -> Iterator[Camera]:
         yield camera
 
 
-CHECKED = 8
-"""Views of a level orbit with which splats are compared to the field."""
+CHECKED = 8  # Views of a level orbit with which splats are compared to the field.
 
 
 def field_splats(field: VoxelField, config: SplatConfig | None = None,

@@ -328,8 +328,7 @@ def kept_preview(call: Call) -> Any:
     return picture(call, path)
 
 
-_PAGES = 24
-"""Pages of the viewer that are kept for a project."""
+_PAGES = 24  # Pages of the viewer that are kept for a project.
 _KEY = re.compile("[0-9a-f]{32}")
 
 

@@ -43,8 +43,7 @@ from . import pictures
 from .pictures import EarlyPicture, Teller
 from .resident import Look, Sitting
 
-_FITTED = {"capture": 2.5, "reconstruct": 7.5}
-"""Seconds of a head that is fitted to a face."""
+_FITTED = {"capture": 2.5, "reconstruct": 7.5}  # Seconds of a head that is fitted to a face.
 
 
 def serve() -> None:

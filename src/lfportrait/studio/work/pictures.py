@@ -33,12 +33,9 @@ from ...simd.host import watched_compilations
 from ..orders import Order
 from ..projects import Project
 
-_SIZE = 2.0
-"""Of a page in MB, at most."""
-_TOLD_EVERY = 0.25
-"""Seconds between two messages of progress at least."""
-_SHOWN = 3.0
-"""Seconds between two intermediate pictures at least; or ten times what one takes."""
+_SIZE = 2.0  # Of a page in MB, at most.
+_TOLD_EVERY = 0.25  # Seconds between two messages of progress at least.
+_SHOWN = 3.0  # Seconds between two intermediate pictures at least; or ten times what one takes.
 
 
 @dataclass
@@ -134,8 +131,7 @@ class Told(Progress):
 
 
 _PAPER, _INK, _BLUE = (250, 250, 248), (40, 40, 44), (30, 110, 200)
-_MARGIN = 1.12
-"""Of a head in its picture."""
+_MARGIN = 1.12  # Of a head in its picture.
 _DISTANCE = 4.0
 
 
@@ -237,8 +233,7 @@ def turned(number: int) -> float:
     return 35.0 * math.sin(0.7 * number)
 
 
-_EVERY = 1.0
-"""Seconds after which it is looked again whether a painting was chosen."""
+_EVERY = 1.0  # Seconds after which it is looked again whether a painting was chosen.
 
 
 class EarlyPicture(FirstLook):

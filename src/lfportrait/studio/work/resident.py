@@ -194,8 +194,7 @@ class Sitting:
 
 
 Facts = Mapping[str, Any]
-_NOSE = 30
-"""Its tip among the 68."""
+_NOSE = 30  # Its tip among the 68.
 
 
 def _faces(sitting: Sitting, facts: Facts) -> dict[str, Any]:
@@ -293,8 +292,7 @@ PAINTING_ANSWERS: dict[str, Callable[[Sitting, Facts], dict[str, Any]]] = {
     "copy_style": _copy}
 
 
-_BRIDGE = 3.0
-"""Seconds that Bridge has to answer."""
+_BRIDGE = 3.0  # Seconds that Bridge has to answer.
 
 
 def jpeg(image: UInt8, quality: int = 88) -> bytes:
