@@ -48,7 +48,6 @@ class ModelFile:
 
 
 def _read_registry() -> dict[str, tuple[ModelFile, ...]]:
-    """The networks of ``models.toml``."""
     data = tomllib.loads(files(__package__).joinpath("models.toml").read_text("utf-8"))
     return {name: tuple(ModelFile(**entry) for entry in entries) for name, entries in data.items()}
 

@@ -102,7 +102,6 @@ def _split(words: list[str]) -> tuple[str, list[str]] | None:
 
 
 def _command_class(name: str) -> Any:
-    """The data class of a command."""
     if name not in COMMANDS:
         from ..plugins import offered
 

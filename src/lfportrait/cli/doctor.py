@@ -33,7 +33,6 @@ class Doctor(Common):
     """Check the installation and suggest fixes."""
 
     def run(self) -> dict[str, Any]:
-        """Look and print."""
         facts = examine()
         bad = sum(fact.state == "bad" for fact in facts)
         if not self.quiet:
@@ -51,7 +50,6 @@ class Models(Common):
     """
 
     def run(self) -> dict[str, Any]:
-        """Print a line for each."""
         from .. import models
 
         print("\n".join(models.listing()))
@@ -66,7 +64,6 @@ class ModelsFetch(Common):
     """Networks or groups; by default portrait, those of the main job."""
 
     def run(self) -> dict[str, Any]:
-        """Download those that are missing."""
         from .. import models
 
         for name in models.expand(self.names or ("portrait",)):
@@ -82,7 +79,6 @@ class ModelsAdd(Common):
     """The files."""
 
     def run(self) -> dict[str, Any]:
-        """Check and copy each."""
         from .. import models
 
         if not self.files:
@@ -140,7 +136,6 @@ class Devices(Common):
     """
 
     def run(self) -> dict[str, Any]:
-        """Look and print."""
         adapters, gpus, lacks = gpu_adapters(), torch_devices(), lacking()
         used = {"light fields": device_name(gpu_adapter("auto")),
                 "networks": device_name(torch_device("auto"))}
@@ -214,7 +209,6 @@ class Inspect(Common):
     """Photos, videos, quilts, folders, data sets."""
 
     def run(self) -> dict[str, Any]:
-        """Look and print."""
         from ..job import inspect, inspection_lines
 
         if not self.paths:

@@ -62,7 +62,6 @@ class Export(Common):
                 if one.command == "export" and one.parameters not in _OURS}
 
     def run(self) -> dict[str, Any]:
-        """Convert and write."""
         export = share.export_of(self.out, self.config.kind)
         given = (self.config, self.page, self.frame, *self.given)
         parameters = next((one for one in given if type(one) is export.parameters), None)
@@ -81,7 +80,6 @@ class Formats(Common):
     """List what portraits are exported as, and which captures of other programs are read."""
 
     def run(self) -> dict[str, Any]:
-        """Look and print."""
         kinds, captures = share.exports().values(), capture_formats().values()
         rows = [(one.name, f"{one.mark}{' '.join(one.written)}", f"{one.title}: {one.purpose}" + (
             "" if one.command == "export" else f" (lfportrait {one.command})")) for one in kinds]
@@ -111,7 +109,6 @@ class View(Common):
     """Page."""
 
     def run(self) -> dict[str, Any]:
-        """Write the page to a temporary file and serve it."""
         def announce(address: str, _: Any) -> None:
             if not self.quiet:
                 print(f"{address} (Ctrl-C stops)", flush=True)
@@ -162,7 +159,6 @@ class Print(Common):
                                         "bleed", "head", "relief", "background")
 
     def run(self) -> dict[str, Any]:
-        """Code and write."""
         if self.pitch_test:
             figures = prints.write_pitch_test(self.config, self.out, self.pitch_range)
             self._say(f"{self.out}: {len(figures['pitches'])} pitches from "
@@ -177,7 +173,6 @@ class Print(Common):
         return self._printed(self.field)
 
     def _printed(self, path: Path) -> dict[str, Any]:
-        """The print and what goes with it."""
         from ..field import VoxelField
 
         sheet = prints.PrintSheet.of(self.config)
@@ -204,7 +199,6 @@ class Print(Common):
         return figures
 
     def _preview(self, view: prints.SheetView) -> list[Path]:
-        """Write the preview's picture and sweep."""
         from ..files import write_image
         from ..share import write_video
 

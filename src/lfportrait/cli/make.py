@@ -68,7 +68,6 @@ class Make(Common):
     usual: ClassVar[tuple[str, ...]] = ("from", "stylize.method", "stylize.strength")
 
     def run(self) -> dict[str, Any]:
-        """Run the job."""
         begun = time.perf_counter()
         config = replace(self.config, stylize=replace(self.config.stylize, parameters=self.given))
         run = make(self.photos, self.style, self.out, self.display, config,
@@ -100,7 +99,6 @@ class Demo(Common):
     """Number of photos, at most 60; by default 60, and 32 with --quick."""
 
     def run(self) -> dict[str, Any]:
-        """Run the main job on the photos."""
         from ..demo import demo_capture, demo_exemplar
 
         begun = time.perf_counter()
@@ -134,7 +132,6 @@ class BatchCommand(Common):
     """Where and how."""
 
     def run(self) -> dict[str, Any]:
-        """Make the portraits, or show what would be made."""
         if self.out is None:
             raise UserError(f"--out is missing: lfportrait batch {self.jobs} --out results/")
         if self.dry_run:
@@ -174,7 +171,6 @@ class BatchStatus(Common):
     """Folder of the batch's results."""
 
     def run(self) -> dict[str, Any]:
-        """Print it."""
         text, figures = batch_status(self.folder)
         print(text)
         return figures
@@ -196,7 +192,6 @@ class Studio(Common):
     """Open the browser; otherwise only print the address."""
 
     def run(self) -> dict[str, Any]:
-        """Serve until it is ended."""
         try:
             from ..studio import run
         except ModuleNotFoundError as error:

@@ -50,7 +50,6 @@ class Encode(Common):
     """Motion."""
 
     def run(self) -> dict[str, Any]:
-        """Code and write."""
         from ..field import VoxelField
         from ..lightfield import composed, encode_with_figures
 
@@ -104,7 +103,6 @@ class Simulate(Common):
     """File for the picture."""
 
     def run(self) -> dict[str, Any]:
-        """Simulate and write."""
         from ..lightfield import simulate
 
         if len(self.eye) not in (1, 2):
@@ -143,7 +141,6 @@ class Interlace(Common):
     """Sampling."""
 
     def run(self) -> dict[str, Any]:
-        """Code and write."""
         lightfield.lossless(self.out)
         panel = Display.resolve(self.display)
         asked = QuiltHint.of_options(self.columns, self.rows, self.aspect)
@@ -180,7 +177,6 @@ class Deinterlace(Common):
     customary quilt's."""
 
     def run(self) -> dict[str, Any]:
-        """Take apart and write."""
         panel = Display.resolve(self.display)
         if min(self.size) < 0 or max(self.size) > 65536 or (self.size[0] > 0) != (self.size[1] > 0):
             raise UserError("--size takes a width and a height of 1 to 65536 pixels")
@@ -278,7 +274,6 @@ class Cast(Common):
     """Placement of a field's head."""
 
     def run(self) -> dict[str, Any]:
-        """Connect and show."""
         if not (self.sources or self.list or self.save_display or self.hide or self.drive):
             raise UserError("name the quilt or the field to cast: lfportrait cast "
                             "portrait_qs8x6a0.75.png")
@@ -316,7 +311,6 @@ class Cast(Common):
         return figures
 
     def _filled(self, drive: Path) -> dict[str, Any]:
-        """Fill a frame's drive."""
         if self.list or self.save_display or self.hide or self.rgbd or self.views:
             raise UserError("--drive needs no Bridge: leave out --list, --save-display, --hide, "
                             "--rgbd and --views")
@@ -431,7 +425,6 @@ class Show(Common):
     """With --live: placement of the head at first."""
 
     def run(self) -> dict[str, Any]:
-        """Show until closed."""
         from ..lightfield.screens import PygameDriver, screen_sizes, show
 
         if self.list:

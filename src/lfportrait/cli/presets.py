@@ -27,7 +27,6 @@ class DisplayList(Common):
     """
 
     def run(self) -> dict[str, Any]:
-        """Print a line for each."""
         print("\n".join(Display.preset(name).summary() for name in Display.names()))
         return {"displays": Display.names()}
 
@@ -46,7 +45,6 @@ class DisplayShow(Common):
     """Depth of the head over its true depth."""
 
     def run(self) -> dict[str, Any]:
-        """Print both."""
         from ..lightfield import DepthReport
 
         panel = Display.resolve(self.name)
@@ -71,7 +69,6 @@ class DisplayPattern(Common):
     """File for the pattern (.png)."""
 
     def run(self) -> dict[str, Any]:
-        """Draw and write."""
         from ..lightfield import lossless, pattern, write_coded
 
         panel = Display.resolve(self.name)
@@ -92,7 +89,6 @@ class DisplayImport(Common):
     """Display file (.toml); by default the display's name in this folder."""
 
     def run(self) -> dict[str, Any]:
-        """Read and write."""
         panel = Display.load(Path(self.name))
         target = self.out or Path(f"{panel.name}.toml")
         panel.save(target)
@@ -113,7 +109,6 @@ class Styles(Common):
     """Picture file for the style; the landmarks go beside it."""
 
     def run(self) -> dict[str, Any]:
-        """List or write."""
         names = list(provided_styles())
         if self.out is not None:
             from ..example import Exemplar
@@ -156,7 +151,6 @@ class StylesAdd(_OfPainting):
     """
 
     def run(self) -> dict[str, Any]:
-        """Find, write and draw."""
         from ..job import add_style
 
         self.check()
@@ -177,7 +171,6 @@ class StylesCheck(_OfPainting):
     """Picture file for the page; by default NAME.check.png beside the painting."""
 
     def run(self) -> dict[str, Any]:
-        """Write the page, and print what it says."""
         from ..job import check_style, style_picture
 
         self.check()

@@ -33,7 +33,6 @@ class CaptureCheck(Common):
     """Picture with the camera positions from above and the contact sheet (.png or .jpg)."""
 
     def run(self) -> dict[str, Any]:
-        """Look, draw and print."""
         from ..job import check_photos, check_picture
 
         start = time.perf_counter()
@@ -73,7 +72,6 @@ class Calibrate(Common):
     many pictures, or of a video, where the face moves or is seen from one side only."""
 
     def run(self) -> dict[str, Any]:
-        """Calibrate and save."""
         from ..job import prepare_capture
 
         sheet = self.out.with_name(f"{self.out.name}-photos.jpg")
@@ -115,7 +113,6 @@ class Reconstruct(Common):
     or two, and where they can't be placed together."""
 
     def run(self) -> dict[str, Any]:
-        """Reconstruct and save."""
         from ..face import fit_to_surface, is_portrait
         from ..field import reconstruct_with_figures
         from ..job import cut_person, find_face
@@ -195,7 +192,6 @@ class Render(Common):
     """Also write depth (EXR) and opacity."""
 
     def run(self) -> dict[str, Any]:
-        """Render and write."""
         from ..lightfield import EncodeConfig
         from ..share import path_cameras, sweep_ground, write_video
 

@@ -204,7 +204,6 @@ class TransferPhoto(Common):
     usual: ClassVar[tuple[str, ...]] = ("quality", "extent", "strength")
 
     def run(self) -> dict[str, Any]:
-        """Transfer and write."""
         from ..capture import is_video
 
         exemplar = Exemplar.load(self.style)
@@ -225,14 +224,12 @@ class TransferPhoto(Common):
         return {"method": self.method, **seconds}
 
     def _choices(self) -> list[RegionStyle]:
-        """What regions get."""
         found = read_regions(self.region)
         for name in found:
             members(name, LABELS)
         return [read_value(name, value) for name, value in found.items()]
 
     def _config(self) -> MethodConfig:
-        """The configuration of the chosen method."""
         if self.method == "styleblit":
             return replace(self.config, seed=self.seed)
         kind = example.photo_method(self.method).parameters
@@ -265,7 +262,6 @@ class Stylize(Common):
                                         "texture")
 
     def run(self) -> dict[str, Any]:
-        """Stylise and save."""
         from ..field import VoxelField, check_field_path
         from ..job import capture_of_face
         from ..stylize import kept_skin, stylize_with_figures
@@ -304,7 +300,6 @@ class Restyle(Common):
     """Mix."""
 
     def run(self) -> dict[str, Any]:
-        """Mix and save."""
         asked = self.config.arguments()
         begin = time.perf_counter()
         styled = StyledField.load(self.field)

@@ -212,7 +212,6 @@ def _gaps(facts: list[PhotoFacts]) -> list[tuple[float, float]]:
 
 
 def _side(yaw: float) -> str:
-    """An angle in words."""
     if abs(yaw) < 3:
         return "the front"
     return f"{abs(yaw):.0f} degrees to the {'right' if yaw > 0 else 'left'}"

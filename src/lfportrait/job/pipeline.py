@@ -385,7 +385,6 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
 
 def _tasks(photos: Path | Capture, exemplar: Exemplar, display: Display, config: MakeConfig,
            seed: int) -> dict[str, Task]:
-    """The tasks of one portrait in one folder."""
     keys = {"capture": graph.capture_key(graph.source_key(photos), config, seed)}
     keys["reconstruct"] = graph.field_key(keys["capture"], config)
     keys["stylize"] = graph.style_key(keys["reconstruct"], config, graph.painting_key(exemplar))

@@ -74,7 +74,6 @@ def findings(exemplar: Exemplar, yaw: float, rows: int) -> list[Finding]:
 
 
 def _coarse(points: Float64, rows: int) -> Finding | None:
-    """Strokes of a small face."""
     pixels = float(np.ptp(points[:, 1]))
     if pixels > SMALL:
         return None
@@ -119,7 +118,6 @@ def oval_frame(image: UInt8) -> tuple[int, int, int, int] | None:
 
 
 def _oval(image: UInt8, masked: bool) -> Finding | None:
-    """A frame whose corners would be painted."""
     box = oval_frame(image)
     if box is None or masked:
         return None
@@ -142,7 +140,6 @@ def _half(yaw: float) -> Finding | None:
 
 
 def _shadow(image: UInt8, points: Float64) -> Finding | None:
-    """A half of the face that is in deep shadow."""
     middle = points[[27, 28, 29, 30]]
     sides = []
     for jaw, brow in ((points[1:7], points[17:21]), (points[15:9:-1], points[26:22:-1])):
@@ -161,7 +158,6 @@ def _shadow(image: UInt8, points: Float64) -> Finding | None:
 
 
 def _hair(regions: Regions) -> Finding | None:
-    """Hair that is not known for sure."""
     if regions.hair is None:
         return Finding("hair_unsure", "Its hair can't be told from its skin: hair may be painted "
                        "with skin, and skin with hair", "none")
@@ -175,7 +171,6 @@ def _hair(regions: Regions) -> Finding | None:
 
 
 def _eyes(points: Float64, image: UInt8) -> Finding | None:
-    """Eyes that the painter painted closed."""
     shut = shut_eyes(points, image)
     if not any(shut):
         return None
@@ -185,7 +180,6 @@ def _eyes(points: Float64, image: UInt8) -> Finding | None:
 
 
 def _mouth(points: Float64) -> Finding | None:
-    """An open mouth."""
     opening = mouth_opening(points)
     if not opening > PARTED:
         return None

@@ -289,11 +289,9 @@ class Schedule(Generic[AnyTask]):
         self._numbers = itertools.count()
 
     def __contains__(self, name: str) -> bool:
-        """Whether a task waits or runs."""
         return name in self._entries
 
     def __len__(self) -> int:
-        """Tasks that wait or run."""
         return len(self._entries)
 
     def add(self, task: AnyTask, place: Any = 0) -> None:

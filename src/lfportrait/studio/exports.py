@@ -68,7 +68,6 @@ def checked_options(kind: Export, data: Any) -> dict[str, Any]:
 
 
 def _checked(option: Option, data: dict[str, Any]) -> Any:
-    """An option's value."""
     name, default = option.name, option.default
     if option.choices:
         return choice(data, name, option.choices, str(default))

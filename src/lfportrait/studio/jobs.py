@@ -396,7 +396,6 @@ class Jobs:
         self._keep(job)
 
     def _hear(self, task: Task, message: tuple[Any, ...]) -> None:
-        """A message of a job's process."""
         job, kind, facts = self.jobs[task.name], message[0], message[1:]
         if kind == "progress":
             self._progress(job, *facts)

@@ -137,7 +137,6 @@ class Previews:
                 self._loop.call_soon_threadsafe(self._schedule.step)
 
     def _heard(self, task: Task, outcome: Outcome | None) -> None:
-        """A question is asked, or was answered."""
         if outcome is None:
             self._questions[task.name].waits = False
             return

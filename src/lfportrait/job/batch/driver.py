@@ -139,7 +139,6 @@ class _Run:
         self.journal = Journal(found.results, watchers)
 
     def run(self) -> dict[str, Any]:
-        """Do all that is left."""
         found = self.batch
         write_json(found.results / FOLDER / "plan.json", _plan_rows(found.plan))
         if found.prints is not None:
@@ -236,7 +235,6 @@ def write_index(batch: Batch) -> str:
 
 
 def _failures(failures: dict[str, str]) -> str:
-    """The list of what failed."""
     rows = "".join(f"<li><b>{html.escape(name)}</b> {html.escape(why)}</li>"
                    for name, why in failures.items())
     return f'<section class="failed"><h2>Failed</h2><ul>{rows}</ul></section>' if rows else ""

@@ -158,7 +158,6 @@ class _Portraits:
         return f"{self.sitter.name}/{name}"
 
     def _styled_file(self, style: str) -> dict[str, str]:
-        """The styled field as an input."""
         return {"styled": self._path(f"{style}/styled.npz")}
 
     def _first_display(self) -> Display | None:

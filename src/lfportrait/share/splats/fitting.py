@@ -56,7 +56,6 @@ class _Points:
     opacity: Float32
 
     def part(self, rows: NDArray[Any]) -> _Points:
-        """Some of the points."""
         return _Points(self.places[rows], self.normals[rows], self.colors[rows], self.opacity[rows])
 
 

@@ -85,7 +85,6 @@ class Table:
 
 
 async def _answer(desk: Desk, handler: Handler, request: Request) -> Response:
-    """Answer a request by a handler."""
     try:
         call = Call(request, desk, await _json(request))
         found = await handler(call) if inspect.iscoroutinefunction(handler) else (

@@ -46,7 +46,6 @@ async def gallery(call: Call) -> dict[str, Any]:
 
 @TABLE.add("PUT", "/api/styles")
 async def add(call: Call) -> tuple[int, dict[str, Any]]:
-    """Take in a painting."""
     project = call.query_project
     data = await _body(call)
     style, fresh = await asyncio.to_thread(call.desk.styles.add,
@@ -69,7 +68,6 @@ async def _body(call: Call) -> bytes:
 
 @TABLE.add("PATCH", "/api/styles/{style}")
 def rename(call: Call) -> dict[str, Any]:
-    """Give a painting another name."""
     style, project = _style(call)
     style = call.desk.styles.rename(style, text(call.data, "name"), project)
     _tell(call, project)
@@ -78,7 +76,6 @@ def rename(call: Call) -> dict[str, Any]:
 
 @TABLE.add("DELETE", "/api/styles/{style}")
 def remove(call: Call) -> dict[str, Any]:
-    """Remove a painting."""
     style, project = _style(call)
     call.desk.styles.remove(style)
     _tell(call, project)
@@ -87,7 +84,6 @@ def remove(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/styles/{style}/copy")
 async def copy(call: Call) -> tuple[int, dict[str, Any]]:
-    """Copy a style into the project, where it can be changed."""
     style, project = _style(call)
     target = call.desk.styles.folder(project) / f"{style.name}.png"
     if target.exists():
@@ -122,7 +118,6 @@ async def style_picture(call: Call) -> Any:
 
 @TABLE.add("GET", "/api/styles/{style}/check")
 async def check(call: Call) -> Any:
-    """What a painting will give."""
     style, _ = _style(call)
     return await call.ask("check_style", {"style": style.source})
 
@@ -203,7 +198,6 @@ async def choose(call: Call) -> dict[str, Any]:
 
 @TABLE.add("GET", "/api/styles/{style}/landmarks")
 async def landmarks(call: Call) -> dict[str, Any]:
-    """The landmarks of a painting."""
     return await _landmarks(call, *_style(call))
 
 
@@ -245,7 +239,6 @@ async def _regions(call: Call, style: Style, project: Project | None) -> dict[st
 
 @TABLE.add("PUT", "/api/styles/{style}/regions")
 async def paint_regions(call: Call) -> dict[str, Any]:
-    """Keep what was painted over."""
     style, project = _style(call)
     style.beside("regions.png")
     data = await _found(call, style, project)
@@ -266,7 +259,6 @@ async def forget_regions(call: Call) -> dict[str, Any]:
 
 @TABLE.add("GET", "/api/styles/{style}/regions/picture")
 async def regions_picture(call: Call) -> Any:
-    """A picture of regions."""
     style, project = _style(call)
     if call.request.query_params.get("which") == "painted":
         path = style.beside("regions.png")
@@ -320,7 +312,6 @@ async def preview(call: Call) -> Any:
 
 @TABLE.add("GET", "/api/projects/{project}/previews/{style}")
 def kept_preview(call: Call) -> Any:
-    """The preview that is kept."""
     project = call.project
     path = styles.preview_file(project, call.desk.styles.get(call.word("style"), project))
     if not path.is_file():
@@ -347,7 +338,6 @@ def _mix(call: Call, project: Project) -> dict[str, Any]:
 
 @TABLE.add("GET", "/api/projects/{project}/versions")
 def versions(call: Call) -> dict[str, Any]:
-    """All versions."""
     project = call.project
     return {"versions": [call.desk.version_entry(project, one)
                          for one in Versions(project).all()]}
@@ -355,7 +345,6 @@ def versions(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/versions")
 def create(call: Call) -> tuple[int, dict[str, Any]]:
-    """A new version."""
     project = call.project
     style = call.desk.styles.get(text(call.data, "style"), project)
     version = Versions(project).create(text(call.data, "name"), style.id, _mix(call, project))
@@ -384,7 +373,6 @@ def change(call: Call) -> dict[str, Any]:
 
 @TABLE.add("DELETE", "/api/projects/{project}/versions/{version}")
 async def remove_version(call: Call) -> dict[str, Any]:
-    """Remove a version."""
     project, version = _version(call)
     if call.desk.version_entry(project, version)["job"]:
         raise Refusal("busy", "this version is being made fine; cancel that first")
@@ -395,7 +383,6 @@ async def remove_version(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/versions/{version}/copy")
 def copy_version(call: Call) -> tuple[int, dict[str, Any]]:
-    """A copy under another name."""
     project, version = _version(call)
     if version.style is None:
         raise Refusal("exists", "this version was made by the command line, by a painting that is "
@@ -407,7 +394,6 @@ def copy_version(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("POST", "/api/projects/{project}/versions/{version}/fine")
 async def fine(call: Call) -> tuple[int, dict[str, Any]]:
-    """Make a version fine."""
     job = call.desk.fine(*_version(call))
     call.desk.events.tell("versions", {"project": job.project})
     return 201, call.desk.jobs.entry(job)
@@ -439,7 +425,6 @@ async def thumbnail(call: Call) -> Any:
 
 @TABLE.add("POST", "/api/projects/{project}/versions/{version}/picture")
 async def version_picture(call: Call) -> Response:
-    """A version from some cameras, in its own or another mix."""
     project, version = _version(call)
     mix = _mix(call, project) if "mix" in call.data else None
     data = await _picture(call, call.desk.version_look(project, version, mix),
@@ -505,5 +490,4 @@ def _forget(folder: Path, key: str) -> None:
 
 @TABLE.add("GET", "/view/{project}/{page}")
 def view(call: Call) -> Response:
-    """The page itself."""
     return shown_page(_page(call.project, call.word("page")))

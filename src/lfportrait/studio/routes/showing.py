@@ -27,13 +27,11 @@ def _panel(call: Call) -> Panel:
 
 @TABLE.add("GET", "/api/displays")
 def displays(call: Call) -> dict[str, Any]:
-    """All panels."""
     return {"displays": [panel.entry() for panel in call.desk.displays.all()], "bridge": None}
 
 
 @TABLE.add("GET", "/api/displays/bridge")
 async def bridge(call: Call) -> Any:
-    """What Looking Glass Bridge on this machine reports."""
     found = await call.ask("bridge", {})
     shown = []
     for entry in found["displays"]:
@@ -72,14 +70,12 @@ def change(call: Call) -> dict[str, Any]:
 
 @TABLE.add("DELETE", "/api/displays/{display}")
 def remove(call: Call) -> dict[str, Any]:
-    """Delete a panel's file."""
     call.desk.displays.remove(_panel(call))
     return {"ok": True}
 
 
 @TABLE.add("GET", "/api/displays/{display}/file")
 def file(call: Call) -> Response:
-    """The panel's file."""
     panel = _panel(call)
     name = f"{panel.display.name}.toml".encode("ascii", "ignore").decode().replace('"', "")
     return Response(panel.display.to_toml(), media_type="application/octet-stream", headers={
@@ -92,7 +88,6 @@ def _pattern_address(panel: Panel, kind: str) -> str:
 
 @TABLE.add("GET", "/api/displays/{display}/pattern")
 async def pattern(call: Call) -> Any:
-    """A test pattern at the panel's size."""
     panel = _panel(call)
     kind = choice(dict(call.request.query_params), "kind", KINDS, "views")
     path = call.desk.projects.own / "patterns" / f"{kind}-{stamp_of(panel.display)}.png"
@@ -106,7 +101,6 @@ async def pattern(call: Call) -> Any:
 
 @TABLE.add("GET", "/api/displays/{display}/wizard")
 def wizard(call: Call) -> dict[str, Any]:
-    """The wizard's steps."""
     panel = _panel(call)
     return {"display": panel.entry(), "steps": [
         {**step, "pattern": _pattern_address(panel, step["kind"])} for step in wizard_steps()]}
@@ -114,7 +108,6 @@ def wizard(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/displays/{display}/wizard")
 def answer(call: Call) -> dict[str, Any]:
-    """What is seen, and what follows from it."""
     panel = _panel(call)
     file_of(panel)
     step = choice(call.data, "step", ("slant", "views", "fringe"))
@@ -147,14 +140,12 @@ def _shown(call: Call) -> tuple[Project, dict[str, Any]]:
 
 @TABLE.add("POST", "/api/projects/{project}/budget")
 async def budget(call: Call) -> Any:
-    """The panel's depth budget for this head."""
     _, facts = _shown(call)
     return await call.ask("budget", facts)
 
 
 @TABLE.add("POST", "/api/projects/{project}/eye")
 async def eye(call: Call) -> Response:
-    """What an eye in front of the panel sees."""
     _, facts = _shown(call)
     where = numbers({"eye": call.data.get("eye", [0.0, 0.0])}, "eye", 2, 100.0)
     found = await call.ask("eye", {
@@ -178,7 +169,6 @@ async def full(call: Call) -> dict[str, Any]:
 
 @TABLE.add("GET", "/api/projects/{project}/full/{stamp}")
 def full_picture(call: Call) -> Any:
-    """That picture."""
     stamp = call.word("stamp")
     for path in (call.project.own / "full").glob("*.png"):
         if path.stem == stamp:
@@ -188,13 +178,11 @@ def full_picture(call: Call) -> Any:
 
 @TABLE.add("GET", "/api/projects/{project}/exports")
 def exported(call: Call) -> dict[str, Any]:
-    """Kinds of exports, and what was exported."""
     return {"kinds": exports.kinds(), "exports": exports.entries(call.project)}
 
 
 @TABLE.add("POST", "/api/projects/{project}/exports")
 async def export(call: Call) -> tuple[int, dict[str, Any]]:
-    """Export a version."""
     project, data = call.project, call.data
     version = Versions(project).get(text(data, "version"))
     choices = export_order(call.desk, project, data)
@@ -208,13 +196,11 @@ async def export(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("GET", "/api/projects/{project}/exports/{export}/file")
 def export_file(call: Call) -> Response:
-    """The exported file, to be saved."""
     return attachment(exports.find(call.project, call.word("export")))
 
 
 @TABLE.add("DELETE", "/api/projects/{project}/exports/{export}")
 def export_remove(call: Call) -> dict[str, Any]:
-    """Delete an exported file."""
     project = call.project
     exports.remove(project, call.word("export"))
     call.desk.events.tell("exports", {"project": project.id})
@@ -223,7 +209,6 @@ def export_remove(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/exports/{export}/cast")
 async def cast(call: Call) -> Any:
-    """Show an exported quilt by Bridge."""
     path = exports.find(call.project, call.word("export"))
     return await call.desk.previews.ask("cast", {
         "file": str(path), "screen": whole(call.data, "screen", -1, 64, -1)})

@@ -25,7 +25,6 @@ TABLE = Table()
 
 @TABLE.add("GET", "/api/state")
 def state(call: Call) -> dict[str, Any]:
-    """All that the start screen shows."""
     desk = call.desk
     number = desk.events.number  # what happens from here on comes as events
     return {"version": __version__, "folder": str(desk.projects.folder),
@@ -46,7 +45,6 @@ def _networks() -> list[dict[str, Any]]:
 
 @TABLE.add("GET", "/api/doctor")
 def doctor(call: Call) -> dict[str, Any]:
-    """What the installation lacks."""
     from ...health import examine
 
     grades = {"good": "good", "optional": "fair", "bad": "bad"}
@@ -57,7 +55,6 @@ def doctor(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/networks")
 async def networks(call: Call) -> tuple[int, dict[str, Any]]:
-    """Download networks."""
     names, known = call.data.get("names"), models.REGISTRY
     if not isinstance(names, list) or not names or not all(one in known for one in names):
         raise Refusal("bad_request", "names must be networks of the list", field="names")
@@ -67,20 +64,17 @@ async def networks(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("POST", "/api/shutdown")
 async def shutdown(call: Call) -> tuple[int, dict[str, Any]]:
-    """End the studio."""
     asyncio.get_running_loop().call_later(0.2, call.desk.stop)
     return 202, {"ok": True}
 
 
 @TABLE.add("GET", "/api/projects")
 def projects(call: Call) -> dict[str, Any]:
-    """All projects."""
     return {"projects": [call.desk.project_entry(one) for one in call.desk.projects.all()]}
 
 
 @TABLE.add("POST", "/api/projects")
 def create(call: Call) -> tuple[int, dict[str, Any]]:
-    """A new project."""
     project = call.desk.projects.create(text(call.data, "name"), truth(call.data, "demo"))
     call.desk.tell_project(project)
     return 201, call.desk.project_entry(project)
@@ -88,7 +82,6 @@ def create(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("GET", "/api/projects/{project}")
 def show(call: Call) -> dict[str, Any]:
-    """One project."""
     return call.desk.project_entry(call.project)
 
 
@@ -133,7 +126,6 @@ def _options(data: Any) -> dict[str, Any]:
 
 @TABLE.add("DELETE", "/api/projects/{project}")
 async def remove(call: Call) -> dict[str, Any]:
-    """Move a project into the trash."""
     project = call.project
     if call.data.get("confirm") != project.name:
         raise Refusal("bad_request", "confirm must be the project's name", field="confirm")
@@ -148,7 +140,6 @@ async def remove(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/trash")
 async def restore(call: Call) -> dict[str, Any]:
-    """Take a project out of the trash again."""
     project = await asyncio.to_thread(call.desk.projects.restore, text(call.data, "name"))
     call.desk.tell_project(project)
     return call.desk.project_entry(project)
@@ -156,7 +147,6 @@ async def restore(call: Call) -> dict[str, Any]:
 
 @TABLE.add("GET", "/api/projects/{project}/thumbnail")
 def thumbnail(call: Call) -> Any:
-    """A picture of a project."""
     path = call.desk.thumbnail(call.project)
     if path is None:
         raise Refusal("not_found", "there is no picture yet")
@@ -186,13 +176,11 @@ def command(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/uploads")
 def announce(call: Call) -> dict[str, Any]:
-    """Say what is to be done with each file that the page has."""
     return {"files": call.desk.uploads.announce(call.project, call.data.get("files"))}
 
 
 @TABLE.add("PUT", "/api/projects/{project}/uploads/{upload}")
 async def upload(call: Call) -> tuple[int, dict[str, Any]]:
-    """Take in a photo."""
     project = call.project
     length = int(call.request.headers.get("content-length", "0"))
     path = await call.desk.uploads.receive(project, call.word("upload"),
@@ -206,13 +194,11 @@ async def upload(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("GET", "/api/projects/{project}/photos")
 def contact_sheet(call: Call) -> dict[str, Any]:
-    """The contact sheet."""
     return call.desk.photos(call.project)
 
 
 @TABLE.add("POST", "/api/projects/{project}/check")
 async def check(call: Call) -> tuple[int, dict[str, Any]]:
-    """Check the photos now."""
     return 202, call.desk.jobs.entry(call.desk.check(call.project))
 
 
@@ -229,7 +215,6 @@ async def change_photo(call: Call) -> dict[str, Any]:
 
 @TABLE.add("DELETE", "/api/projects/{project}/photos/{photo}")
 async def drop_photo(call: Call) -> dict[str, Any]:
-    """Remove a photo."""
     project = call.project
     await asyncio.to_thread(remove_photo, project, find_photo(project, call.word("photo")))
     call.desk.check_soon(project)
@@ -239,7 +224,6 @@ async def drop_photo(call: Call) -> dict[str, Any]:
 
 @TABLE.add("GET", "/api/projects/{project}/photos/{photo}/picture")
 def photo(call: Call) -> Any:
-    """A photo, small."""
     project = call.project
     return picture(call, photo_picture(project, find_photo(project, call.word("photo")),
                                        query_number(call, "size", 240)))
@@ -247,7 +231,6 @@ def photo(call: Call) -> Any:
 
 @TABLE.add("GET", "/api/jobs")
 async def jobs(call: Call) -> dict[str, Any]:
-    """All jobs."""
     return {"jobs": call.desk.jobs.entries()}
 
 
@@ -270,13 +253,11 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("GET", "/api/jobs/{job}")
 async def job(call: Call) -> dict[str, Any]:
-    """One job."""
     return call.desk.jobs.entry(call.desk.jobs.get(call.word("job")))
 
 
 @TABLE.add("DELETE", "/api/jobs/{job}")
 async def forget(call: Call) -> dict[str, Any]:
-    """Take a job that has ended from the list."""
     call.desk.jobs.remove(call.desk.jobs.get(call.word("job")))
     return {"ok": True}
 
@@ -310,7 +291,6 @@ def _of_stage(call: Call, ending: str) -> Path:
 
 @TABLE.add("GET", "/api/jobs/{job}/stages/{stage}/picture")
 async def stage_picture(call: Call) -> Any:
-    """The picture of a stage."""
     path = _of_stage(call, "jpg")
     if not path.is_file():
         raise Refusal("not_found", "there is no picture yet")
@@ -325,7 +305,6 @@ def stage_page(call: Call) -> Any:
 
 @TABLE.add("GET", "/api/events")
 async def events(call: Call) -> Any:
-    """What happens, as it happens."""
     word = call.request.headers.get("last-event-id") or call.request.query_params.get("after")
     number = int(word) if word and word.isascii() and word.isdigit() else None
     return StreamingResponse(call.desk.events.stream(number), media_type="text/event-stream",

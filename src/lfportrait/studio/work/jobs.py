@@ -126,7 +126,6 @@ def _take_embedded(order: Order) -> None:
 
 
 def _check(order: Order, teller: Teller) -> dict[str, Any]:
-    """Look at each photo."""
     teller.tell("stages", [("check", 10.0)])
     with teller.stage("check") as progress:
         progress.total = int(order.more["count"])

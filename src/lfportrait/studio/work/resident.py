@@ -310,7 +310,6 @@ class _Resident:
         self._coded: tuple[str, UInt8] | None = None
 
     def preview(self, facts: Facts) -> dict[str, Any]:
-        """A picture of a look, JPEG."""
         begun, look = time.perf_counter(), Look(facts["look"])
         image = self.sitting.picture(look, facts["cameras"], int(facts["size"]))
         data = jpeg(image)
@@ -381,13 +380,11 @@ class _Resident:
         return {"picture": jpeg(np.asarray(np.clip(seen, 0, 1) * 255 + 0.5, np.uint8))}
 
     def full(self, facts: Facts) -> dict[str, Any]:
-        """Write the coded picture for the panel's own window."""
         panel = Display.resolve(facts["display"])
         lightfield.write_coded(Path(facts["file"]), self.coded(facts), panel)
         return {}
 
     def pattern(self, facts: Facts) -> dict[str, Any]:
-        """Write a test pattern."""
         panel = Display.resolve(facts["display"])
         lightfield.write_coded(Path(facts["file"]), pattern(panel, facts["kind"]), panel)
         return {}
@@ -405,7 +402,6 @@ class _Resident:
             for one in devices]}
 
     def cast(self, facts: Facts) -> dict[str, Any]:
-        """Show a quilt by Bridge."""
         path = Path(facts["file"])
         layout = lightfield.layout_of_file(path)
         if layout is None:
