@@ -26,7 +26,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
 GROUND = ("arrays", "browsing", "cache", "color", "device", "errors",
           "files", "gpu", "graphics", "health", "labels", "measure",
           "media", "metrics", "models", "plugins", "png", "progress",
-          "runner", "simd", "stages", "temporary", "version")
+          "runner", "simd", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("markdown", "metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfportrait.cache import hash_of
+from lfportrait.cache import StageFolder, fingerprint_files, hash_of
 from lfportrait.errors import UserError
 from lfportrait.files import atomic_path, atomic_write, write_exr, write_image
 from lfportrait.media.pictures import read_image
-from lfportrait.stages import StageFolder, fingerprint_files
 
 
 @dataclass

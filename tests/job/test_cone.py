@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lfportrait.cache import StageFolder
 from lfportrait.job import Task, Tools, do_stage
 from lfportrait.job.graph import MakeConfig
 from lfportrait.lightfield import Display
 from lfportrait.share import PageConfig
-from lfportrait.stages import StageFolder
 from lfportrait.stylize import StyledField
 from tests.fields import head_field
 

@@ -10,7 +10,7 @@ from PIL import Image
 from lfportrait.errors import UserError
 from lfportrait.share import ExportContext, export_field, export_of
 from lfportrait.share.kinds import LoopConfig
-from lfportrait.share.paths import loop_cameras
+from lfportrait.share.video import loop_cameras
 from tests.fields import head_field
 
 SMALL = LoopConfig(size=32, frames=6, fps=20)

@@ -71,7 +71,7 @@ def test_it_prints_one_address_and_ctrl_c_ends_it(tmp_path):
 def test_the_command_repeats_what_the_page_did(page, parameters):
     from lfportrait.cli.common import parsed
     from lfportrait.cli.make import Make
-    from lfportrait.studio.orders import Order
+    from lfportrait.studio.jobs import Order
 
     project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
     path = f"/api/projects/{project}/command"

@@ -7,8 +7,7 @@ import pytest
 from starlette.requests import Request
 
 from lfportrait.studio import previews
-from lfportrait.studio.answers import Refusal
-from lfportrait.studio.events import Events
+from lfportrait.studio.answers import Events, Refusal
 from lfportrait.studio.previews import Previews, Turn
 from lfportrait.studio.routes.call import Call
 from tests.studio.conftest import run_apart
@@ -54,8 +53,8 @@ class Asked:
 def tried(tmp_path, monkeypatch, act):
     """Run ``act`` with questions of which the first is being answered."""
     real = previews.Child
-    monkeypatch.setattr(previews, "Child", lambda entry, log: real(
-        "tests.studio.slow_answers:serve", log))
+    monkeypatch.setattr(previews, "Child", lambda entry, *more, **group: real(
+        "tests.studio.slow_answers:serve", *more, **group))
 
     async def all_of_it():
         queue = Previews(tmp_path / "log", Events())

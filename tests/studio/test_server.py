@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from lfportrait.studio.events import Events
+from lfportrait.studio.answers import Events
 
 from .conftest import jpeg, run_apart
 from .test_jobs import gone, pids

@@ -36,11 +36,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, UInt8
+from ..cache import check_writable
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS, array_header, atomic_write, read_member
 from ..measure import usable_cores
 from ..simd.threads import share_out, side_by_side
-from ..stages import check_writable
 from ..version import __version__
 from .background import Backdrop, Background
 from .kernels.bricks import floats_of, halves

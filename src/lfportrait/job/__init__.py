@@ -2,7 +2,7 @@
 
 `graph` has their parameters, keys and costs, `work` does them, `pipeline` joins them and knows how
 long they will still take,
-`lfportrait.stages` sees that nothing finished is done twice, `prepare` makes captures of photos and
+`lfportrait.cache` sees that nothing finished is done twice, `prepare` makes captures of photos and
 cuts the person out of those with a background, `summary` fills the report. `photo_check` looks at
 photos before any of that; `style_check` does the same for a painting.
 `inspection` says what files are and how they will be read. `first_look` shows a portrait while its

@@ -27,6 +27,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ..cache import StageFolder
 from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin, known_ground
@@ -36,7 +37,6 @@ from ..gpu import GpuLostError
 from ..lightfield import EncodeConfig
 from ..progress import Progress
 from ..share import PageConfig, write_page
-from ..stages import StageFolder
 from ..stylize import StylizeConfig, stylize_with_figures
 from .warmup import Warmup
 

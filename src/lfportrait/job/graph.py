@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import models
-from ..cache import hash_of, key_of
+from ..cache import fingerprint_files, hash_of, key_of
 from ..capture import CalibrateConfig, Capture
 from ..example import Exemplar
 from ..field import ReconstructConfig, lattice_points
@@ -27,7 +27,6 @@ from ..lightfield import Display, EncodeConfig, Placement
 from ..media.folders import files_below
 from ..runner import Need, scheduler
 from ..share import PageConfig
-from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
 from .made_from import MadeFrom
 

@@ -2,7 +2,7 @@
 
 It is the graph of one portrait (`graph`), done in its own process. The stages in order, each of
 which writes its files into the job's folder and is skipped when they are there from the same inputs
-(`lfportrait.stages`):
+(`lfportrait.cache`):
 
 ==============  ==============================  ===================================
 stage           reads                           writes
@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import models
-from ..cache import hash_of
+from ..cache import StageFolder, check_writable, hash_of
 from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
 from ..device import gpu_adapter, used_device
 from ..errors import UserError
@@ -52,7 +52,6 @@ from ..media.folders import folders_below, list_pictures
 from ..media.pictures import read_image
 from ..runner import Here, Outcome, finished, run_tasks
 from ..simd.host import compiling_progress
-from ..stages import StageFolder, check_writable
 from ..version import __version__
 from . import graph
 from .first_look import LookTaken, PageLook

@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from .. import stylize
 from ..arrays import UInt8
 from ..cache import user_cache
 from ..capture import Capture
@@ -29,7 +28,14 @@ from ..field import VoxelField
 from ..files import file_state
 from ..lightfield import Display, encode
 from ..progress import Progress
-from ..stylize import NearbyPainters, Painters, StyledField, StylizeConfig
+from ..stylize import (
+    NearbyPainters,
+    Painters,
+    StyledField,
+    StylizeConfig,
+    kept_skin,
+    stylize_with_figures,
+)
 
 _EXEMPLARS = 16  # Paintings that are kept.
 
@@ -105,7 +111,7 @@ class Session:
         skin = self.skin(config.pixels) if config.on_skin else None
         styles = [style] if isinstance(style, (str, Path, Exemplar)) else style
         tried = self._tried if config.preview else Painters()
-        self.shown, self.figures = stylize.stylize_with_figures(
+        self.shown, self.figures = stylize_with_figures(
             self.field, self.capture, [self.exemplar(one) for one in styles], config, progress,
             skin=skin, painters=self._painters if keep else tried)
         return self.shown
@@ -150,7 +156,7 @@ class Session:
             self._skins[pixels] = (
                 Skin.of(self.field, self.capture.landmarks, self.capture.cameras, pixels)
                 if self._file is None else
-                stylize.kept_skin(self._file, self.field, self.capture, pixels))
+                kept_skin(self._file, self.field, self.capture, pixels))
         return self._skins[pixels]
 
     def _shown(self) -> StyledField:
@@ -167,4 +173,4 @@ def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, 
     """
     field, capture = demo_head(), demo_capture(size=256, views=12)
     kept = (cache or user_cache("heads")) / "embedded.skin.npz"
-    return field, capture, stylize.kept_skin(HEAD, field, capture, pixels, kept)
+    return field, capture, kept_skin(HEAD, field, capture, pixels, kept)

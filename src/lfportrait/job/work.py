@@ -19,6 +19,7 @@ import numpy as np
 from PIL import Image
 
 from .. import lightfield
+from ..cache import StageFolder
 from ..capture import Camera, Capture
 from ..color import to_uint8
 from ..errors import UserError
@@ -31,7 +32,6 @@ from ..measure import give_back_memory, peak_memory_bytes
 from ..progress import Outlook, Progress
 from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_quilt, write_video
 from ..simd.host import compiling_progress
-from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
 from .graph import STAGES, MakeConfig, Task
 from .prepare import prepare_capture

@@ -18,9 +18,9 @@ from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+from ..cache import finished_record
 from ..errors import UserError
 from ..files import read_json, write_json
-from ..stages import finished_record
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,10 @@ from .kinds import (
     own_exports,
 )
 from .page.assembly import OpenPage, page_script, recolored, serve_page, write_page
-from .paths import (
+from .report import Picture, Report, Section, Table, write_report
+from .video import (
+    SequenceConfig,
+    each_frame,
     good_cone,
     orbit_cameras,
     path_cameras,
@@ -22,9 +25,9 @@ from .paths import (
     sweep_degrees,
     sweep_frames,
     sweep_ground,
+    write_sequence,
+    write_video,
 )
-from .report import Picture, Report, Section, Table, write_report
-from .video import SequenceConfig, each_frame, write_sequence, write_video
 
 __all__ = ["QUILTS", "SECONDS", "DrivePlan", "Export", "ExportConfig", "ExportContext",
            "FrameConfig", "NoParameters", "OpenPage", "Option", "PageConfig", "Picture",

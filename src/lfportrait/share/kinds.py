@@ -388,7 +388,7 @@ class Loop(_Own):
     options = (Option("size", "Width and height in pixels", 480, 16, 2160),
                Option("frames", "Pictures of one loop", 48, 2, 600),
                Option("sway", "How far the head turns to each side, in degrees", 10.0, 0, 90))
-    writer = "paths:write_loop"
+    writer = "video:write_loop"
 
     def claim(self, path: Path) -> int:
         return max(super().claim(path), int(path.suffix.lower() == ".gif"))

@@ -21,10 +21,9 @@ from ..temporary import part_folder
 from . import mesh as meshes
 from .kinds import METRES, ExportConfig, ExportContext, NoParameters, PageConfig, SweepConfig
 from .page.assembly import write_page
-from .paths import good_cone, sweep_frames
 from .splats.cloud import SPLAT_WRITERS, framed, is_down
 from .splats.fitting import field_splats
-from .video import write_video
+from .video import good_cone, sweep_frames, write_video
 
 _SEEN_LEVEL, _SEEN_SMOOTH = 0.15, 0.8
 """Of a surface with a texture. A ray that grazes a head goes a long way through its soft outer

@@ -12,11 +12,9 @@ from typing import Any
 from ..errors import UserError
 from ..measure import free_disk_bytes
 from . import exports
-from .answers import Refusal, truth
+from .answers import Events, Refusal, truth
 from .displays import Displays
-from .events import Events
-from .jobs import Jobs, JobState
-from .orders import Order
+from .jobs import Jobs, JobState, Order
 from .photos import VIDEO_FRAME, Uploads, check_key, sheet
 from .previews import Previews, Turn
 from .projects import Project, Projects

@@ -3,6 +3,9 @@
 A job is one task of a schedule (`lfportrait.runner`), which runs it; here is only what is known of
 it, and what the page asks for. All of it is in the server's loop. A job's process tells what it
 does (`lfportrait.studio.work`); one that was killed can go on where its last stage ended.
+
+What it is asked for is an `Order`: paths and choices, and the parameters that they stand for. The
+server writes it, and imports nothing that is slow.
 """
 
 from __future__ import annotations
@@ -11,16 +14,21 @@ import asyncio
 import contextlib
 import secrets
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ..cache import fingerprint_files
 from ..errors import UserError
 from ..files import read_json, write_json
-from ..runner import Costs, Failure, Need, Outcome, Schedule, Task, Workers
-from .answers import Refusal, read_error
-from .events import Child, Events
+from ..lightfield import Display
+from ..models import OFFLINE
+from ..runner import Child, Costs, Failure, Need, Outcome, Schedule, Task, Workers
+from .answers import Events, Refusal, read_error
+
+if TYPE_CHECKING:
+    from ..job import MakeConfig
 
 ENDED = ("done", "failed", "cancelled")
 
@@ -362,7 +370,7 @@ class Jobs:
 
     def _process(self, task: Task) -> Child:
         return Child(self.ENTRY, self._folder / f"{task.name}.log",
-                     offline=task.stage != "networks")
+                     {} if task.stage == "networks" else {OFFLINE: "1"}, group=True)
 
     def _wake(self) -> None:
         """Take in what processes say, in the server's loop."""
@@ -464,3 +472,97 @@ class Jobs:
         ended = [job for job in self.jobs.values() if job.over]
         for job in ended[:max(0, len(self.jobs) - _KEPT)]:
             self.remove(job)
+
+
+def _words(config: Any, usual: Any, start: str) -> Iterator[str]:
+    """Arguments for the fields of a data class that differ from another one's."""
+    for one in fields(config):
+        value, other = getattr(config, one.name), getattr(usual, one.name)
+        name = f"{start}{one.name}".replace("_", "-")
+        if value == other:
+            continue
+        if is_dataclass(value) and type(value) is type(other):
+            yield from _words(value, other, f"{start}{one.name}.")
+        elif isinstance(value, bool):
+            path, _, last = name.rpartition(".")
+            yield f"--{path}{'.' if path else ''}{'' if value else 'no-'}{last}"
+        else:
+            every = value if isinstance(value, tuple | list) else [value]
+            yield from (f"--{name}", *map(str, every))
+
+
+@dataclass(frozen=True)
+class Order:
+    """One job."""
+
+    kind: str  # ``head``, ``fine``, ``check``, ``export`` or ``networks``.
+    pictures: Path  # Folder for the stages' pictures.
+    # folder, job, source: The project's, the job's (`lfportrait make --out`), and what the capture
+    # is made of.
+    folder: Path = Path()
+    job: Path = Path()
+    source: Path = Path()
+    demo: bool = False  # Whether the built-in head is to be photographed first.
+    # ``quick``, and ``parameters`` by their dotted names.
+    options: dict[str, Any] = field(default_factory=dict)
+    display: str = "generic-4k"  # A preset's name or a display file.
+    # style, style_id, name: The painting (a picture or a built-in name), its id, and the project's
+    # name.
+    style: str = ""
+    style_id: str = ""
+    name: str = ""
+    version: Path = Path()  # Folder of the version.
+    # Arguments of `lfportrait.stylize.StyledField.mix`.
+    mix: dict[str, Any] = field(default_factory=dict)
+    more: dict[str, Any] = field(default_factory=dict)  # What else the kind needs.
+
+    def panel(self) -> Display:
+        """The display."""
+        return Display.resolve(self.display)
+
+    def config(self) -> MakeConfig:
+        """The parameters of all stages, as `lfportrait make` has them for this display."""
+        from ..job import fitted
+
+        config = self.chosen()
+        return fitted(config, [(self.panel(), config.encode)])
+
+    def chosen(self) -> MakeConfig:
+        """The parameters of all stages as they are given to `lfportrait make`."""
+        from ..job import FULL, QUICK, MakeConfig
+        from ..job.batch import overlaid
+
+        quick = bool(self.options.get("quick"))
+        config = QUICK.config if quick else FULL.config if self.demo else MakeConfig()
+        nested: dict[str, Any] = {}
+        for name, value in self.options.get("parameters", {}).items():
+            place = nested
+            *path, last = str(name).split(".")
+            for part in path:
+                place = place.setdefault(part, {})
+                if not isinstance(place, dict):
+                    raise UserError(f"there is no parameter {name}")
+            place[last] = value
+        return overlaid(config, nested, "options")
+
+    def words(self) -> list[str]:
+        """The parameters that differ from the usual ones, as arguments of `lfportrait make`."""
+        from ..job import MakeConfig
+
+        return list(_words(self.chosen(), MakeConfig(), ""))
+
+    def inside(self, path: Path) -> str:
+        """A path in the project's folder as tasks have it."""
+        return path.relative_to(self.folder).as_posix() if path != self.folder else ""
+
+    def inputs(self) -> dict[str, str]:
+        """The files of the head that later stages read."""
+        return {"capture": self.inside(self.job / "capture"),
+                "field": self.inside(self.job / "field.npz")}
+
+    def field_key(self) -> str:
+        """Key of the field that is there, whatever it was made of."""
+        try:
+            return str(read_json(self.job / ".stages" / "reconstruct.json")["key"])
+        except (UserError, KeyError, TypeError):
+            return fingerprint_files([self.job / "field.npz"])

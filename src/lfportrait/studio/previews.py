@@ -17,9 +17,9 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-from ..runner import Failure, Outcome, Schedule, Task, Workers
-from .answers import Refusal
-from .events import Child, Events
+from ..models import OFFLINE
+from ..runner import Child, Failure, Outcome, Schedule, Task, Workers
+from .answers import Events, Refusal
 
 _MOST = 64  # Questions of one turn that wait.
 
@@ -124,7 +124,8 @@ class Previews:
             self._schedule.end(Outcome.failed(number, Failure("busy", why)))
 
     def _process(self, _: Task) -> Child:
-        self._child = Child("lfportrait.studio.work.resident:serve", self._log)
+        self._child = Child("lfportrait.studio.work.resident:serve", self._log, {OFFLINE: "1"},
+                            group=True)
         return self._child
 
     def _asked(self, number: str) -> tuple[str, dict[str, Any]]:

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait.arrays import Float64, UInt8
+from lfportrait.cache import fingerprint_files
 from lfportrait.capture import Camera, Capture
 from lfportrait.color import to_uint8
 from lfportrait.device import device_name, torch_device
@@ -46,7 +47,6 @@ from lfportrait.measure import cost_of
 from lfportrait.media.folders import files_below
 from lfportrait.plugins import offered
 from lfportrait.progress import Progress
-from lfportrait.stages import fingerprint_files
 from lfportrait.stylize import StylizeConfig, kept_skin, stylize_with_figures
 
 from ..baselines.config import FaceBlitConfig, FaceStyleConfig, NetworkConfig

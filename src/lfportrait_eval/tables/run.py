@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from lfportrait import models
-from lfportrait.cache import key_of
+from lfportrait.cache import StageFolder, check_writable, key_of
 from lfportrait.capture import Capture
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
@@ -39,7 +39,6 @@ from lfportrait.runner import (
     finished,
     run_tasks,
 )
-from lfportrait.stages import StageFolder, check_writable
 from lfportrait.version import __version__
 
 from ..baselines.config import NetworkConfig

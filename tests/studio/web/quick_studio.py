@@ -27,9 +27,9 @@ class KeepingGuard(Guard):
 class QuickChild(previews.Child):
     """The process that answers at once."""
 
-    def __init__(self, entry, log, **options):
+    def __init__(self, entry, log, settings, **options):
         assert entry == "lfportrait.studio.work.resident:serve"
-        super().__init__(f"{__spec__.name}:serve", log, **options)
+        super().__init__(f"{__spec__.name}:serve", log, settings, **options)
 
 
 def serve():

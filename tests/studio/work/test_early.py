@@ -8,7 +8,7 @@ pytest.importorskip("starlette")
 
 from lfportrait.job.warmup import ball_capture, ball_field, drawn_exemplar
 from lfportrait.progress import Progress
-from lfportrait.studio.orders import Order
+from lfportrait.studio.jobs import Order
 from lfportrait.studio.projects import Project
 from lfportrait.studio.work.pictures import EarlyPicture, Teller
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("starlette")
 
 from lfportrait.studio.exports import checked_options, entries, keep, kind_of, remove, target
-from lfportrait.studio.orders import Order
+from lfportrait.studio.jobs import Order
 from lfportrait.studio.projects import Project
 from lfportrait.studio.work.jobs import export
 from lfportrait.studio.work.pictures import Teller

@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ... import models
+from ...cache import check_writable
 from ...device import checked_choice
 from ...errors import UserError
 from ...example import Exemplar
@@ -24,7 +25,6 @@ from ...files import atomic_write, write_json
 from ...measure import usable_cores
 from ...runner import Outcome, Plan, Runner, finished, run_tasks
 from ...simd.host import compiling_progress
-from ...stages import check_writable
 from ...version import __version__
 from ..graph import Task, painting_key, source_key
 from ..made_from import MadeFrom

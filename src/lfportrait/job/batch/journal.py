@@ -22,10 +22,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from ...cache import finished_record
 from ...errors import UserError
 from ...files import lock, read_json
 from ...runner import Costs, Need
-from ...stages import finished_record
 from ...temporary import sweep_below
 from ..graph import STAGES
 

@@ -26,10 +26,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ...cache import StageFolder
 from ...errors import UserError
 from ...measure import THREADS, cost_of, free_memory_bytes, usable_cores
 from ...runner import Child, Failure, Outcome, Runner, Workers, finished, outcome_of, serve
-from ...stages import StageFolder
 from ..graph import Task
 from ..warmup import Warmup
 from ..work import Tools, do_stage

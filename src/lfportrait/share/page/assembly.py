@@ -43,7 +43,7 @@ from ...files import atomic_write, script_json, script_streams
 from ...lightfield import Display, EncodeConfig
 from ...version import __version__
 from ..kinds import PageConfig
-from ..paths import DISTANCE, head_extent
+from ..video import DISTANCE, head_extent
 from .packing import ColorSet, Lattice, PageTexture, code_values, color_sets, fit, texel_values
 
 _HEIGHT = 1000

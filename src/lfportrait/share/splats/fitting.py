@@ -26,7 +26,7 @@ from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, Rendering, VoxelField
 from ..kinds import SplatConfig
-from ..paths import orbit_cameras
+from ..video import orbit_cameras
 from .cloud import Splats, quaternions_of, render_splats, splat_view
 
 LOOKS = ((0.0, 8), (40.0, 6), (-30.0, 6), (75.0, 3), (-65.0, 3))

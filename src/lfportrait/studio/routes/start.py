@@ -15,7 +15,7 @@ from ...runner import CAN_PAUSE
 from ...version import __version__
 from ..answers import Refusal, choice, text, truth, whole
 from ..exports import checked_placement
-from ..orders import Order
+from ..jobs import Order
 from ..photos import find_photo, leave_out, photo_entry, photo_picture, remove_photo
 from ..versions import Versions, make_command
 from .call import Call, Table, picture, query_number, shown_page

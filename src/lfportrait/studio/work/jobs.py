@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from ... import job, models
-from ...cache import hash_of
+from ...cache import StageFolder, finished_record, hash_of
 from ...capture import Capture
 from ...demo import demo_capture
 from ...example import Exemplar
@@ -32,11 +32,10 @@ from ...media.pictures import read_image
 from ...runner import finished
 from ...runner import serve as serve_requests
 from ...share import ExportContext
-from ...stages import StageFolder, finished_record
 from ...stylize import StyledField, kept_skin, load_styled
 from ..answers import id_of, read_error
 from ..exports import forget_unfinished, kind_of
-from ..orders import Order
+from ..jobs import Order
 from ..photos import VIDEO_FRAME
 from ..projects import record_in
 from . import pictures

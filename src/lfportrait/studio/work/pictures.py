@@ -30,7 +30,7 @@ from ...lightfield import eight_bit, render_views
 from ...progress import Progress
 from ...share import PageConfig, sweep_cameras, write_page
 from ...simd.host import watched_compilations
-from ..orders import Order
+from ..jobs import Order
 from ..projects import Project
 
 _SIZE = 2.0  # Of a page in MB, at most.
