@@ -45,7 +45,7 @@ class Fact(NamedTuple):
 def examine(folder: str | os.PathLike[str] = ".") -> list[Fact]:
     """Check this machine, the installation, and the folder that results would be written to."""
     return [*_versions(), *_computing(), _memory(free_memory_bytes()), *_disks(Path(folder)),
-            *_libraries(), *_screen(), *_networks()]
+            *(_library(*row) for row in _LIBRARIES), *_screen(), *_networks()]
 
 
 def _versions() -> list[Fact]:
@@ -135,10 +135,6 @@ _LIBRARIES = (
     ("MediaPipe", "mediapipe", "mediapipe", "faces in photos",
      (("libEGL.so.1", "libegl1"), ("libGLESv2.so.2", "libgles2"))))
 """Name, module, package, what for, and which of the system's libraries it takes on Linux."""
-
-
-def _libraries() -> list[Fact]:
-    return [_library(*row) for row in _LIBRARIES]
 
 
 def _library(name: str, module: str, package: str, purpose: str,

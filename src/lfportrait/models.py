@@ -47,12 +47,8 @@ class ModelFile:
     folder: str = ""
 
 
-def _read_registry() -> dict[str, tuple[ModelFile, ...]]:
-    data = tomllib.loads(files(__package__).joinpath("models.toml").read_text("utf-8"))
-    return {name: tuple(ModelFile(**entry) for entry in entries) for name, entries in data.items()}
-
-
-REGISTRY = _read_registry()
+REGISTRY = {name: tuple(ModelFile(**entry) for entry in entries) for name, entries in tomllib.loads(
+    files(__package__).joinpath("models.toml").read_text("utf-8")).items()}
 """All networks by name; the files of one name serve the same purpose, first choice first."""
 
 GROUPS: dict[str, tuple[str, ...]] = {

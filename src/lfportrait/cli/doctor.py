@@ -35,8 +35,9 @@ class Doctor(Common):
     def run(self) -> dict[str, Any]:
         facts = examine()
         bad = sum(fact.state == "bad" for fact in facts)
+        unicode = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
         if not self.quiet:
-            print("\n".join(_lines(facts, _colored(), _unicode())))
+            print("\n".join(_lines(facts, _colored(), unicode)))
             print("\n" + ("No problems found." if not bad else
                           f"{bad} {'problems' if bad > 1 else 'problem'} found."))
         return {"facts": [fact._asdict() for fact in facts], "problems": bad}
@@ -98,10 +99,6 @@ def _colored() -> bool:
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ
 
 
-def _unicode() -> bool:
-    return (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
-
-
 def _lines(facts: list[Fact], colored: bool, unicode: bool) -> list[str]:
     """One line a fact, under the headings of their groups."""
     def dyed(text: str, code: str) -> str:
@@ -146,7 +143,9 @@ class Devices(Common):
         print("WebGPU")
         for one in adapters:
             print(f"  {one.name}  ({_words(one)})")
-            print(f"    {', '.join(_limit_words(one))}")
+            limits = (f"{_LIMITS[name]} {value if 'buffers' in name else _size(value)}"
+                      for name, value in _limits(one).items())
+            print(f"    {', '.join(limits)}")
         if not adapters:
             print("  none")
         print(f"torch {torch}")
@@ -177,11 +176,6 @@ def _words(adapter: Adapter) -> str:
              _size(adapter.memory) if adapter.memory else "",
              "too small: less than WebGPU's default limits" if too_small(adapter) else ""]
     return ", ".join(part for part in parts if part)
-
-
-def _limit_words(adapter: Adapter) -> list[str]:
-    return [f"{_LIMITS[name]} {value if 'buffers' in name else _size(value)}"
-            for name, value in _limits(adapter).items()]
 
 
 def _size(size: int) -> str:

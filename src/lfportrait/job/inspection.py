@@ -308,18 +308,16 @@ def _grouped(pictures: list[PictureFacts]) -> list[tuple[str, str, bool]]:
     for label in dict.fromkeys(label for _, rows in tables for label in rows):
         groups: dict[str, list[Path]] = {}
         for path, rows in tables:
-            groups.setdefault(_general(label, rows.get(label, "none")), []).append(path)
+            value = rows.get(label, "none")
+            if label == "depth":  # its range differs; what it is and of what size, does not
+                value = ", ".join(value.split(", ")[:2])
+            groups.setdefault(value, []).append(path)
         ordered = sorted(groups.items(), key=lambda group: -len(group[1]))
         text = "; ".join(f"{value}: {_few(files, len(tables))}" for value, files in ordered[:4])
         more = f"; {len(ordered) - 4} more kinds" if len(ordered) > 4 else ""
         found.append((label, ordered[0][0] if len(ordered) == 1 else text + more,
                       len(ordered) > 1))
     return found
-
-
-def _general(label: str, text: str) -> str:
-    """Of each photo's depth the range differs; what it is and of what size, does not."""
-    return ", ".join(text.split(", ")[:2]) if label == "depth" else text
 
 
 def _few(files: list[Path], total: int) -> str:

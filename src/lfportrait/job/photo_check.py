@@ -349,11 +349,6 @@ def _place(yaw: float, radius: float) -> tuple[float, float]:
     return 360 + radius * math.sin(angle), 120 + radius * math.cos(angle)
 
 
-def _radius(one: PhotoFacts, usual: float) -> float:
-    """Farther away where the face is smaller."""
-    return _RADIUS * float(np.clip(usual / max(one.face or usual, 1e-3), 0.75, 1.12))
-
-
 def _arc(draw: ImageDraw.ImageDraw, check: PhotoCheck) -> None:
     """A head from above, the photos around it, and where there are none."""
     x, y = _place(0, 0)
@@ -377,7 +372,9 @@ def _arc(draw: ImageDraw.ImageDraw, check: PhotoCheck) -> None:
         if one.yaw is None:
             continue
         color = BAD if one.wrong else FAIR if one.fair else GOOD
-        px, py = _place(one.yaw, _radius(one, usual))
+        # Farther away where the face is smaller.
+        near = float(np.clip(usual / max(one.face or usual, 1e-3), 0.75, 1.12))
+        px, py = _place(one.yaw, _RADIUS * near)
         draw.line((px, py, *_place(one.yaw, 70)), fill=(*color, 60), width=1)
         draw.ellipse((px - 7, py - 7, px + 7, py + 7), fill=color, outline=PAPER, width=1)
     unseen = sum(one.yaw is None for one in check.photos)

@@ -84,8 +84,9 @@ def _with_landmarks(capture: Capture, fresh: bool, reframe: bool, progress: Prog
     Those of a data set that was calibrated elsewhere (not ``fresh``) are kept in the user's cache,
     as each command looks for them.
     """
-    points, figures = (_landmarks(capture, progress) if fresh
-                       else _kept_landmarks(capture, progress))
+    from ..face import landmarks_of_capture
+
+    points, figures = (landmarks_of_capture if fresh else _kept_landmarks)(capture, progress)
     if points is None:
         return capture, figures
     if reframe:
@@ -102,19 +103,12 @@ def _in_portrait_frame(capture: Capture, points: Float64) -> Capture:
     return replace(capture.reframed(similarity), landmarks=points)
 
 
-def _landmarks(capture: Capture, progress: Progress | None,
-               ) -> tuple[Float64 | None, dict[str, Any]]:
-    from ..face import landmarks_of_capture
-
-    return landmarks_of_capture(capture, progress)
-
-
 def _kept_landmarks(capture: Capture, progress: Progress | None,
                     ) -> tuple[Float64 | None, dict[str, Any]]:
-    from ..face import detectors_key
+    from ..face import detectors_key, landmarks_of_capture
 
     def find() -> dict[str, NDArray[Any]]:
-        points, figures = _landmarks(capture, progress)
+        points, figures = landmarks_of_capture(capture, progress)
         return {"figures": np.array(json.dumps(figures)),
                 **({} if points is None else {"points": points})}
 
@@ -239,11 +233,6 @@ def _wrong_cameras(photos: Path) -> UserError:
     return UserError(f"the photos in {photos} are placed by something else than the head")
 
 
-def _knows_by_face(figures: dict[str, Any]) -> bool:
-    """Whether the cameras come from the face, and so follow the head already."""
-    return "face" in str(figures.get("calibration", {}).get("placed", ""))
-
-
 def _least_by_face(capture: Capture, landmarks: dict[str, Any], need_face: bool) -> float | None:
     """Photos that the face must place to do better than these cameras; None: these will do."""
     if "outliers" in landmarks:
@@ -349,7 +338,8 @@ def _shared(photos: Path, config: CalibrateConfig, keep_background: bool, need_f
         capture = _in_portrait_frame(capture, np.asarray(capture.landmarks, np.float64))
     if capture.alphas is None and not keep_background:
         soft = rough_mattes(capture, progress)
-        if fresh and not _knows_by_face(figures):
+        # Cameras that come from the face follow the head already.
+        if fresh and "face" not in str(figures.get("calibration", {}).get("placed", "")):
             capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
             if figures["head_motion"]["followed"]:
                 capture, figures["landmarks"] = _with_landmarks(capture, True, True, progress)

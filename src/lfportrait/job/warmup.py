@@ -191,15 +191,14 @@ class Warmup:
         for thread in self._threads:
             thread.start()
 
-    def _next(self) -> str | None:
-        """A stage that nobody has taken; None where there is none left."""
-        with self._lock:
-            return self._waiting.pop(0) if self._waiting else None
-
     def _work(self) -> None:
         """Compile stage after stage in one process; what fails is left to the job."""
         child = None
-        while (name := self._next()) is not None:
+        while True:
+            with self._lock:
+                if not self._waiting:
+                    break
+                name = self._waiting.pop(0)
             child = child or self._start()
             try:
                 child.send(name)

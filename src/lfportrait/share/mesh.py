@@ -212,7 +212,10 @@ def write_glb(stream: BinaryIO, place: Float32, normals: Float32,
         attributes["TEXCOORD_0"] = glb.add(mesh.places)
         color = {"baseColorTexture": {"index": glb.add_jpeg(jpeg(mesh.picture))}}
     else:
-        attributes["COLOR_0"] = glb.add(_linear(mesh.colors), normalized=True)
+        # Linear light in 16 bits, with a fourth channel of ones.
+        table = (linear_light(np.arange(256) / 255.0) * 65535.0 + 0.5).astype(np.uint16)
+        attributes["COLOR_0"] = glb.add(np.column_stack([
+            table[mesh.colors], np.full(len(mesh.colors), 65535, np.uint16)]), normalized=True)
     indices = glb.add(mesh.faces.reshape(-1).astype(np.uint32), indices=True)
     glb.scene["materials"] = [{
         "extensions": {_UNLIT: {}}, "doubleSided": True,
@@ -220,12 +223,6 @@ def write_glb(stream: BinaryIO, place: Float32, normals: Float32,
     glb.scene["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices,
                                             "material": 0}]}]
     glb.write(stream)
-
-
-def _linear(color: UInt8) -> NDArray[np.uint16]:
-    """SRGB bytes as linear light in 16 bits, with a fourth channel of ones."""
-    table = (linear_light(np.arange(256) / 255.0) * 65535.0 + 0.5).astype(np.uint16)
-    return np.column_stack([table[color], np.full(len(color), 65535, np.uint16)])
 
 
 _AT_ONCE = 1 << 14  # Lines that are formatted together.

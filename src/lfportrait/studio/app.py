@@ -91,7 +91,7 @@ def application(desk: Desk, keys: Keys, **guard: Any) -> Guard:
 
     @contextlib.asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        desk.start()
+        desk.jobs.start()
         try:
             yield
         finally:

@@ -44,10 +44,6 @@ class Desk:
         self._checks: dict[str, asyncio.TimerHandle] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
 
-    def start(self) -> None:
-        """Go on with the jobs of an earlier run."""
-        self.jobs.start()
-
     async def close(self) -> None:
         """End all processes."""
         for timer in self._checks.values():

@@ -229,15 +229,12 @@ def write_index(batch: Batch) -> str:
     sitters = [_sitter(batch, name) for name in batch.jobs.sitters if name not in
                batch.plan.refused]
     made = sum(row["state"] == "done" for row in batch.jobs_table())
-    return template.substitute(
-        made=made, wanted=len(batch.jobs_table()), failed=len(failures), version=__version__,
-        failures=_failures(failures), sitters="\n".join(sitters))
-
-
-def _failures(failures: dict[str, str]) -> str:
     rows = "".join(f"<li><b>{html.escape(name)}</b> {html.escape(why)}</li>"
                    for name, why in failures.items())
-    return f'<section class="failed"><h2>Failed</h2><ul>{rows}</ul></section>' if rows else ""
+    failed = f'<section class="failed"><h2>Failed</h2><ul>{rows}</ul></section>' if rows else ""
+    return template.substitute(
+        made=made, wanted=len(batch.jobs_table()), failed=len(failures), version=__version__,
+        failures=failed, sitters="\n".join(sitters))
 
 
 def _sitter(batch: Batch, name: str) -> str:

@@ -99,10 +99,7 @@ def checked(value: Any, kind: Any, where: str) -> Any:
     return value
 
 
-@functools.cache
-def _types(kind: Any) -> dict[str, Any]:
-    """The types of a data class's fields."""
-    return typing.get_type_hints(kind, include_extras=True)
+_types = functools.cache(functools.partial(typing.get_type_hints, include_extras=True))
 
 
 def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
@@ -255,16 +252,11 @@ class _Reader:
                             "or sweeps to true")
         sitters = self._named(sitter for entry in self._entries("sitter")
                               for sitter in self._sitters(*entry, styles, panels, switches))
-        jobs = Jobs(self.path, sitters, styles, panels, config)
-        self._try(jobs)
-        return jobs
-
-    def _try(self, jobs: Jobs) -> None:
-        """Apply all tables to the defaults once, so that errors are reported now."""
-        for kind, things in (("style", jobs.styles), ("display", jobs.panels),
-                             ("sitter", jobs.sitters)):
+        # Each table is applied to the defaults once, so that errors are reported now.
+        for kind, things in (("style", styles), ("display", panels), ("sitter", sitters)):
             for name, thing in things.items():
-                overlaid(jobs.config, thing.parameters, f"{self.path}: {kind} {name}")
+                overlaid(config, thing.parameters, f"{self.path}: {kind} {name}")
+        return Jobs(self.path, sitters, styles, panels, config)
 
     def _entries(self, kind: str) -> Iterator[tuple[dict[str, Any], str]]:
         """The tables ``[[kind]]`` and where they stand."""

@@ -139,7 +139,9 @@ class _Portraits:
                                     needs=(styled.name,), config=config, style=style,
                                     label="portrait.html", inputs=self._styled_file(style)))
         if self.sitter.sweeps:
-            display = self._first_display()
+            # The sweep goes over the cone of the first one.
+            names = self.sitter.displays
+            display = self.jobs.panels[names[0]].display if names else None
             found.append(self._task(
                 "sweep", "sweep", ("sweep.mp4",), graph.sweep_key(key, config, display),
                 needs=(styled.name,), config=config, style=style, display=display,
@@ -159,11 +161,6 @@ class _Portraits:
 
     def _styled_file(self, style: str) -> dict[str, str]:
         return {"styled": self._path(f"{style}/styled.npz")}
-
-    def _first_display(self) -> Display | None:
-        """The display whose cone the sweep goes over."""
-        names = self.sitter.displays
-        return self.jobs.panels[names[0]].display if names else None
 
 
 class Fingerprints:

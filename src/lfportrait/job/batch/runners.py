@@ -116,7 +116,6 @@ def _compile_once() -> None:
 
 
 def _do_remotely(task: Task, results: Path) -> Outcome:
-    """A task, on whatever machine."""
     _compile_once()
     return do_task(task, results)
 

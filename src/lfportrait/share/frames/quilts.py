@@ -167,10 +167,6 @@ class DrivePlan:
         return Display.preset("lookingglass-go")
 
 
-def _cause(error: UserError) -> OSError | None:
-    return error.__cause__ if isinstance(error.__cause__, OSError) else None
-
-
 def _trouble(drive: Path, error: OSError) -> UserError:
     """What is wrong with a drive, in one line."""
     reasons = {errno.ENOSPC: "is full: free some space", errno.EDQUOT: "is full: free some space",
@@ -254,9 +250,8 @@ def _all_or_nothing(drive: Path) -> Iterator[list[Path]]:
         for path in made:
             with suppress(OSError):
                 path.unlink()
-        cause = error if isinstance(error, OSError) else (
-            _cause(error) if isinstance(error, UserError) else None)
-        if cause is not None:
+        cause = error.__cause__ if isinstance(error, UserError) else error
+        if isinstance(cause, OSError):
             raise _trouble(drive, cause) from cause
         raise
 

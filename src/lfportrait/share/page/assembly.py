@@ -313,11 +313,6 @@ def _presets() -> list[dict[str, Any]]:
     return found
 
 
-def _caption(config: PageConfig, styles: list[str]) -> str:
-    lines = [config.artist or ", ".join(styles), config.date]
-    return "".join(f"<p>{html.escape(line)}</p>" for line in lines if line)
-
-
 def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
     """The field as a page begins with it: in its first colors, without a room."""
     shown = next((each for each in sets if each.kind != "photo"), sets[0])
@@ -393,7 +388,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     after = config.artist or ", ".join(styles)
     about = f"{title}, a portrait in three dimensions." + (f" {after}." if after else "")
     parts = {
-        "title": html.escape(title), "caption": _caption(config, styles),
+        "title": html.escape(title), "caption": "".join(
+            f"<p>{html.escape(line)}</p>" for line in (after, config.date) if line),
         "style": style + tint,
         "description": html.escape(about), "script": script, "header": script_json(header),
         "poster": "data:image/webp;base64," + _base64(picture),

@@ -273,8 +273,10 @@ NAME = "KHR_gaussian_splatting"
 def write_glb(stream: BinaryIO, splats: Splats) -> None:
     """Write splats; programs without the extension show them as colored points."""
     glb = Glb([NAME])
+    color = linear_light(np.clip(C0 * splats.sh[:, :, 0] + 0.5, 0, 1))
+    points = np.rint(255 * np.column_stack([color, splats.opacity])).astype(np.uint8)
     attributes = {"POSITION": glb.add(splats.positions, bounds=True),
-                  "COLOR_0": glb.add(_fallback(splats), normalized=True),
+                  "COLOR_0": glb.add(points, normalized=True),
                   f"{NAME}:ROTATION": glb.add(np.roll(splats.turns, -1, axis=1)),
                   f"{NAME}:SCALE": glb.add(splats.scales),
                   f"{NAME}:OPACITY": glb.add(splats.opacity)}
@@ -288,12 +290,6 @@ def write_glb(stream: BinaryIO, splats: Splats) -> None:
         "extensions": {NAME: {"kernel": "ellipse", "colorSpace": "srgb_rec709_display",
                               "sortingMethod": "cameraDistance", "projection": "perspective"}}}]}]
     glb.write(stream)
-
-
-def _fallback(splats: Splats) -> np.ndarray:
-    """Colors and opacities of points, linear light, uint8 [N, 4]."""
-    color = linear_light(np.clip(C0 * splats.sh[:, :, 0] + 0.5, 0, 1))
-    return np.rint(255 * np.column_stack([color, splats.opacity])).astype(np.uint8)
 
 
 def write_ply(stream: BinaryIO, splats: Splats) -> None:

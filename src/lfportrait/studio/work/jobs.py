@@ -185,7 +185,10 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
         coded = read_image(order.version / "lightfield.png")
         teller.picture("encode", pictures.coded_picture(coded))
         do_task(order, teller, share, figures, warmup, exemplar=exemplar)
-    _photograph(order)
+    # The sitter's most frontal photo, beside the video: a study shows both.
+    capture = Capture.load(order.job / "capture")
+    front = int(frontal_order(capture.cameras)[0])
+    write_image(order.version / "photo.jpg", capture.image_float(front), quality=92)
     hero = order.version / "hero.png"
     if hero.is_file():
         teller.picture("share", read_image(hero))
@@ -193,13 +196,6 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
     write_json(order.version / "run.json", job.run_figures(
         figures, exemplar.name, panel.name, resumed))
     return {"display": panel.name, "key": key}
-
-
-def _photograph(order: Order) -> None:
-    """Lay the sitter's most frontal photo beside the video: a study shows both."""
-    capture = Capture.load(order.job / "capture")
-    view = int(frontal_order(capture.cameras)[0])
-    write_image(order.version / "photo.jpg", capture.image_float(view), quality=92)
 
 
 def _painted(order: Order, config: MakeConfig, exemplars: list[Exemplar]) -> tuple[str, str]:
