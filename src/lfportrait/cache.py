@@ -250,25 +250,17 @@ def finished_record(folder: Path, name: str, key: str, outputs: Iterable[str],
 
 
 class StageFolder:
-    """The folder of one job and the records of its finished stages.
+    """The folder of one job, made if it does not exist, and the records of its finished stages.
 
-    Parameters
-    ----------
-    folder : Where the outputs go; made if it does not exist.
-    report : Called with one line of text when a stage is skipped because it is done.
-
-    Attributes
-    ----------
-    figures : Per stage: the figures that its function returned, with ``"seconds"``; those of a
-        stage that was finished in an earlier run come from its record.
-    resumed : Names of the stages that an earlier run had finished.
+    ``report`` is called with one line of text when a stage is skipped because it is done.
     """
 
     def __init__(self, folder: Path, report: Callable[[str], None] = lambda line: None) -> None:
         self.folder = Path(folder)
         self.records = self.folder / _RECORDS
+        # Of each stage, with ``"seconds"``: of its function, or of the record of an earlier run.
         self.figures: dict[str, dict[str, Any]] = {}
-        self.resumed: list[str] = []
+        self.resumed: list[str] = []  # Names of the stages that an earlier run had finished.
         self._report = report
         sweep_once(self.folder)
         sweep_once(self.records)

@@ -70,25 +70,16 @@ def painted_roughly(field: VoxelField, capture: Capture, exemplar: Exemplar,
 class FirstLook(ABC):
     """The first look of one job: taken once, of the first field that it can be taken of.
 
-    Parameters
-    ----------
-    exemplar, config : The painting, or the name or file of one, and its parameters.
-    begun : When the job began, by `time.perf_counter`.
-    only : Whether the job ends with it.
-
-    Attributes
-    ----------
-    warmup : Kernels that are being compiled beside; None: all are there.
-    over : Whether it was taken, or has failed.
-    figures : ``seconds`` from the job's begin to the look, of these ``cost_seconds`` for the
-        look alone.
+    Of the painting, or the name or file of one, and its parameters. The job began at ``begun``, by
+    `time.perf_counter`, and ends with the look if that is the ``only`` thing that is wanted.
     """
 
     def __init__(self, exemplar: Exemplar | str, config: StylizeConfig, begun: float, *,
                  only: bool = False) -> None:
         self.exemplar, self.config, self.begun, self.only = exemplar, config, begun, only
-        self.warmup: Warmup | None = None
-        self.over = False
+        self.warmup: Warmup | None = None  # Kernels that are being compiled; None: all are there.
+        self.over = False  # Whether it was taken, or has failed.
+        # ``seconds`` from the job's begin to the look, ``cost_seconds`` of these for it alone.
         self.figures: dict[str, float] = {}
 
     def wanted(self) -> bool:

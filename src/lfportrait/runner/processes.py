@@ -179,13 +179,10 @@ class Child:
 
 
 class Pipe:
-    """The pipe to the parent. `tell` may be called from any thread.
+    """The pipe to the parent: ``requests`` are what it has sent.
 
-    The process keeps freed memory from now on, as a command does.
-
-    Attributes
-    ----------
-    requests : What the parent has sent.
+    `tell` may be called from any thread. The process keeps freed memory from now on, as a command
+    does.
     """
 
     def __init__(self) -> None:

@@ -45,12 +45,9 @@ class Glb:
             normalized: bool = False) -> int:
         """Add an array of K rows, and return the number of its accessor.
 
-        Parameters
-        ----------
-        values : uint8, uint16, uint32 or float32, [K] or [K, 2 to 4].
-        bounds : State the least and the largest values, as positions must.
-        indices : Of a mesh's corners.
-        normalized : Whole numbers that stand for 0 to 1.
+        It is uint8, uint16, uint32 or float32, [K] or [K, 2 to 4]: indices of a mesh's corners, or
+        whole numbers that stand for 0 to 1 (``normalized``), or others. ``bounds`` states the least
+        and the largest values, as positions must.
         """
         values = np.ascontiguousarray(values)
         kind = values.dtype.str[1:]

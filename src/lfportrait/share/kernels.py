@@ -134,10 +134,8 @@ def _box(flat, n, x0, y0, x1, y1):
 def composite(first, last, tiles, flat, colors, starts, members, image):
     """Composite the splats of tiles ``first`` to ``last`` of ``tiles``.
 
-    Parameters
-    ----------
-    colors : float32 [N, 3], of the splats as this picture shows them.
-    image : float32 [H, W, 4] out, color times alpha, and transmittance.
+    ``colors`` float32 [N, 3] are the splats' as this picture shows them; ``image`` float32
+    [H, W, 4] is color times alpha, and transmittance, out.
     """
     height, width, _ = image.shape
     across = -(-width // TILE)
@@ -254,11 +252,9 @@ def differentiate(first, last, tiles, flat, colors, starts, members, image, slop
 def pull(pairs, members, order, positions, scales, axes, camera, flat, out):
     """Derivatives by the splats themselves, from those of `differentiate`.
 
-    Parameters
-    ----------
-    out : float32 [N, 11] out: by the color (3), the opacity, the logarithms of the scales (3),
-        the position (3, by the middle's place in the picture alone); the weight in the picture,
-        0 for splats that are hidden or not in ``order``.
+    ``out`` float32 [N, 11]: by the color (3), the opacity, the logarithms of the scales (3), the
+    position (3, by the middle's place in the picture alone); the weight in the picture, 0 for
+    splats that are hidden or not in ``order``.
     """
     sums = np.zeros((len(positions), 10), np.float32)
     for member in range(len(members)):

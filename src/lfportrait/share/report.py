@@ -54,23 +54,16 @@ class Table:
 
 @dataclass
 class Section:
-    """A part of the report: a title, a text, pictures and tables; empty ones are left out.
-
-    Attributes
-    ----------
-    layout : ``strip``: pictures of one height in a row that scrolls; ``grid``: columns;
-        ``wide``: one below the other in full width.
-    """
+    """A part of the report: a title, a text, pictures and tables; empty ones are left out."""
 
     title: str
     text: str = ""
     pictures: list[Picture] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
+    # A row of one height that scrolls; columns; one below the other in full width.
     layout: Literal["strip", "grid", "wide"] = "grid"
-    video: str | Path | None = None
-    """A video file, embedded; left out if it does not exist."""
-    drawings: Sequence[str] = ()
-    """Drawings as SVG elements, made by us: they are put in as they are."""
+    video: str | Path | None = None  # A file, embedded; left out if it does not exist.
+    drawings: Sequence[str] = ()  # SVG elements, made by us: they are put in as they are.
 
     def empty(self) -> bool:
         """Whether there is nothing to show."""
@@ -80,16 +73,12 @@ class Section:
 
 @dataclass
 class Report:
-    """A report: title, hero picture, key figures, sections.
-
-    Attributes
-    ----------
-    key_figures : Up to about six (label, value) pairs shown large below the title.
-    """
+    """A report: title, hero picture, key figures, sections."""
 
     title: str
     subtitle: str = ""
     hero: Picture | None = None
+    # Up to about six pairs, label and value, shown large below the title.
     key_figures: list[tuple[str, str]] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
 

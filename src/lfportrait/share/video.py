@@ -90,14 +90,10 @@ def sweep_degrees(frames: int, cone: float) -> Float64:
 
 def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
                   field: VoxelField | None = None) -> Camera:
-    """Cameras of a horizontal sweep there and back over a view cone.
+    """Cameras of a horizontal sweep there and back over a cone, its full width in degrees.
 
-    Parameters
-    ----------
-    cone : Full width in degrees.
-    frames : Number of frames of one loop.
-    size : Width and height of the pictures in pixels.
-    field : Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
+    ``frames`` of one loop, ``size`` pixels wide and high; the field's extent is framed, by default
+    the cube [-1, 1]^3 that holds a head.
     """
     return _arc(sweep_degrees(frames, cone), size, field)
 
@@ -136,17 +132,10 @@ def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Gr
 def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
                  background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
                  ) -> Iterator[UInt8]:
-    """Frames of a sweep, rendered one at a time.
+    """Frames of a sweep (`sweep_cameras`), uint8 [size, size, 3], rendered one at a time.
 
-    Parameters
-    ----------
-    cone, frames, size : See `sweep_cameras`.
-    background : Grey level or RGB behind the head, in [0, 1].
-    ground : What panels show behind the head is shown instead, where there is such a ground.
-
-    Yields
-    ------
-    frame : uint8 [size, size, 3].
+    ``background`` is a grey level or RGB in [0, 1] behind the head; what panels show there, by
+    ``ground``, is shown instead where there is such a ground.
     """
     cameras = sweep_cameras(cone, frames, size, field)
     plane = None if ground is None else sweep_ground(field, ground, cameras)

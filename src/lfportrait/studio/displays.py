@@ -173,14 +173,8 @@ def corrected(display: Display, step: str, answer: dict[str, Any],
     the first correction tries one, and with the second count it is known. All counts together then
     tell the number better than one does.
 
-    Parameters
-    ----------
-    step : ``slant``, ``views`` or ``fringe``.
-    seen : What was counted before at this step; empty at first.
-
-    Returns
-    -------
-    display, next, said, seen : ``next``: the step to go on with, or None.
+    The step is ``slant``, ``views`` or ``fringe``; ``seen`` was counted before at it. Gives the
+    display, the step to go on with or None, what is said, and what was counted so far.
     """
     if step == "fringe":
         if choice(answer, "edges", ("clean", "colored")) == "clean":

@@ -60,21 +60,7 @@ class StageState:
 
 @dataclass
 class JobState:
-    """One job.
-
-    Attributes
-    ----------
-    id, kind, project, version, export : What is done, for whom.
-    state : ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or
-        ``stopped``.
-    order : What the process needs to know beside that.
-    after : Id of the job whose end it waits for, or None.
-    created, started, ended : In seconds since 1970.
-    stages : In their order.
-    notes : Warnings.
-    error : Code and message of a failure.
-    result : What the process said at its end.
-    """
+    """One job: what is done, for whom; times are in seconds since 1970."""
 
     id: str
     kind: str
@@ -82,16 +68,17 @@ class JobState:
     version: str | None = None
     export: str | None = None
     name: str = ""
+    # ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or ``stopped``.
     state: str = "waiting"
-    order: dict[str, Any] = field(default_factory=dict)
-    after: str | None = None
+    order: dict[str, Any] = field(default_factory=dict)  # What the process needs to know, too.
+    after: str | None = None  # Id of the job whose end it waits for.
     created: float = 0.0
     started: float | None = None
     ended: float | None = None
-    stages: list[StageState] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    error: dict[str, str] | None = None
-    result: dict[str, Any] | None = None
+    stages: list[StageState] = field(default_factory=list)  # In their order.
+    notes: list[str] = field(default_factory=list)  # Warnings.
+    error: dict[str, str] | None = None  # Code and message of a failure.
+    result: dict[str, Any] | None = None  # What the process said at its end.
 
     @property
     def heavy(self) -> bool:

@@ -293,14 +293,9 @@ class Uploads:
 
     async def receive(self, project: Project, number: str, offset: int, length: int,
                       body: AsyncIterator[bytes]) -> Path:
-        """Take in what a page sends; the photo under its own name.
+        """Take in what a page sends of an upload that `announce` told; the photo by its own name.
 
-        Parameters
-        ----------
-        project, number : Of the upload, as `announce` said.
-        offset : Where the bytes begin.
-        length : How many will come.
-        body : The bytes.
+        The bytes begin at ``offset``, and ``length`` of them will come.
         """
         upload = self._taken(project, number)
         try:

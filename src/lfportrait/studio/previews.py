@@ -75,20 +75,12 @@ class Previews:
 
     async def ask(self, name: str, facts: dict[str, Any], slot: str = "", turn: Turn | None = None,
                   gone: Callable[[], Awaitable[None]] | None = None) -> Any:
-        """The answer to a question (`lfportrait.studio.work.resident`).
+        """The answer to a question, its name and facts (`lfportrait.studio.work.resident`).
 
-        Parameters
-        ----------
-        name, facts : The question.
-        slot : A newer question of the same slot takes its place, as long as it waits.
-        turn : When it is asked; by default at once with a slot, else next.
-        gone : Returns when nobody waits for the answer any more: a question that still waits is
-            then dropped. One that is being answered is answered to its end.
-
-        Raises
-        ------
-        Refusal : If it can't be answered, nobody waits for it, or a newer one of the same slot
-            came.
+        A newer question of the same ``slot`` takes its place, as long as it waits. By default it is
+        asked at once with a slot, else next. ``gone`` returns when nobody waits for the answer any
+        more: a question that still waits is then dropped, one that is being answered is not. Raises
+        `Refusal` if it can't be answered, or was dropped.
         """
         if turn is None:
             turn = Turn.NOW if slot else Turn.NEXT

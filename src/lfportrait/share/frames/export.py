@@ -56,15 +56,11 @@ class Margins:
 
 def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Margins, *,
            turns: Sequence[float] = (0.0,), eyes: Sequence[float] = (0.0,)) -> EncodeConfig:
-    """The placement whose head fills the frame within its margins.
+    """The placement whose head fills the frame, a window with the eyes' distance, in its margins.
 
-    Parameters
-    ----------
-    window : The frame, with the eyes' distance.
-    encode : Size and shifts away from their defaults change the framing in proportion; the rest is
-        kept.
-    turns : Degrees by which the head is turned besides ``encode.turn``.
-    eyes : X of the eyes in half heights of the frame.
+    Size and shifts of ``encode`` away from their defaults change the framing in proportion; the
+    rest is kept. ``turns`` are degrees by which the head is turned besides that, ``eyes`` the x of
+    the eyes in half heights of the frame.
     """
     points, voxel = _outline(field)
     views = []
@@ -261,16 +257,11 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], UInt8],
                  size: tuple[int, int], encode: EncodeConfig, config: FrameConfig, *,
                  flat: bool = False, comment: str = "",
                  step: Callable[[int, int], None] = lambda at, count: None) -> dict[str, Any]:
-    """Write a video of a head that sways; returns ``frames`` and ``codec``.
+    """Write a video of a head that sways about ``encode``; returns ``frames`` and ``codec``.
 
-    Parameters
-    ----------
-    picture : Makes a frame, uint8 [H, W, 3], by its placement.
-    size : Width and height of the frames.
-    encode : Placement of the head in the middle of the motion.
-    config : Number of frames, sway and codec.
-    comment : Written into the file's metadata.
-    step : Called before each frame with its number and their count.
+    ``picture`` makes a frame, uint8 [H, W, 3], by its placement; ``size`` is their width and
+    height; ``comment`` goes into the file's metadata; ``step`` is called before each frame with its
+    number and their count.
     """
     codec = codec_for(path, size, config.codec, flat)
     # A loop without a seam.

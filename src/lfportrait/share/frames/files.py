@@ -232,10 +232,8 @@ def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayou
               movie: bool = False) -> dict[str, Any]:
     """Write a package; returns its ``bytes``.
 
-    Parameters
-    ----------
-    media : Name of the quilt in it; its settings lie beside it as ``MEDIA.json``.
-    contents : The quilt, as a file's contents or a file.
+    ``media`` names the quilt in it, given as a file or its contents; its settings lie beside it as
+    ``MEDIA.json``.
     """
     settings = json.dumps(quilt_settings(layout, movie=movie), indent=1) + "\n"
     with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as package:

@@ -258,13 +258,9 @@ class _Handler(BaseHTTPRequestHandler):
 
 def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
                ready: Callable[[str, Callable[[], None]], None] | None = None) -> None:
-    """Serve a page's file until interrupted.
+    """Serve a page's file until interrupted, on the loopback address; port 0 takes a free one.
 
-    Parameters
-    ----------
-    port : On the loopback address; 0 takes a free one.
-    browse : Open the browser there.
-    ready : Called with the address, and with what ends the serving, once it can be reached.
+    ``ready`` is called with the address, and with what ends the serving, once it can be reached.
     """
     try:
         server = ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, Path(page)))

@@ -145,16 +145,10 @@ class Slopes:
 
 @dataclass(frozen=True)
 class SplatView:
-    """A picture of splats, and how it came about.
+    """A picture of splats, and how it came about."""
 
-    Attributes
-    ----------
-    image : float32 [H, W, 4], color times alpha (sRGB), and alpha.
-    order : int64 [M], splats in the picture, from front to back.
-    """
-
-    image: Float32
-    order: Int64
+    image: Float32  # float32 [H, W, 4], color times alpha (sRGB), and alpha.
+    order: Int64  # int64 [M], splats in the picture, from front to back.
     _splats: Splats
     _camera: Float64
     _colors: Float32

@@ -171,7 +171,9 @@ def _points(style: Style, data: dict[str, Any]) -> list[list[float]] | None:
     return data["faces"][0] if data["faces"] else None
 
 
-async def _landmarks(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
+@TABLE.add("GET", "/api/styles/{style}/landmarks")
+async def landmarks(call: Call) -> dict[str, Any]:
+    style, project = _style(call)
     data = await _found(call, style, project)
     used = _points(style, data)
     chosen = _nearest(used, data["faces"])
@@ -193,12 +195,7 @@ async def choose(call: Call) -> dict[str, Any]:
         facts["face"] = whole(call.data, "face", 1, 100)
     await call.desk.previews.ask("choose", facts)
     _tell(call, project)
-    return await _landmarks(call, style, project)
-
-
-@TABLE.add("GET", "/api/styles/{style}/landmarks")
-async def landmarks(call: Call) -> dict[str, Any]:
-    return await _landmarks(call, *_style(call))
+    return await landmarks(call)
 
 
 @TABLE.add("PUT", "/api/styles/{style}/landmarks")
@@ -209,7 +206,7 @@ async def place(call: Call) -> dict[str, Any]:
     with atomic_write(style.beside("landmarks.txt")) as stream:
         stream.write("".join(f"{x:.2f} {y:.2f}\n" for x, y in found).encode())
     _tell(call, project)
-    return await _landmarks(call, style, project)
+    return await landmarks(call)
 
 
 @TABLE.add("DELETE", "/api/styles/{style}/landmarks")
@@ -218,16 +215,13 @@ async def reset(call: Call) -> dict[str, Any]:
     style, project = _style(call)
     style.beside("landmarks.txt").unlink(missing_ok=True)
     _tell(call, project)
-    return await _landmarks(call, style, project)
+    return await landmarks(call)
 
 
 @TABLE.add("GET", "/api/styles/{style}/regions")
 async def regions(call: Call) -> dict[str, Any]:
     """The regions of a painting: what is found, and what was painted over."""
-    return await _regions(call, *_style(call))
-
-
-async def _regions(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
+    style, project = _style(call)
     data = await _found(call, style, project)
     painted = style.path is not None and style.beside("regions.png").is_file()
     query = f"project={project.id}&" if project is not None else ""
@@ -245,7 +239,7 @@ async def paint_regions(call: Call) -> dict[str, Any]:
     await asyncio.to_thread(styles.write_regions, style, await _body(call),
                             (data["width"], data["height"]))
     _tell(call, project)
-    return await _regions(call, style, project)
+    return await regions(call)
 
 
 @TABLE.add("DELETE", "/api/styles/{style}/regions")
@@ -254,7 +248,7 @@ async def forget_regions(call: Call) -> dict[str, Any]:
     style, project = _style(call)
     style.beside("regions.png").unlink(missing_ok=True)
     _tell(call, project)
-    return await _regions(call, style, project)
+    return await regions(call)
 
 
 @TABLE.add("GET", "/api/styles/{style}/regions/picture")

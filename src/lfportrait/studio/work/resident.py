@@ -68,12 +68,10 @@ class _Few(Painters):
 class Look:
     """What is shown: a sitter in a style and a mix.
 
-    Parameters
-    ----------
-    request : ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted
-        field's file); with ``job`` also ``style`` (a picture or a built-in name, None for the
-        photographed head), ``landmarks``, ``styles`` (of regions, by the names that the mix
-        uses), ``pixels``. ``mix``: arguments of `StyledField.mix`.
+    A request has ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted
+    field's file); with ``job`` also ``style`` (a picture or a built-in name, None for the
+    photographed head), ``landmarks``, ``styles`` (of regions, by the names that the mix uses),
+    ``pixels``. ``mix``: arguments of `StyledField.mix`.
     """
 
     def __init__(self, request: Mapping[str, Any]) -> None:
