@@ -21,7 +21,6 @@ import functools
 import hashlib
 import json
 import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -35,7 +34,7 @@ from numpy.typing import NDArray
 
 from . import files
 from .errors import UserError
-from .temporary import sweep_once
+from .temporary import remove_part, sweep_once
 
 MOST = 100  # Files that are kept of a kind: those that were used last.
 _DIGITS = 32  # Of a hash.
@@ -305,11 +304,6 @@ class StageFolder:
         """A path inside the record folder for a stage's checkpoints."""
         return self.records / name
 
-    def remove_scratch(self, *names: str) -> None:
-        """Delete checkpoints that a finished stage no longer needs."""
-        for name in names:
-            path = self.records / name
-            if path.is_dir():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                path.unlink(missing_ok=True)
+    def remove_scratch(self, name: str) -> None:
+        """Delete a checkpoint that a finished stage no longer needs."""
+        remove_part(self.scratch(name))

@@ -139,6 +139,12 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         yield stream
 
 
+def write_bytes(path: str | os.PathLike[str], contents: bytes | memoryview) -> None:
+    """Write a file's contents; it appears when it is complete."""
+    with atomic_write(path) as stream:
+        stream.write(contents)
+
+
 def lock(path: Path, wait: float = 0.0) -> BaseFileLock:
     """Lock a file, made if missing, until ``release()`` is called or the process ends.
 
@@ -180,8 +186,7 @@ def temporary_home() -> Path:
 
 def write_json(path: str | os.PathLike[str], data: Any) -> None:
     """Write ``data`` as indented JSON, NumPy scalars and arrays included."""
-    with atomic_write(path) as stream:
-        stream.write((json.dumps(plain_json(data), indent=1) + "\n").encode())
+    write_bytes(path, (json.dumps(plain_json(data), indent=1) + "\n").encode())
 
 
 def plain_json(value: Any) -> Any:
@@ -259,8 +264,14 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
         elif sheet and kind == "JPEG":
             options["comment"] = _SHEET
         Image.fromarray(array).save(buffer, format=kind, **options)
-    with atomic_write(path) as stream:
-        stream.write(buffer.getbuffer())
+    write_bytes(path, buffer.getbuffer())
+
+
+def image_bytes(image: NDArray[np.uint8], kind: str, **options: Any) -> bytes:
+    """A picture [H, W] or [H, W, 1 to 4] as the contents of a file of a format, as Pillow's."""
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, kind, **options)
+    return buffer.getvalue()
 
 
 def own_output(path: Path) -> bool:
@@ -411,5 +422,4 @@ def tells_changes(state: tuple[int, int, int, int]) -> bool:
     all and in coarse steps; nor for a file that was changed only now and may be again at once.
     """
     changed = state[2]
-    return (sys.platform != "win32" and changed % _CARD != 0
-            and time.time_ns() - changed > _SOON)
+    return (sys.platform != "win32" and changed % _CARD != 0 and time.time_ns() - changed > _SOON)

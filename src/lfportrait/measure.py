@@ -45,13 +45,20 @@ def peak_memory_bytes() -> int:
     return int(peak if sys.platform == "darwin" else peak * 1024)
 
 
+def _account(path: Path, name: str) -> str:
+    """What stands behind a name, at the begin of a line, in one of Linux' accounts.
+
+    Raises `OSError` if it can't be read, or has no such name.
+    """
+    for line in path.read_text("utf-8").splitlines():
+        if line.startswith(name):
+            return line[len(name):].lstrip(" \t:")
+    raise OSError(f"no {name} in {path}")
+
+
 def _status(name: str) -> int:
-    """A figure of this process from Linux' accounts, in bytes."""
-    with open("/proc/self/status", encoding="utf-8") as stream:
-        for line in stream:
-            if line.startswith(name + ":"):
-                return int(line.split()[1]) * 1024
-    raise OSError(f"no {name} in the process's status")
+    """A figure of this process, in bytes."""
+    return int(_account(Path("/proc/self/status"), f"{name}:").split()[0]) * 1024
 
 
 def _forget_peak() -> bool:
@@ -105,9 +112,8 @@ def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
 def free_memory_bytes(system: Path = Path("/")) -> int | None:
     """Memory that a process can still get, in bytes; None if the system does not report it."""
     try:
-        rows = (system / "proc/meminfo").read_text("utf-8").splitlines()
-        free = next(int(row.split()[1]) * 1024 for row in rows if row.startswith("MemAvailable:"))
-    except (OSError, StopIteration):
+        free = int(_account(system / "proc/meminfo", "MemAvailable:").split()[0]) * 1024
+    except OSError:
         return None
     allowed = free_in_groups(system)  # a container may have less
     return max(0, free if allowed is None else min(free, allowed))
@@ -124,14 +130,8 @@ def free_disk_bytes(folder: str | os.PathLike[str]) -> int:
 def machine() -> dict[str, str | int]:
     """Processor and system in words, for reports."""
     name = platform.processor() or platform.machine()
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as stream:
-            for line in stream:
-                if line.startswith("model name"):
-                    name = line.split(":", 1)[1].strip()
-                    break
-    except OSError:
-        pass
+    with suppress(OSError):
+        name = _account(Path("/proc/cpuinfo"), "model name")
     return {"processor": name, "cores": usable_cores(), "system": platform.system(),
             "python": platform.python_version()}
 
@@ -209,7 +209,9 @@ def _left(group: Path, limits: tuple[str, ...], used: str, droppable: str) -> in
     taken = _number(group / used)
     if not found or taken is None or min(found) >= _NO_LIMIT:
         return None
-    working = max(0, taken - _statistic(group / "memory.stat", droppable))
+    with suppress(OSError, ValueError):
+        taken -= int(_account(group / "memory.stat", f"{droppable} "))
+    working = max(0, taken)
     return max(0, min(found) - working)
 
 
@@ -231,14 +233,6 @@ def _number(path: Path) -> int | None:
     with suppress(OSError, ValueError):
         return int(path.read_text(encoding="utf-8"))
     return None
-
-
-def _statistic(path: Path, name: str) -> int:
-    with suppress(OSError, ValueError):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            if line.startswith(f"{name} "):
-                return int(line.split()[1])
-    return 0
 
 
 def _groups(system: Path, controller: str) -> Iterator[Path]:

@@ -214,8 +214,7 @@ class Render(Common):
         with self.progress("render", len(views)) as progress:
             for view in range(len(views)):
                 behind = self.background if plane is None else plane.seen(views, view)
-                rendering = voxels.render(views, view, background=behind,
-                                          device=self.device)
+                rendering = voxels.render(views, view, background=behind, device=self.device)
                 if video:
                     frames.append(to_uint8(rendering.color))
                 else:

@@ -219,8 +219,7 @@ class TransferPhoto(Common):
             with self.progress("transfer") as progress:
                 return transfer_folder(self.photo, self.out, exemplar, self._config(), choices,
                                        progress)
-        seconds = transfer_photo(self.photo, self.out, exemplar, self._config(), choices,
-                                 self.dump)
+        seconds = transfer_photo(self.photo, self.out, exemplar, self._config(), choices, self.dump)
         return {"method": self.method, **seconds}
 
     def _choices(self) -> list[RegionStyle]:

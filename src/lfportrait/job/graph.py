@@ -174,8 +174,7 @@ def page_key(style: str, config: MakeConfig) -> str:
 
 def sweep_key(style: str, config: MakeConfig, display: Display | None) -> str:
     """Key of its sweep over a display's cone."""
-    return stage_key("sweep", style, config.sweep_size, display and display.cone,
-                     *_ground(config))
+    return stage_key("sweep", style, config.sweep_size, display and display.cone, *_ground(config))
 
 
 def share_key(code: str, config: MakeConfig) -> str:

@@ -315,8 +315,7 @@ def _grouped(pictures: list[PictureFacts]) -> list[tuple[str, str, bool]]:
         ordered = sorted(groups.items(), key=lambda group: -len(group[1]))
         text = "; ".join(f"{value}: {_few(files, len(tables))}" for value, files in ordered[:4])
         more = f"; {len(ordered) - 4} more kinds" if len(ordered) > 4 else ""
-        found.append((label, ordered[0][0] if len(ordered) == 1 else text + more,
-                      len(ordered) > 1))
+        found.append((label, ordered[0][0] if len(ordered) == 1 else text + more, len(ordered) > 1))
     return found
 
 

@@ -277,8 +277,7 @@ def best_pictures(photos: Sequence[Photo], progress: Progress | None = None) -> 
     """
     looks = []
     for number, photo in enumerate(photos):
-        note(progress, f"choosing the best picture: {number + 1} of "
-                       f"{len(photos)}")
+        note(progress, f"choosing the best picture: {number + 1} of {len(photos)}")
         looks.append(look_at_face(photo.image))
     seen = [index for index, look in enumerate(looks) if look is not None]
     if not seen:

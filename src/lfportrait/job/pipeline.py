@@ -117,8 +117,7 @@ class Source(NamedTuple):
                        matted=photos.alphas is not None, fitted=is_portrait(photos))
         side, placed, masks = config.calibrate.max_side or np.inf, is_calibrated(photos), 0
         if not placed and is_video(photos):
-            return cls(config.calibrate.video_frames, 1.0, False, False,
-                       config.made_from == "face")
+            return cls(config.calibrate.video_frames, 1.0, False, False, config.made_from == "face")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if placed:

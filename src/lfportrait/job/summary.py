@@ -147,8 +147,7 @@ def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], backgrou
     views = Camera.arc(np.array(angles, float), distance=float(
         np.linalg.norm(first.position[0] - target)), width=int(first.width[0]),
         height=int(first.height[0]), focal=float(first.focal[0, 0]), target=tuple(target))
-    return [np.clip(seen.color, 0, 1) for seen in render_views(field, views,
-                                                               background=background)]
+    return [np.clip(seen.color, 0, 1) for seen in render_views(field, views, background=background)]
 
 
 def _key_figures(figures: dict[str, Any], display: Display) -> list[tuple[str, str]]:

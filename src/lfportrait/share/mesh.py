@@ -26,14 +26,13 @@ from typing import Any, BinaryIO
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ..color import linear_light, to_uint8
 from ..errors import UserError
 from ..example import Atlas, draw_atlas
 from ..field import Mesh, PointCloud, VoxelField
-from ..files import atomic_write
+from ..files import atomic_write, image_bytes, write_bytes
 from ..version import __version__
 from .gltf import Glb
 
@@ -185,18 +184,9 @@ def plain_stem(stem: str) -> str:
     return f"{kept}-{hashlib.sha256(stem.encode('utf-8', 'surrogateescape')).hexdigest()[:6]}"
 
 
-def png(picture: UInt8) -> bytes:
-    """A PNG file of a picture [H, W, 3]."""
-    stream = io.BytesIO()
-    Image.fromarray(picture).save(stream, "PNG", compress_level=6)
-    return stream.getvalue()
-
-
 def jpeg(picture: UInt8) -> bytes:
     """A JPEG file of a picture [H, W, 3], at full resolution in color as well."""
-    stream = io.BytesIO()
-    Image.fromarray(picture).save(stream, "JPEG", quality=94, subsampling=0)
-    return stream.getvalue()
+    return image_bytes(picture, "JPEG", quality=94, subsampling=0)
 
 
 _UNLIT = "KHR_materials_unlit"
@@ -253,11 +243,10 @@ def write_textured_obj(path: Path, place: Float32, normals: Float32,
     """
     stem = plain_stem(path.stem)
     material, picture = path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}_texture.png")
-    with atomic_write(picture) as stream:
-        stream.write(png(mesh.picture))
-    with atomic_write(material) as stream:
-        stream.write(f"# lfportrait {__version__}\nnewmtl portrait\nillum 0\nKa 1 1 1\nKd 1 1 1\n"
-                     f"Ks 0 0 0\nmap_Ka {picture.name}\nmap_Kd {picture.name}\n".encode())
+    write_bytes(picture, image_bytes(mesh.picture, "PNG", compress_level=6))
+    write_bytes(material, (
+        f"# lfportrait {__version__}\nnewmtl portrait\nillum 0\nKa 1 1 1\nKd 1 1 1\n"
+        f"Ks 0 0 0\nmap_Ka {picture.name}\nmap_Kd {picture.name}\n").encode())
     with atomic_write(path) as stream:
         stream.write(f"# lfportrait {__version__}\nmtllib {material.name}\no portrait\n"
                      "usemtl portrait\n".encode())

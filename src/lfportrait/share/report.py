@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..color import to_uint8
-from ..files import atomic_write
+from ..files import write_bytes
 from ..media.pictures import read_image
 
 
@@ -212,5 +212,4 @@ def write_report(path: str | Path, report: Report) -> None:
         hero="".join(map(_figure, _present([report.hero] if report.hero else []))), links=links,
         figures=f'<div class="figures">{figures}</div>' if figures else "",
         sections="\n".join(map(_section, sections)))
-    with atomic_write(path) as stream:
-        stream.write(page.encode())
+    write_bytes(path, page.encode())

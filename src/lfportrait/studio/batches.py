@@ -8,9 +8,9 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import atomic_write
+from ..files import write_bytes
 from ..media.kinds import VIDEOS
-from .answers import Refusal, folder_name, free_name, text
+from .answers import Refusal, folder_name, free_name, free_place, text
 from .projects import Project
 from .styles import Style
 from .versions import Version, Versions
@@ -53,8 +53,7 @@ def _inside(folder: Path, path: Path) -> str:
 
 def _table(kind: str, **entries: Any) -> str:
     """A table of a TOML file; its texts and lists are written as JSON has them."""
-    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}"
-             for name, value in entries.items()]
+    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in entries.items()]
     return "\n".join([f"[[{kind}]]", *lines])
 
 
@@ -99,9 +98,8 @@ def batch_file(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
         tables.append(_table("display", name=panels[-1], panel=panel.id
                              if panel.path is None else _inside(folder, panel.path)))
     contents = "\n\n".join(tables) + "\n"
-    path = _free(folder, "jobs", ".toml")
-    with atomic_write(path) as stream:
-        stream.write(contents.encode())
+    path = free_place(folder, "jobs.toml")
+    write_bytes(path, contents.encode())
     out = path.with_name(f"{path.stem}-results")
     return {"file": str(path), "text": contents, "out": str(out), "notes": notes,
             "command": shlex.join(["lfportrait", "batch", str(path), "--out", str(out)])}
@@ -150,14 +148,6 @@ def _folder(name: str, taken: Collection[str]) -> str:
     return free_name(clean, [*TAKEN, *taken])
 
 
-def _free(folder: Path, stem: str, suffix: str) -> Path:
-    path, count = folder / f"{stem}{suffix}", 1
-    while path.exists():
-        count += 1
-        path = folder / f"{stem}-{count}{suffix}"
-    return path
-
-
 def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     """The command that compares versions in a study: those that are fine have the videos for it.
 
@@ -191,7 +181,7 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     words = ["lfportrait", "study", *(
         f"{method}:{free_name(_sitter_word(pairs, project), paintings)}:{painting.name}={video}"
         for method, project, painting, video in entries)]
-    out = _free(desk.projects.folder, "study", "")
+    out = free_place(desk.projects.folder, "study")
     words += ["--out", str(out)]
     title = text(data, "title", "")
     if title:
@@ -200,9 +190,8 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     if pictures:
         words += ["--pictures", *pictures]
     command = shlex.join(words)
-    script = _free(desk.projects.folder, "study", ".txt")
-    with atomic_write(script) as stream:
-        stream.write(f"{command}\n".encode())
+    script = free_place(desk.projects.folder, "study.txt")
+    write_bytes(script, f"{command}\n".encode())
     return {"file": str(script), "text": f"{command}\n", "command": command,
             "page": str(out / "index.html")}
 

@@ -61,10 +61,8 @@ class Desk:
         picture = self.thumbnail(project)
         address = None
         if picture is not None:
-            address = (f"/api/projects/{project.id}/thumbnail"
-                       f"?v={picture.stat().st_mtime_ns:x}")
-        return {**project.entry(), "job": job.id if job is not None else None,
-                "thumbnail": address}
+            address = f"/api/projects/{project.id}/thumbnail?v={picture.stat().st_mtime_ns:x}"
+        return {**project.entry(), "job": job.id if job is not None else None, "thumbnail": address}
 
     def thumbnail(self, project: Project) -> Path | None:
         """A picture of a project: its last preview, its head, or its first photo."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
-from ..files import atomic_write
+from ..files import write_bytes
 from ..lightfield import Display
 from .answers import Refusal, choice, folder_name, free_place, id_of, number, truth, whole
 from .projects import Project, Projects
@@ -107,8 +107,7 @@ class Displays:
         ending = ".json" if contents.lstrip().startswith("{") else ".toml"
         probe = self.folder / f".probe{ending}"
         try:
-            with atomic_write(probe) as stream:
-                stream.write(contents.encode())
+            write_bytes(probe, contents.encode())
             display = Display.load(probe)
         except UserError as error:
             raise Refusal("user_error", str(error).replace(str(probe), "the file")) from error

@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import secrets
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
@@ -319,10 +320,7 @@ class Jobs:
         del self.jobs[job.id]
         (self._folder / f"{job.id}.json").unlink(missing_ok=True)
         (self._folder / f"{job.id}.log").unlink(missing_ok=True)
-        for path in (*self.pictures(job).glob("*.jpg"), *self.pictures(job).glob("*.html")):
-            path.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            self.pictures(job).rmdir()
+        shutil.rmtree(self.pictures(job), ignore_errors=True)
         self._events.tell("job-removed", {"job": job.id})
 
     def pictures(self, job: JobState) -> Path:

@@ -146,6 +146,5 @@ class Previews:
     async def close(self) -> None:
         """End the process."""
         for number in list(self._questions):
-            self._schedule.end(Outcome.failed(number, Failure(
-                "preview_lost", "the studio ends")))
+            self._schedule.end(Outcome.failed(number, Failure("preview_lost", "the studio ends")))
         await asyncio.to_thread(self._runner.close)

@@ -57,23 +57,11 @@ class Project:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.id = id_of(folder.name)
+        self.photos = folder / "photos"  # Or a data set.
+        self.left_out = folder / "left-out"
+        self.own = folder / OWN  # What may be deleted.
 
     # -- places -----------------------------------------------------------------------------------
-
-    @property
-    def photos(self) -> Path:
-        """Folder of photos, or of a data set."""
-        return self.folder / "photos"
-
-    @property
-    def left_out(self) -> Path:
-        """Folder of photos that are left out."""
-        return self.folder / "left-out"
-
-    @property
-    def own(self) -> Path:
-        """Folder of what may be deleted."""
-        return self.folder / OWN
 
     @property
     def job(self) -> Path:
@@ -170,6 +158,7 @@ class Projects:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.absolute()
+        self.own = self.folder / OWN  # The studio's own files.
         try:
             self.own.mkdir(parents=True, exist_ok=True)
             self._lock = lock(self.own / "lock")
@@ -181,11 +170,6 @@ class Projects:
                             "with --folder") from error
         sweep_below(self.folder)  # of jobs that were killed with the studio
 
-    @property
-    def own(self) -> Path:
-        """Folder of the studio's own files."""
-        return self.folder / OWN
-
     def close(self) -> None:
         """Let another studio open the folder."""
         self._lock.release()
@@ -194,8 +178,7 @@ class Projects:
         """All projects, by name."""
         folders = sorted(path for path in self.folder.iterdir()
                          if path.is_dir() and path.name[0] != "." and path.name not in _TAKEN)
-        return [Project(path) for path in folders
-                if any((path / mark).exists() for mark in _MARKS)]
+        return [Project(path) for path in folders if any((path / mark).exists() for mark in _MARKS)]
 
     def get(self, name: str) -> Project:
         """A project by its id."""

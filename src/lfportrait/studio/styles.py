@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from ..arrays import UInt8
-from ..files import atomic_path, atomic_write, file_state
+from ..files import atomic_path, file_state, image_bytes, write_bytes
 from ..labels import BY_HAND
 from ..media.folders import visible
 from ..media.kinds import PHOTOS
@@ -107,8 +107,7 @@ class Styles:
         stems = [path.stem for path in _paintings(folder)]
         target = folder / (free_name(Path(name).stem.replace(".", "-"), stems) + suffix)
         _check(data, target)
-        with atomic_write(target) as stream:
-            stream.write(data)
+        write_bytes(target, data)
         return self._of(target, project), True
 
     def _of(self, path: Path, project: Project | None) -> Style:
@@ -199,8 +198,7 @@ def _paintings(folder: Path) -> list[Path]:
 
 def _with_files(path: Path) -> list[Path]:
     """A painting, and the files beside it."""
-    return [path, *(one for ending in _BESIDE
-                    if (one := path.with_suffix(f".{ending}")).is_file())]
+    return [path, *(one for ending in _BESIDE if (one := path.with_suffix(f".{ending}")).is_file())]
 
 
 def _size(path: Path) -> tuple[int, int]:
@@ -220,8 +218,7 @@ def _check(data: bytes, target: Path) -> None:
     if not data:
         raise Refusal("user_error", f"{target.name} is empty")
     try:
-        with atomic_write(probe) as stream:
-            stream.write(data)
+        write_bytes(probe, data)
         with open_picture(probe) as picture:
             picture.load()
             width, height = picture.size
@@ -254,8 +251,7 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
             if picture.size != size:
                 raise Refusal("bad_request", f"the picture of regions must have {size[0]} x "
                               f"{size[1]} pixels", field="size")
-            values = np.asarray(picture if picture.mode in ("L", "P") else
-                                picture.convert("RGB"))
+            values = np.asarray(picture if picture.mode in ("L", "P") else picture.convert("RGB"))
     except (OSError, ValueError, SyntaxError) as error:
         raise Refusal("bad_request", "the regions must come as a PNG", field="body") from error
     values = values[..., 0] if values.ndim == 3 else values
@@ -266,7 +262,4 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
     if not values.any():
         target.unlink(missing_ok=True)
         return
-    buffer = io.BytesIO()
-    Image.fromarray(values.astype(np.uint8)).save(buffer, "PNG")
-    with atomic_write(target) as stream:
-        stream.write(buffer.getvalue())
+    write_bytes(target, image_bytes(values.astype(np.uint8), "PNG"))

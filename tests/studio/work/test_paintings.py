@@ -7,7 +7,7 @@ pytest.importorskip("starlette")
 
 from lfportrait.face import read_landmarks
 from lfportrait.files import write_image
-from lfportrait.studio.work.resident import PAINTING_ANSWERS, usual_face
+from lfportrait.studio.work.resident import _Resident, usual_face
 
 
 @pytest.mark.parametrize("place", [(150, 200), (60, 90), (240, 300), (3, 3), (299, 399)])
@@ -23,8 +23,7 @@ def test_a_usual_face_has_its_nose_where_it_was_pointed_at(place):
 
 def test_where_nothing_is_found_the_landmarks_are_written_all_the_same(tmp_path):
     write_image(tmp_path / "flat.png", np.full((200, 150, 3), 120, np.uint8))
-    found = PAINTING_ANSWERS["choose"](
-        None, {"style": str(tmp_path / "flat.png"), "at": [75.0, 90.0]})
+    found = _Resident().choose({"style": str(tmp_path / "flat.png"), "at": [75.0, 90.0]})
     written = read_landmarks(tmp_path / "flat.landmarks.txt")
     assert np.allclose(written, found["points"], atol=0.01)
     assert np.allclose(written[30], [75, 90], atol=0.01)

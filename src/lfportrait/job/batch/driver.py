@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import html
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
@@ -21,7 +20,7 @@ from ...cache import check_writable
 from ...device import checked_choice
 from ...errors import UserError
 from ...example import Exemplar
-from ...files import atomic_write, write_json
+from ...files import write_bytes, write_json
 from ...measure import usable_cores
 from ...runner import Outcome, Plan, Runner, finished, run_tasks
 from ...simd.host import compiling_progress
@@ -196,7 +195,7 @@ class _Run:
                           worker=outcome.worker)
         if outcome.fault:
             faults = found.results / FOLDER / "faults.txt"
-            with suppress(OSError), open(faults, "a", encoding="utf-8") as stream:
+            with contextlib.suppress(OSError), open(faults, "a", encoding="utf-8") as stream:
                 stream.write(f"{task.name}\n{outcome.fault}\n")
 
     def _figures(self) -> dict[str, Any]:
@@ -208,8 +207,7 @@ class _Run:
         """``results.json`` and ``index.html``; a full disk is only reported."""
         try:
             write_json(self.batch.results / "results.json", figures)
-            with atomic_write(self.batch.results / "index.html") as stream:
-                stream.write(write_index(self.batch).encode())
+            write_bytes(self.batch.results / "index.html", write_index(self.batch).encode())
         except UserError as error:
             figures["failed"]["index.html"] = str(error)
 

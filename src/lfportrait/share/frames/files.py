@@ -23,7 +23,7 @@ from PIL import Image
 
 from ...arrays import UInt8
 from ...errors import UserError
-from ...files import atomic_write
+from ...files import atomic_write, write_bytes
 from ...lightfield import QuiltHint, QuiltLayout, quilt_part
 from ...png import write_png
 
@@ -224,8 +224,7 @@ def write_picture(path: Path, image: UInt8, exif: Image.Exif | None = None) -> N
     """Write a picture [H, W, 3]; it appears when it is complete."""
     check_picture(path, image.shape[1], image.shape[0])
     contents = picture_bytes(path.suffix, image, exif)
-    with atomic_write(path) as stream:
-        stream.write(contents)
+    write_bytes(path, contents)
 
 
 def write_hop(path: Path, media: str, contents: bytes | Path, layout: QuiltLayout, *,

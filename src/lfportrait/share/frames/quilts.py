@@ -26,7 +26,7 @@ from ... import lightfield
 from ...arrays import UInt8
 from ...errors import UserError
 from ...field import VoxelField
-from ...files import atomic_path, atomic_write
+from ...files import atomic_path, atomic_write, write_bytes
 from ...lightfield import Display, EncodeConfig, QuiltHint, QuiltLayout, quilt_of
 from ...media.pictures import open_picture
 from ...temporary import temporary_folder
@@ -123,8 +123,7 @@ def write_quilt(path: Path, quilt: UInt8, layout: QuiltLayout, *,
     check_picture(path, quilt.shape[1], quilt.shape[0])
     contents = picture_bytes(path.suffix, quilt, quilt_exif(layout))
     if not beside:
-        with atomic_write(path) as stream:
-            stream.write(contents)
+        write_bytes(path, contents)
         return {"bytes": len(contents)}
     side = (json.dumps(quilt_settings(layout, seconds=seconds), indent=1) + "\n").encode()
     # Both are whole under their temporary names before either gets its own.

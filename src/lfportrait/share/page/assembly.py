@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 import json
 import re
 import time
@@ -30,7 +29,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from ... import lightfield
 from ...arrays import Bool, UInt8
@@ -39,7 +37,7 @@ from ...capture import Camera
 from ...color import to_uint8
 from ...errors import UserError
 from ...field import C0, Backdrop, VoxelField
-from ...files import atomic_write, script_json, script_streams
+from ...files import image_bytes, script_json, script_streams, write_bytes
 from ...lightfield import Display, EncodeConfig
 from ...version import __version__
 from ..kinds import PageConfig
@@ -78,9 +76,7 @@ def poster(voxels: VoxelField, start: dict[str, Any]) -> bytes:
 
 
 def _webp(picture: UInt8, quality: int) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "WEBP", quality=quality, method=2)
-    return buffer.getvalue()
+    return image_bytes(picture, "WEBP", quality=quality, method=2)
 
 
 def _base64(data: bytes) -> str:
@@ -397,8 +393,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
             'aria-label="Light ground" aria-pressed="false"',
             'aria-label="Light ground" aria-pressed="true"')
     page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], text).encode()
-    with atomic_write(path) as stream:
-        stream.write(page)
+    write_bytes(path, page)
     return {"bytes": len(page), "script_bytes": len(script), "poster_bytes": len(picture),
             "ground_bytes": plane.size if plane else 0,
             "stream_bytes": {name: len(data) for name, data in packed.streams.items()},

@@ -13,7 +13,6 @@ with a pixel for each splat, and a JSON; binary glTF the extension ``KHR_gaussia
 from __future__ import annotations
 
 import gzip
-import io
 import json
 import struct
 import zipfile
@@ -23,13 +22,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ...arrays import Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera
 from ...color import linear_light
 from ...errors import UserError
 from ...field import C0
+from ...files import image_bytes
 from ...version import __version__
 from ..gltf import Glb
 from ..kernels import COLUMNS, TILE, composite, differentiate, fill_tiles, project, pull
@@ -342,7 +341,9 @@ def write_sog(stream: BinaryIO, splats: Splats) -> None:
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         _add(archive, "meta.json", json.dumps(meta, separators=(",", ":")).encode())
         for name, pixels in shapes.items():
-            _add(archive, f"{name}.webp", _webp(pixels))
+            # Without loss; the colors of transparent pixels are kept, too.
+            _add(archive, f"{name}.webp", image_bytes(
+                pixels, "WEBP", lossless=True, exact=True, method=4, quality=80))
 
 
 def _along_a_curve(positions: Float32) -> Int64:
@@ -405,13 +406,6 @@ def _picture(pixels: UInt8) -> UInt8:
     height = -(-len(pixels) // width)
     more = width * height - len(pixels)
     return np.concatenate([pixels, np.repeat(pixels[-1:], more, axis=0)]).reshape(height, width, -1)
-
-
-def _webp(pixels: UInt8) -> bytes:
-    """A lossless WebP file; also the colors of transparent pixels are kept."""
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "WEBP", lossless=True, exact=True, method=4, quality=80)
-    return stream.getvalue()
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:

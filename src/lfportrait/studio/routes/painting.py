@@ -9,7 +9,7 @@ from typing import Any
 
 from starlette.responses import Response
 
-from ...files import atomic_write, read_json
+from ...files import read_json, write_bytes
 from ...labels import BY_HAND
 from .. import styles
 from ..answers import Refusal, number, numbers, points, stamp_of, text, whole
@@ -203,8 +203,8 @@ async def place(call: Call) -> dict[str, Any]:
     """Write the landmarks beside the painting, in the file that the commands read."""
     style, project = _style(call)
     found = points(call.data, "points")
-    with atomic_write(style.beside("landmarks.txt")) as stream:
-        stream.write("".join(f"{x:.2f} {y:.2f}\n" for x, y in found).encode())
+    lines = "".join(f"{x:.2f} {y:.2f}\n" for x, y in found)
+    write_bytes(style.beside("landmarks.txt"), lines.encode())
     _tell(call, project)
     return await landmarks(call)
 
@@ -333,8 +333,7 @@ def _mix(call: Call, project: Project) -> dict[str, Any]:
 @TABLE.add("GET", "/api/projects/{project}/versions")
 def versions(call: Call) -> dict[str, Any]:
     project = call.project
-    return {"versions": [call.desk.version_entry(project, one)
-                         for one in Versions(project).all()]}
+    return {"versions": [call.desk.version_entry(project, one) for one in Versions(project).all()]}
 
 
 @TABLE.add("POST", "/api/projects/{project}/versions")
@@ -441,8 +440,7 @@ async def viewer(call: Call) -> dict[str, Any]:
         look, is_fine = call.desk.look(project, style, _mix(call, project)), False
     folder = project.own / "pages"
     folder.mkdir(parents=True, exist_ok=True)
-    found = await call.ask("viewer", {
-        "look": look, "folder": str(folder), "title": project.name})
+    found = await call.ask("viewer", {"look": look, "folder": str(folder), "title": project.name})
     key = found["key"]
     await asyncio.to_thread(_forget, folder, key)
     about = await asyncio.to_thread(read_json, folder / f"{key}.json")

@@ -134,8 +134,7 @@ def _check(order: Order, teller: Teller) -> dict[str, Any]:
     if order.source.is_file() and found.images:
         frame = Image.fromarray(found.images[len(found.images) // 2][..., :3])
         frame.thumbnail((480, 480))
-        write_image(order.folder / ".studio" / "small" / VIDEO_FRAME, np.asarray(frame),
-                    quality=85)
+        write_image(order.folder / ".studio" / "small" / VIDEO_FRAME, np.asarray(frame), quality=85)
     write_json(order.folder / ".studio" / "check.json",
                {**figures, "key": order.more["key"], "facts": facts})
     return {"faces": figures["faces"], "useless": figures["useless"]}

@@ -5,27 +5,25 @@ Heads stay in memory (`Sitting`), to show paintings and mixes on them at once.
 
 from __future__ import annotations
 
-import io
 import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from PIL import Image
 
 from ... import lightfield, models
 from ...arrays import Float64, UInt8
 from ...cache import hash_of, tried
+from ...color import to_uint8
 from ...errors import UserError
 from ...example import Exemplar, known_ground
 from ...face import GENERIC_LANDMARKS, detect_faces, write_landmarks
 from ...field import Backdrop, VoxelField, head_points
-from ...files import atomic_path, file_state, write_image, write_json
+from ...files import atomic_path, file_state, image_bytes, write_image, write_json
 from ...job import FAIR, GOOD, Session, check_style, chosen_face
 from ...labels import BY_HAND
 from ...lightfield import DepthReport, Display, EncodeConfig, ViewMask, pattern
@@ -195,40 +193,6 @@ Facts = Mapping[str, Any]
 _NOSE = 30  # Its tip among the 68.
 
 
-def _faces(sitting: Sitting, facts: Facts) -> dict[str, Any]:
-    """All faces of a picture, kept in a file."""
-    path = Path(facts["style"])
-    if path.is_file():
-        image = np.ascontiguousarray(read_image(path)[..., :3])
-        if not models.available("face-landmarker"):  # all points are set by hand
-            return {"width": image.shape[1], "height": image.shape[0], "faces": []}
-        found = detect_faces(image)
-    else:
-        exemplar = sitting.exemplar(str(path))
-        image, found = exemplar.image, [exemplar.landmarks]
-    data = {"width": image.shape[1], "height": image.shape[0],
-            "faces": [np.round(points, 2).tolist() for points in found]}
-    write_json(facts["file"], data)
-    return data
-
-
-def _choose(sitting: Sitting, facts: Facts) -> dict[str, Any]:
-    """Write the landmarks of the face that is meant beside the painting."""
-    path = Path(facts["style"])
-    image = np.ascontiguousarray(read_image(path)[..., :3])
-    at = facts.get("at")
-    if at is None:
-        points, _ = chosen_face(path, image, int(facts.get("face", 0)))
-    else:
-        place = float(at[0]), float(at[1])
-        try:
-            points, _ = chosen_face(path, image, 0, place)
-        except UserError:  # not even there: then all points are set by hand, from a usual face
-            points = usual_face(place, image.shape[1], image.shape[0])
-    write_landmarks(path.with_suffix(".landmarks.txt"), points)
-    return {"points": points.tolist()}
-
-
 def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
     """Landmarks of a usual face, float64 [68, 2], with the tip of its nose at a place (x, y).
 
@@ -244,64 +208,12 @@ def usual_face(place: tuple[float, float], width: int, height: int) -> Float64:
     return points
 
 
-def _check(sitting: Sitting, facts: Facts) -> dict[str, Any]:
-    """What a painting will give, without a preview."""
-    found = check_style(facts["style"], preview=False)
-    return {"facts": [{"grade": "good" if color == GOOD else "fair" if color == FAIR else "bad",
-                       "text": text} for color, text in found.facts],
-            "pose": found.figures["pose"], "face_pixels": found.figures["face_pixels"]}
-
-
-def _regions(sitting: Sitting, facts: Facts) -> dict[str, Any]:
-    """Write what the detectors see in a painting as a picture of regions."""
-    style = facts["style"]
-    path = Path(style)
-    exemplar = sitting.exemplar(style)
-    if path.is_file():
-        # Without what was painted over by hand.
-        exemplar = Exemplar(exemplar.image, exemplar.landmarks, exemplar.name)
-    regions = exemplar.regions()
-    value = {name: number for number, name in enumerate(BY_HAND)}
-    picture = np.full(exemplar.image.shape[:2], value["background"], np.uint8)
-    person = regions.person > 0.5
-    picture[person] = value["skin"]
-    height, width = exemplar.image.shape[:2]
-    _, down = regions.frame.local((height, width))
-    picture[person & (down > 1.02)] = value["neck"]
-    if regions.hair is not None:
-        picture[person & (regions.hair > 0.5)] = value["hair"]
-    write_image(facts["file"], picture)
-    return {"width": width, "height": height}
-
-
-def _copy(sitting: Sitting, facts: Facts) -> dict[str, Any]:
-    """Copy a style as a picture with its landmarks beside it."""
-    exemplar = sitting.exemplar(facts["style"])
-    target = Path(facts["file"])
-    write_image(target, exemplar.image)
-    write_landmarks(target.with_suffix(".landmarks.txt"), exemplar.landmarks)
-    if exemplar.mask is not None:
-        write_image(target.with_suffix(".mask.png"), exemplar.mask)
-    return {}
-
-
-PAINTING_ANSWERS: dict[str, Callable[[Sitting, Facts], dict[str, Any]]] = {
-    "faces": _faces, "choose": _choose, "check_style": _check, "regions": _regions,
-    "copy_style": _copy}
-
-
+_QUALITY = 88  # Of JPEGs.
 _BRIDGE = 3.0  # Seconds that Bridge has to answer.
 
 
-def jpeg(image: UInt8, quality: int = 88) -> bytes:
-    """A picture as JPEG."""
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=quality)
-    return buffer.getvalue()
-
-
 class _Resident:
-    """What the process knows."""
+    """What the process knows; each public method answers a question."""
 
     def __init__(self) -> None:
         self.sitting = Sitting()
@@ -310,7 +222,7 @@ class _Resident:
     def preview(self, facts: Facts) -> dict[str, Any]:
         begun, look = time.perf_counter(), Look(facts["look"])
         image = self.sitting.picture(look, facts["cameras"], int(facts["size"]))
-        data = jpeg(image)
+        data = image_bytes(image, "JPEG", quality=_QUALITY)
         if facts.get("keep"):
             with atomic_path(facts["keep"]) as temporary:
                 temporary.write_bytes(data)
@@ -375,7 +287,7 @@ class _Resident:
         block = max(1, round(panel.width / int(facts["width"])))
         seen = lightfield.simulate(image, panel, facts["eye"], crosstalk=facts["crosstalk"],
                                    block=block)
-        return {"picture": jpeg(np.asarray(np.clip(seen, 0, 1) * 255 + 0.5, np.uint8))}
+        return {"picture": image_bytes(to_uint8(seen), "JPEG", quality=_QUALITY)}
 
     def full(self, facts: Facts) -> dict[str, Any]:
         panel = Display.resolve(facts["display"])
@@ -415,14 +327,78 @@ class _Resident:
         write_picture(image, int(facts["size"]), Path(facts["file"]))
         return {}
 
+    def faces(self, facts: Facts) -> dict[str, Any]:
+        """All faces of a picture, kept in a file."""
+        path = Path(facts["style"])
+        if path.is_file():
+            image = np.ascontiguousarray(read_image(path)[..., :3])
+            if not models.available("face-landmarker"):  # all points are set by hand
+                return {"width": image.shape[1], "height": image.shape[0], "faces": []}
+            found = detect_faces(image)
+        else:
+            exemplar = self.sitting.exemplar(str(path))
+            image, found = exemplar.image, [exemplar.landmarks]
+        data = {"width": image.shape[1], "height": image.shape[0],
+                "faces": [np.round(points, 2).tolist() for points in found]}
+        write_json(facts["file"], data)
+        return data
+
+    def choose(self, facts: Facts) -> dict[str, Any]:
+        """Write the landmarks of the face that is meant beside the painting."""
+        path = Path(facts["style"])
+        image = np.ascontiguousarray(read_image(path)[..., :3])
+        at = facts.get("at")
+        if at is None:
+            points, _ = chosen_face(path, image, int(facts.get("face", 0)))
+        else:
+            place = float(at[0]), float(at[1])
+            try:
+                points, _ = chosen_face(path, image, 0, place)
+            except UserError:  # not even there: then all points are set by hand, from a usual face
+                points = usual_face(place, image.shape[1], image.shape[0])
+        write_landmarks(path.with_suffix(".landmarks.txt"), points)
+        return {"points": points.tolist()}
+
+    def check_style(self, facts: Facts) -> dict[str, Any]:
+        """What a painting will give, without a preview."""
+        found = check_style(facts["style"], preview=False)
+        return {"facts": [{"grade": "good" if color == GOOD else "fair" if color == FAIR else "bad",
+                           "text": text} for color, text in found.facts],
+                "pose": found.figures["pose"], "face_pixels": found.figures["face_pixels"]}
+
+    def regions(self, facts: Facts) -> dict[str, Any]:
+        """Write what the detectors see in a painting as a picture of regions."""
+        style = facts["style"]
+        path = Path(style)
+        exemplar = self.sitting.exemplar(style)
+        if path.is_file():
+            # Without what was painted over by hand.
+            exemplar = Exemplar(exemplar.image, exemplar.landmarks, exemplar.name)
+        regions = exemplar.regions()
+        value = {name: number for number, name in enumerate(BY_HAND)}
+        picture = np.full(exemplar.image.shape[:2], value["background"], np.uint8)
+        person = regions.person > 0.5
+        picture[person] = value["skin"]
+        height, width = exemplar.image.shape[:2]
+        _, down = regions.frame.local((height, width))
+        picture[person & (down > 1.02)] = value["neck"]
+        if regions.hair is not None:
+            picture[person & (regions.hair > 0.5)] = value["hair"]
+        write_image(facts["file"], picture)
+        return {"width": width, "height": height}
+
+    def copy_style(self, facts: Facts) -> dict[str, Any]:
+        """Copy a style as a picture with its landmarks beside it."""
+        exemplar = self.sitting.exemplar(facts["style"])
+        target = Path(facts["file"])
+        write_image(target, exemplar.image)
+        write_landmarks(target.with_suffix(".landmarks.txt"), exemplar.landmarks)
+        if exemplar.mask is not None:
+            write_image(target.with_suffix(".mask.png"), exemplar.mask)
+        return {}
+
 
 def serve() -> None:
-    """Answer questions, each a name and facts."""
+    """Answer questions, each the name of a method and facts."""
     resident = _Resident()
-    own: dict[str, Callable[[Facts], dict[str, Any]]] = {
-        name: getattr(resident, name) for name in (
-            "preview", "warm", "viewer", "colors", "budget", "eye", "full", "pattern", "bridge",
-            "cast", "style_picture")}
-    for name, function in PAINTING_ANSWERS.items():
-        own[name] = partial(function, resident.sitting)
-    serve_requests(lambda question, _: own[question[0]](question[1]), read_error)
+    serve_requests(lambda question, _: getattr(resident, question[0])(question[1]), read_error)
