@@ -59,6 +59,9 @@ _PADDING = 0xD935  # The kind of a field that only takes room.
 _SHEET, _HEAD = b"lfportrait sheet", 1024
 """Mark of pictures that look at photos, and within how many bytes of their files it stands."""
 _UMASK_LOCK = threading.Lock()
+DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt")
+                                         for number in range(1, 10))}
+"""Names that mean devices on Windows, with any ending."""
 
 
 @contextlib.contextmanager
@@ -317,18 +320,26 @@ def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -
             stream.write(struct.pack("<ii", row, line) + plane[row].tobytes())
 
 
+def aligned_member(stream: BinaryIO, name: str, padding: int, *, zip64: bool = False,
+                   ) -> zipfile.ZipInfo:
+    """A member for the end of a zip file's stream; its content begins at a multiple of 64 bytes.
+
+    A field of the kind ``padding`` takes the room before it (as ``zipalign`` does for Android).
+    """
+    member = zipfile.ZipInfo(name)
+    room = -(stream.tell() + _HEADER + len(name) + zip64 * _ZIP64 + 4) % _ALIGNED
+    member.extra = struct.pack("<HH", padding, room) + bytes(room)
+    return member
+
+
 def write_mappable(stream: BinaryIO, arrays: dict[str, Any]) -> None:
     """Write arrays, by name, as an uncompressed ``.npz`` that `map_arrays` can map.
 
-    It is what `numpy.savez` writes, but for a little room before each array, so that its numbers
-    begin at a multiple of 64 bytes (as ``zipalign`` does for Android).
+    It is what `numpy.savez` writes, but for a little room before each array (`aligned_member`).
     """
     with zipfile.ZipFile(stream, "w") as archive:
         for name, array in arrays.items():
-            member = zipfile.ZipInfo(f"{name}.npy")
-            begin = stream.tell() + _HEADER + len(member.filename) + _ZIP64 + 4
-            room = -begin % _ALIGNED
-            member.extra = struct.pack("<HH", _PADDING, room) + bytes(room)
+            member = aligned_member(stream, f"{name}.npy", _PADDING, zip64=True)
             with archive.open(member, "w", force_zip64=True) as target:
                 np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
 

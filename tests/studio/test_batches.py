@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.files import write_json
 from lfportrait.job.batch import jobs_file, load_jobs
-from lfportrait.studio.batches import TAKEN
+from lfportrait.studio import batches
 from lfportrait.studio.versions import Versions
 from lfportrait_eval.study.design import entries_of
 
@@ -72,7 +72,9 @@ def test_a_batch_paints_what_each_version_mixes(page, sitters):
 
 
 def test_no_entry_has_the_name_of_a_file_that_the_batch_writes():
-    assert TAKEN == jobs_file._TAKEN
+    for name in (*jobs_file.TAKEN, "quilt_x"):
+        free = batches._folder(name, [])
+        assert free not in jobs_file.TAKEN and not free.startswith("quilt_")
 
 
 def test_a_batch_begins_with_photos(page, sitters):

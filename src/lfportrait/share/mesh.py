@@ -32,7 +32,7 @@ from ..color import linear_light, to_uint8
 from ..errors import UserError
 from ..example import Atlas, draw_atlas
 from ..field import Mesh, PointCloud, VoxelField
-from ..files import atomic_write, image_bytes, write_bytes
+from ..files import aligned_member, atomic_write, image_bytes, write_bytes
 from ..version import __version__
 from .gltf import Glb
 
@@ -286,10 +286,7 @@ def write_ply(stream: BinaryIO, place: Float32, normals: Float32, item: PointClo
         stream.write(faces.tobytes())
 
 
-ALIGNED = 64
-HEADER = 30  # Bytes of a zip member's header without its name and extra field.
 PADDING = 0x1986  # The kind of an extra field that only takes room, as USD's own writer has it.
-EPOCH = (1980, 1, 1, 0, 0, 0)
 
 _MATERIAL = """
     def Material "Painted"
@@ -333,17 +330,9 @@ def write_usdz(stream: BinaryIO, place: Float32, normals: Float32,
                mesh: TexturedMesh, unit: float = 1.0) -> None:
     """Write a mesh with its picture; ``unit`` is the length in metres of one of ``place``."""
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        _add(archive, "portrait.usda", _text(place, normals, mesh, unit))
-        _add(archive, "portrait.jpg", jpeg(mesh.picture))
-
-
-def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
-    """Add a file whose content is aligned."""
-    member = zipfile.ZipInfo(name, EPOCH)
-    start = archive.fp.tell() + HEADER + len(name) + 4  # type: ignore[union-attr]
-    room = -start % ALIGNED
-    member.extra = PADDING.to_bytes(2, "little") + room.to_bytes(2, "little") + bytes(room)
-    archive.writestr(member, content)
+        for name, content in (("portrait.usda", _text(place, normals, mesh, unit)),
+                              ("portrait.jpg", jpeg(mesh.picture))):
+            archive.writestr(aligned_member(stream, name, PADDING), content)
 
 
 def _text(place: Float32, normals: Float32, mesh: TexturedMesh, unit: float) -> bytes:

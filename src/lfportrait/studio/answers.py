@@ -26,6 +26,7 @@ from typing import Any
 from starlette.responses import JSONResponse, Response
 
 from ..errors import UserError
+from ..files import DEVICES
 from ..runner import Failure, failure_of
 
 STATUS = {
@@ -152,9 +153,6 @@ def points(data: Mapping[str, Any], field: str) -> list[list[float]]:
 
 _ID = re.compile(r"[a-z0-9][a-z0-9-]{0,79}")
 _FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
-_DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt")
-                                           for n in range(1, 10))}
-"""Names that mean devices on Windows, with any ending."""
 _FORMLESS = ("Cf", "Cs", "Co", "Cn")  # Signs that are not seen, or that nobody knows.
 _LONGEST_NAME = 120
 
@@ -184,7 +182,7 @@ def clean_name(name: str) -> str:
     name = unicodedata.normalize("NFC", name).strip()
     stem = name.partition(".")[0].strip().lower()
     if (not name or len(name) > _LONGEST_NAME or name[0] == "." or name[-1] == "."
-            or _FORBIDDEN.search(name) or stem in _DEVICES
+            or _FORBIDDEN.search(name) or stem in DEVICES
             or any(unicodedata.category(sign) in _FORMLESS for sign in name)):
         raise Refusal("bad_name", f"{name[:_LONGEST]!r} can't be a file's name: leave out / \\ : "
                       '* ? " < > | and dots at its ends', name=name[:_LONGEST_NAME])

@@ -18,9 +18,6 @@ from .versions import Version, Versions
 if TYPE_CHECKING:
     from .desk import Desk
 
-TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
-         "index.html", "results.json")
-"""What no entry of a jobs file may be called."""
 _MOST = 1000
 
 
@@ -142,6 +139,8 @@ class _Styles:
 
 def _folder(name: str, taken: Collection[str]) -> str:
     """A name as a batch has it for a folder of its results: free, and none of its own files'."""
+    from ..job.batch import TAKEN  # slow: the server can do without it until then
+
     clean = folder_name(name)
     if clean.startswith("quilt_"):
         clean = f"the {clean}"

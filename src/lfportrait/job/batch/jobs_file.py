@@ -143,8 +143,8 @@ _FROM = "from"  # Names `MakeConfig.made_from`, as on the command line.
 _SWITCHES = {"pages": bool, "sweeps": bool, "seed": int}
 _SOURCES = ("photos", "video", "capture")
 _STYLE_SECTIONS = ("stylize", "encode", "page", "sweep_size")
-_TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
-          "index.html", "results.json")
+TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
+         "index.html", "results.json")
 """Names of files and folders that a job writes itself."""
 
 
@@ -363,7 +363,7 @@ class _Reader:
         text = str(checked(name, str, f"{where}: name"))
         if not text.strip(". ") or text[0] == "." or any(sign in text for sign in '/\\:*?"<>|\0'):
             raise UserError(f"{where}: name = {text!r} can't be a folder's name")
-        if _folded(text) in _TAKEN or _folded(text).startswith("quilt_"):
+        if _folded(text) in TAKEN or _folded(text).startswith("quilt_"):
             raise UserError(f"{where}: name = {text!r} is taken by the batch's own files")
         return text
 

@@ -78,16 +78,6 @@ def read_events(results: Path) -> list[Event]:
 
 
 @contextmanager
-def locked_file(path: Path) -> Iterator[None]:
-    """A block that one process of a machine is in at a time; others wait."""
-    held = lock(path, wait=-1)
-    try:
-        yield
-    finally:
-        held.release()
-
-
-@contextmanager
 def locked(results: Path) -> Iterator[None]:
     """The results' folder for one batch at a time; the lock goes with the process.
 

@@ -15,6 +15,7 @@ under the same paths (NFS or another shared folder). A machine needs the package
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import logging
 import os
@@ -28,12 +29,12 @@ from typing import Any
 
 from ...cache import StageFolder
 from ...errors import UserError
+from ...files import lock
 from ...measure import THREADS, cost_of, free_memory_bytes, usable_cores
 from ...runner import Child, Failure, Outcome, Runner, Workers, finished, outcome_of, serve
 from ..graph import Task
 from ..warmup import Warmup
 from ..work import Tools, do_stage
-from .journal import locked_file
 
 ATTEMPTS = 3  # How often a task is given out whose worker dies.
 KERNELS = ("reconstruct", "transfer", "stylize", "encode")  # What tasks need compiled.
@@ -111,8 +112,9 @@ def _compile_once() -> None:
     from ...simd.host import cache_folder
 
     cache_folder().mkdir(parents=True, exist_ok=True)
-    with locked_file(cache_folder() / "warm.lock"), Warmup(KERNELS) as warmup:
-        warmup.wait(KERNELS)
+    with contextlib.ExitStack() as stack:
+        stack.callback(lock(cache_folder() / "warm.lock", wait=-1).release)
+        stack.enter_context(Warmup(KERNELS)).wait(KERNELS)
 
 
 def _do_remotely(task: Task, results: Path) -> Outcome:

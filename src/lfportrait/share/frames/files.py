@@ -23,7 +23,7 @@ from PIL import Image
 
 from ...arrays import UInt8
 from ...errors import UserError
-from ...files import atomic_write, write_bytes
+from ...files import DEVICES, atomic_write, write_bytes
 from ...lightfield import QuiltHint, QuiltLayout, quilt_part
 from ...png import write_png
 
@@ -83,8 +83,6 @@ class FrameConfig:
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 VIDEOS = (".mp4", ".mov", ".mkv", ".webm")
 _MOST_VIEWS, _MOST_TILES = 108, 50
-_RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt")
-                                         for number in range(1, 10))}
 _LONGEST = 100  # Letters of a name on a drive, without what is put behind it.
 
 
@@ -138,7 +136,7 @@ def safe_names(titles: Iterable[str]) -> list[str]:
         plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
         base = re.sub(r"[^A-Za-z0-9._-]+", "-", plain).strip("-. ")[:_LONGEST].rstrip("-. ")
         base = base or "portrait"
-        if base.split(".")[0].lower() in _RESERVED:
+        if base.split(".")[0].lower() in DEVICES:
             base = f"portrait-{base}"
         name, number = base, 2
         while name.lower() in taken:

@@ -305,8 +305,6 @@ def write_ply(stream: BinaryIO, splats: Splats) -> None:
 
 PALETTE = 4096  # Sets of coefficients above degree 0 that a file holds at most.
 SAMPLE = 40_000  # Splats from which those sets are chosen.
-EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The time of a zip file's members: the same splats give the same file."""
 
 
 def write_sog(stream: BinaryIO, splats: Splats) -> None:
@@ -339,10 +337,11 @@ def write_sog(stream: BinaryIO, splats: Splats) -> None:
         meta["shN"], more = _palette(splats.sh[order, :, 1:], splats.degree)
         shapes.update(more)
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        _add(archive, "meta.json", json.dumps(meta, separators=(",", ":")).encode())
+        # Members without a time: the same splats give the same file.
+        archive.writestr(zipfile.ZipInfo("meta.json"), json.dumps(meta, separators=(",", ":")))
         for name, pixels in shapes.items():
             # Without loss; the colors of transparent pixels are kept, too.
-            _add(archive, f"{name}.webp", image_bytes(
+            archive.writestr(zipfile.ZipInfo(f"{name}.webp"), image_bytes(
                 pixels, "WEBP", lossless=True, exact=True, method=4, quality=80))
 
 
@@ -406,10 +405,6 @@ def _picture(pixels: UInt8) -> UInt8:
     height = -(-len(pixels) // width)
     more = width * height - len(pixels)
     return np.concatenate([pixels, np.repeat(pixels[-1:], more, axis=0)]).reshape(height, width, -1)
-
-
-def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
-    archive.writestr(zipfile.ZipInfo(name, EPOCH), content)
 
 
 COLOR = 0.15
