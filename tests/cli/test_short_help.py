@@ -45,3 +45,5 @@ def test_what_a_command_needs_is_among_it(capsys):
     assert {"--style", "--capture", "--out", "--method", "--preview", "--strength"} <= {*short}
     short, _ = options(capsys, "transfer", "--help")
     assert {"--style", "--out", "--quality", "--region"} <= {*short}
+    short, text = options(capsys, "print", "--help")
+    assert "--lpi" in short and "(required)" in text

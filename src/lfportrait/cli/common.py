@@ -81,10 +81,11 @@ def _with(kind: Any, usual: set[str], prefix: str = "", values: Any = None) -> A
         if values is not None:
             factory = partial(getattr, values, field.name)
         if inner is not None and {*_options(inner, _below(name))} & usual:
-            shown = _with(inner, usual, _below(name), factory())
+            needed = factory is dataclasses.MISSING  # one of its own options must be given
+            shown = _with(inner, usual, _below(name), None if needed else factory())
             marks = getattr(hint, "__metadata__", (None,))
-            entries.append((field.name, Annotated[(shown, *marks)],
-                            dataclasses.field(default_factory=shown)))
+            entries.append((field.name, Annotated[(shown, *marks)], dataclasses.field(
+                default_factory=dataclasses.MISSING if needed else shown, kw_only=field.kw_only)))
         elif name not in usual or values is not None:
             entries.append((
                 field.name, hint if name in usual else _HIDDEN[hint],
