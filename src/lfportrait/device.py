@@ -38,10 +38,7 @@ class TorchDevice:
 
 
 def checked_choice(choice: str) -> str:
-    """The user's choice of ``--device``, as it is.
-
-    Raises `UserError` if it is none of ``"auto"``, ``"cpu"``, ``"gpu"`` and ``"gpu:NAME"``.
-    """
+    """The user's choice of ``--device``, as it is."""
     if choice in ("auto", "cpu", "gpu") or (choice.startswith("gpu:") and choice != "gpu:"):
         return choice
     raise UserError(f"--device takes auto, cpu, gpu or gpu:NAME, not {choice!r}")
@@ -64,8 +61,7 @@ def gpu_adapter(choice: str = "auto") -> Adapter | None:
 
     ``"auto"``: the best real GPU, if there is one. ``"cpu"``: none. ``"gpu"``: the best one, if
     need be a program that stands in for it; a warning says so. ``"gpu:NAME"``: the best one with
-    this in its name, upper or lower case. Raises `UserError` if the choice is none of these, or is
-    not here.
+    this in its name, upper or lower case.
     """
     if checked_choice(choice) == "cpu" or (
             choice == "auto" and not (gpu_in_sight() and find_spec("wgpu"))):
@@ -130,7 +126,6 @@ def torch_device(choice: str = "auto") -> TorchDevice:
     ``"auto"`` and ``"gpu"``: on its first GPU, if it has any. ``"cpu"``: on the CPU.
     ``"gpu:NAME"``: on the first with this in its name, upper or lower case. On the CPU, with a
     warning, also where the chosen GPU is one that WebGPU can use and torch, as installed, can't.
-    Raises `UserError` if the choice is none of these, or is not here.
     """
     if checked_choice(choice) == "cpu":
         return TorchDevice()

@@ -69,7 +69,6 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside ``path`` that is renamed to it if the block succeeds.
 
     The temporary name keeps the suffix, so that writers which look at it choose the right format.
-    Raises `UserError` if the folder can't be made or written to (no permission, disk full).
     """
     path = Path(path)
     sweep_once(path.parent)
@@ -229,10 +228,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 
 
 def picture_format(path: str | os.PathLike[str]) -> str:
-    """Pillow's name for the format of a picture's file, by its ending.
-
-    Raises `UserError` if there is none: to be asked before hours of work.
-    """
+    """Pillow's name for a file's format, by its ending: to be asked before hours of work."""
     suffix = Path(path).suffix.lower()
     formats = Image.registered_extensions()
     if suffix not in formats:

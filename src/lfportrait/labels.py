@@ -39,10 +39,7 @@ MOST = 4.0
 
 
 def members(name: str, known: Sequence[str]) -> tuple[str, ...]:
-    """The labels among ``known`` that a label or a group of them means.
-
-    Raises `UserError` if ``name`` is neither, with those that there are.
-    """
+    """The labels among ``known`` that a label or a group of them means."""
     if name in known:
         return (name,)
     found = GROUPS.get(name, ())
@@ -64,10 +61,7 @@ class RegionStyle:
 
 
 def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
-    """Values by the names of regions, from words ``REGION=VALUE``; the last on a region counts.
-
-    Raises `UserError` if a word has no sign.
-    """
+    """Values by the names of regions, from words ``REGION=VALUE``; the last on a region counts."""
     found: dict[str, str] = {}
     for text in (text for part in words for text in part):
         region, sign, value = text.partition("=")
@@ -85,8 +79,7 @@ def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = N
 
     Without a style that of the whole is meant. Text is ``NUMBER``, ``off``, ``STYLE`` or
     ``STYLE:NUMBER``; a style whose name is a number is meant by the last alone. ``styles`` are
-    those that there are; None where any name may be one, as a picture's path is. Raises `UserError`
-    if it is none of these, the style unknown, or the strength out of range.
+    those that there are; None where any name may be one, as a picture's path is.
     """
     what = f"the strength of {region}"
     if isinstance(value, str):
@@ -113,10 +106,7 @@ def _style(name: Any, styles: Sequence[str] | None) -> str:
 
 
 def one_of(name: Any, kind: str, names: Sequence[str]) -> str:
-    """The name, which must be one of those that a field has.
-
-    Raises `UserError` if it is not, with the names that there are; ``kind`` says what it names.
-    """
+    """The name, which must be one of those that a field has; ``kind`` says what it names."""
     if name not in names:
         raise UserError(f"there is no {kind} {name!r} in this field; it has "
                         f"{', '.join(names) or 'none'}")

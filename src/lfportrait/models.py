@@ -153,9 +153,7 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
     """Path of a network's weights, their SHA-256 checked; they are downloaded if missing.
 
     Without ``download``, and in a process whose environment has ``LFPORTRAIT_OFFLINE``, a missing
-    file is an error. Raises `UserError` if the name is unknown, a file's SHA-256 is wrong, or it is
-    not there and can't be downloaded: the message says what it is, where it comes from, its licence
-    and where to put it.
+    file is an error.
     """
     found = _local(name)
     if found is not None:
@@ -170,10 +168,7 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
 
 
 def expand(names: Iterable[str]) -> list[str]:
-    """Names of networks and groups (`GROUPS`) as names of networks, each once.
-
-    Raises `UserError` if a name is neither.
-    """
+    """Names of networks and groups (`GROUPS`) as names of networks, each once."""
     found: dict[str, None] = {}
     for name in names:
         if name not in GROUPS:
@@ -185,8 +180,7 @@ def expand(names: Iterable[str]) -> list[str]:
 def missing(names: Iterable[str]) -> list[str]:
     """The networks, of the named ones and groups, that are not on this machine.
 
-    A network is not missing where another one that does its work is here. Raises `UserError` if a
-    name is unknown.
+    A network is not missing where another one that does its work is here.
     """
     return [name for name in expand(names) if not available(_used(name))]
 
@@ -208,9 +202,7 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
     """Ensure that networks or groups (`GROUPS`) are installed and intact, before long work starts.
 
     ``download``: those that are missing are downloaded, with a progress line for each unless
-    ``quiet``. ``purpose`` is the subject of the message. Raises `UserError` if some are missing and
-    not to be downloaded (or can't be): one line with each of them, the size of all, and the command
-    that gets them; or if a file is damaged.
+    ``quiet``. ``purpose`` is the subject of the message.
     """
     names = expand(names)
     wanted = missing(names)
@@ -260,10 +252,7 @@ def _how_to_get(name: str) -> str:
 
 
 def add(path: str | Path) -> Path:
-    """Copy a file of weights into the user's cache, if its SHA-256 is in the registry.
-
-    Raises `UserError` if the file is missing or matches no entry.
-    """
+    """Copy a file of weights into the user's cache, if its SHA-256 is in the registry."""
     path = Path(path)
     if not path.is_file():
         raise UserError(f"no such file: {path}")
@@ -341,8 +330,7 @@ def fetch_file(url: str, target: str | Path, sha256: str, size: int = 0, *,
     """Download a file from an address, http or https, and check it by its SHA-256 in hex.
 
     ``sha256`` may be the first digits of it; ``size`` in bytes, or 0, is for the progress line and
-    error messages. Raises `UserError` if it can't be had: one line with the file, the reason and
-    what to do. Nothing is left under the final name then.
+    error messages. Nothing is left under the final name then.
     """
     target = Path(target)
     try:

@@ -88,10 +88,7 @@ def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[st
 
 @contextmanager
 def blamed(thing: object) -> Iterator[None]:
-    """Whatever fails in another package's ``thing`` becomes one line; our own faults stay ours.
-
-    Raises `UserError` in place of any other exception.
-    """
+    """Whatever fails in another package's ``thing`` becomes one line; our own faults stay ours."""
     package = type(thing).__module__.partition(".")[0]
     try:
         yield
@@ -107,10 +104,7 @@ def _line(error: Exception) -> str:
 
 
 def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
-    """The entry point of a name.
-
-    Raises `UserError` if nobody offers it; ``own`` are the names that need nobody.
-    """
+    """The entry point of a name; ``own`` are the names that need none."""
     found = offered(group)
     if name not in found:
         raise UserError(f"there is no method {name!r}; the installed ones are "

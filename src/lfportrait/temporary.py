@@ -45,8 +45,7 @@ _ADVICE = "free some space there, or set TMPDIR to a folder with more room"
 def temporary_folder(room: int = _ROOM) -> Iterator[Path]:
     """A new folder that is removed after the block; what a killed process left goes, too.
 
-    The block writes ``room`` bytes at the least. Raises `UserError` if there is no such folder, it
-    has not that room, or it is full before the block has ended.
+    The block writes ``room`` bytes at the least.
     """
     home = temporary_place()
     sweep_once(home)

@@ -105,10 +105,7 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
 
 def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodConfig,
                     choices: Sequence[RegionStyle], progress: Progress) -> dict[str, Any]:
-    """Paint all photos of a folder into another; those without a face are named and left out.
-
-    Raises `UserError` if there are no pictures, or no face in any.
-    """
+    """Paint all photos of a folder into another; those without a face are named and left out."""
     if out.suffix:
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")
     listing = list_pictures(folder)

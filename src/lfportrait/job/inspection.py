@@ -83,10 +83,7 @@ _KINDS: dict[type, str] = {
 
 
 def inspect(path: Path) -> Inspection:
-    """Look at a file or a folder; what is damaged is told in the result.
-
-    Raises `UserError` if there is no such file or folder.
-    """
+    """Look at a file or a folder; what is damaged is told in the result."""
     if not path.exists():
         raise UserError(f"there is no file or folder {path}; check the name")
     with warnings.catch_warnings(record=True) as told:

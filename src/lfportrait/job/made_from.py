@@ -66,10 +66,7 @@ def _photo_count(photos: Path) -> int:
 
 
 def is_few(photos: Path) -> bool:
-    """Whether these are one photo to nine without cameras.
-
-    Raises `UserError` if several folders have photos.
-    """
+    """Whether these are one photo to nine without cameras."""
     return 0 < _photo_count(photos) < _MANY
 
 

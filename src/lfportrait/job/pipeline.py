@@ -544,11 +544,7 @@ def networks_of(photos: Path, painting: Path | None, keep_background: bool,
 
 def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, offline: bool,
                  quiet: bool) -> None:
-    """Check or download a job's networks, and report optional ones that are missing.
-
-    Raises `UserError` if one that is needed is missing and not to be had: one line with all of
-    them, their size and the command that gets them.
-    """
+    """Check or download a job's networks, and report optional ones that are missing."""
     needed, better = networks_of(photos, painting, keep_background)
     if models.missing(needed):
         # All at once: what is only better is part of the same download.

@@ -58,8 +58,7 @@ def find_face(capture: Capture, progress: Progress | None = None, *,
     It is turned into the frame of its face if ``reframe`` says so; else its frame is kept. With the
     landmarks a reconstruction closes the back of a head and trims its frayed end. Nothing is
     downloaded for that: without the network for landmarks the capture stays as it is, and a warning
-    says so. Raises `UserError` if it is to be turned and shows no face, or the network for
-    landmarks is missing.
+    says so.
     """
     if capture.landmarks is not None:
         points = np.asarray(capture.landmarks, np.float64)
@@ -458,8 +457,7 @@ def capture_of_face(photos: Path) -> Capture:
     """Photos, a video or a calibrated data set as a capture with the landmarks of its face.
 
     It is `prepare_capture`'s, the room behind the person included; of a calibrated data set that
-    was read before, with `LatePictures`. Raises `UserError` if there is no such capture, it is
-    damaged, or no face was found.
+    was read before, with `LatePictures`.
     """
     if not photos.exists() or not captures.is_calibrated(photos):
         return _read(photos)

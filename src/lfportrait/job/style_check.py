@@ -252,8 +252,7 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
                 preview: bool = True) -> StyleCheck:
     """Check a painting, or a built-in exemplar by its name.
 
-    Landmarks beside it are used, unless a face is chosen (`chosen_face`). Raises `UserError` if the
-    picture can't be read or there is no such face.
+    Landmarks beside it are used, unless a face is chosen (`chosen_face`).
     """
     path = Path(style)
     faces: list[Float64] = []

@@ -146,10 +146,7 @@ class Child:
         self._listener.start()
 
     def pause(self, paused: bool) -> None:
-        """Stop it where it is, with its group, or let it go on; its memory stays.
-
-        Raises `UserError` on systems that can't.
-        """
+        """Stop it where it is, with its group, or let it go on; its memory stays."""
         if not CAN_PAUSE:
             raise UserError("this system can't pause a process; cancel the job instead: it goes on "
                             "where its last stage ended")

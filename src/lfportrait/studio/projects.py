@@ -151,10 +151,7 @@ class Project:
 
 
 class Projects:
-    """All projects in one folder, made if missing, which one studio has open at a time.
-
-    Raises `UserError` if it can't be written to, or another studio has it open.
-    """
+    """All projects in one folder, made if missing, which one studio has open at a time."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.absolute()

@@ -56,8 +56,7 @@ def prepare_batch(path: Path, results: Path, *, made_from: MadeFrom = "auto",
                   offline: bool = False, quiet: bool = True) -> Batch:
     """Read a jobs file, plan its tasks and find the finished ones; nothing is written.
 
-    Raises `UserError` if the file, a painting or a display can't be used. A sitter's photos are
-    another matter: they are in ``plan.refused``.
+    A sitter's photos are another matter: they are in ``plan.refused``.
     """
     jobs = load_jobs(path)
     if jobs.config.made_from == "auto":

@@ -204,11 +204,7 @@ class Jobs:
 
 
 def load_jobs(path: Path) -> Jobs:
-    """Read a file of jobs.
-
-    Raises `UserError` if it is missing, no TOML, or asks for what does not exist: one line with
-    file and entry.
-    """
+    """Read a file of jobs."""
     try:
         data = tomllib.loads(path.read_text("utf-8"))
     except (OSError, UnicodeDecodeError) as error:

@@ -79,10 +79,7 @@ def read_events(results: Path) -> list[Event]:
 
 @contextmanager
 def locked(results: Path) -> Iterator[None]:
-    """The results' folder for one batch at a time; the lock goes with the process.
-
-    Raises `UserError` if another batch writes there, or the folder can't be written to.
-    """
+    """The results' folder for one batch at a time; the lock goes with the process."""
     try:
         (results / FOLDER).mkdir(parents=True, exist_ok=True)
         held = lock(results / FOLDER / "lock")
@@ -240,10 +237,7 @@ def dry_table(figures: dict[str, Any], slots: int) -> str:
 
 
 def batch_status(results: Path) -> tuple[str, dict[str, Any]]:
-    """Progress of a batch, read from its folder, while it runs or later: text, and ``--json``.
-
-    Raises `UserError` if no batch was ever run into this folder.
-    """
+    """Progress of a batch, read from its folder, while it runs or later: text, and ``--json``."""
     path = results / FOLDER / "plan.json"
     if not path.is_file():
         raise UserError(f"there is no batch in {results}; give the folder that --out named")
