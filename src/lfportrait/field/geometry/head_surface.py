@@ -130,7 +130,7 @@ class SurfaceSweep:
                             (int(self.cameras.width[k]), int(self.cameras.height[k])),
                             interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
         self._pictures, self._sizes = stacked(greys)
-        self._rows = np.stack([self.cameras.row(k) for k in range(len(greys))])
+        self._rows = self.cameras.rows
 
     def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
               window: int) -> tuple[Float64, Float64]:
@@ -380,10 +380,9 @@ def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[UInt8],
                    reach: Float64) -> Float64:
     """Distances up to which no matte rules a ray's points out; NaN where none is known."""
     grown, sizes = stacked([cv2.dilate(matte, np.ones((3, 3), np.uint8)) for matte in mattes])
-    rows = np.stack([cameras.row(view) for view in range(len(cameras))])
     found = np.empty(reach.shape)
     hull_along_rays(chart.origins, np.ascontiguousarray(chart.rays), np.ascontiguousarray(reach),
-                    np.linspace(0.3, 1.0, 29), rows, grown, sizes, 3, found)
+                    np.linspace(0.3, 1.0, 29), cameras.rows, grown, sizes, 3, found)
     return np.asarray(ndimage.median_filter(found, 3), np.float64)
 
 
