@@ -169,24 +169,14 @@ def lens_groups(photos: Sequence[Photo], turns: Sequence[int]) -> list[int]:
 
 @dataclass
 class Scene:
-    """Photos as COLMAP gets them.
+    """Photos as COLMAP gets them."""
 
-    Attributes
-    ----------
-    sizes : Width and height of each photo, as the sensor saw it.
-    focals : Focal length in pixels that the camera noted for each photo, or None.
-    features : Of each photo, as the sensor saw it.
-    matches : Checked by nothing yet, by pairs of photos.
-    work : Folder for COLMAP's files.
-    seed : Of the random sampling.
-    """
-
-    sizes: list[tuple[int, int]]
-    focals: list[float | None]
-    features: list[Features]
-    matches: dict[tuple[int, int], Matches]
-    work: Path
-    seed: int = 0
+    sizes: list[tuple[int, int]]  # Width and height of each photo, as the sensor saw it.
+    focals: list[float | None]  # Focal length in pixels that the camera noted for each, or None.
+    features: list[Features]  # Of each photo, as the sensor saw it.
+    matches: dict[tuple[int, int], Matches]  # Checked by nothing yet, by pairs of photos.
+    work: Path  # Folder for COLMAP's files.
+    seed: int = 0  # Of the random sampling.
     _checked: dict[tuple[int, ...], Path] = field(default_factory=dict)
     _copies: int = 0
 

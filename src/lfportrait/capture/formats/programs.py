@@ -30,7 +30,6 @@ its upper edge to the north (Epic's "camera math" of its XMP files).
 from __future__ import annotations
 
 import csv
-import unicodedata
 import warnings
 from abc import abstractmethod
 from collections.abc import Callable, Set
@@ -44,7 +43,7 @@ import numpy as np
 from ...arrays import Float64
 from ...errors import UserError
 from ...files import read_json
-from ...media.folders import folders_below, is_junk, natural_key, visible
+from ...media.folders import folded, folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
 from ..lenses import Lens
 from .assembly import FLIP, CaptureFormat, DataSet, Shot
@@ -628,7 +627,7 @@ def _photos(folder: Path) -> dict[str, list[Path]]:
     found: dict[str, list[Path]] = {}
     for place in (folder / "images", folder, folder.parent / "images", folder.parent):
         for path in _pictures_within(place):
-            parts = [_folded(part) for part in path.relative_to(place).parts]
+            parts = [folded(part) for part in path.relative_to(place).parts]
             for first in range(len(parts)):
                 name = "/".join(parts[first:])
                 for key in dict.fromkeys((name, name[:-len(path.suffix)])):
@@ -646,14 +645,9 @@ def _pictures_within(place: Path) -> list[Path]:
             if path.is_file() and path.suffix.lower() in PHOTOS]
 
 
-def _folded(name: str) -> str:
-    """A name in any case, with accents in any form, as one."""
-    return unicodedata.normalize("NFC", name).casefold()
-
-
 def _photo(name: str, found: dict[str, list[Path]]) -> Path | None:
     """The photo that a program gives this name, path or label; the longest end that fits."""
-    parts = _folded(name.replace("\\", "/")).split("/")
+    parts = folded(name.replace("\\", "/")).split("/")
     for first in range(len(parts)):
         whole = "/".join(parts[first:])
         suffix = Path(whole).suffix
