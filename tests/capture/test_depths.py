@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from lfportrait.capture import Capture, Lens, read_photos
-from lfportrait.capture.formats import assemble
+from lfportrait.capture.formats.assembly import assemble
 from lfportrait.files import write_image
 from lfportrait.media.depth import DepthMap
 

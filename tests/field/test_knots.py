@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.field.geometry import knots as module
+from lfportrait.field.geometry import head_surface as module
 from lfportrait.field.geometry.chart import at_places
-from lfportrait.field.geometry.head_surface import bust_chart, bust_distance
-from lfportrait.field.geometry.knots import _run, knots_behind
+from lfportrait.field.geometry.head_surface import _run, bust_chart, bust_distance, knots_behind
 
 SIDE, FOCAL = 320, 470.0
 MIDDLE, RADIUS = np.array([0.03, 0.60, -0.33]), 0.13

@@ -106,8 +106,13 @@ class Camera:
         directions = local @ self.pose[view, :3, :3].T
         return np.broadcast_to(self.position[view], directions.shape).copy(), directions
 
+    @property
+    def rows(self) -> Float64:
+        """The views as kernels take them: float64 [V, 16], pose row by row, focal, center."""
+        return np.concatenate([self.pose[:, :3].reshape(-1, 12), self.focal, self.center], axis=1)
+
     def row(self, view: int) -> Float64:
-        """One view as kernels take it: float64 [16], pose row by row, focal, principal point."""
+        """One view as kernels take it (`rows`), float64 [16]."""
         return np.concatenate([self.pose[view, :3].ravel(), self.focal[view], self.center[view]])
 
     def project(self, points: Float64) -> tuple[Float64, Float64]:

@@ -11,15 +11,14 @@ import numpy as np
 
 from ..errors import UserError
 from ..measure import usable_cores
+from ..media import pictures
 from ..media.colors import named_colors
 from ..media.depth import DepthMap, read_depth
 from ..media.folders import Finder
-from ..media.pictures import fault_of, file_of, open_header, orientation_of, sizes_of
-from .formats import Shot, find_views, mask_of
+from .formats import find_views
+from .formats.assembly import Shot, mask_of
 from .photos import Noted, noted
 from .video import decoded, film_of, space_of, turns_of, upright_frame
-
-_ERRORS = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -68,20 +67,19 @@ class PictureFacts:
 
 def picture_facts(path: Path) -> PictureFacts:
     """Look at a picture's file; whatever is wrong with it is its ``fault``."""
-    fault = fault_of(path)
+    fault = pictures.fault_of(path)
     if fault:
         return PictureFacts(path, fault)
     try:
-        with open_header(path) as picture:
-            colors, colors_by = named_colors(picture, file_of(picture))
-            stored, upright = sizes_of(picture)
+        with pictures.open_header(path) as picture:
+            colors, colors_by = named_colors(picture, pictures.file_of(picture))
+            stored, upright = pictures.sizes_of(picture)
             found = PictureFacts(
                 path, format=picture.format or "", mode=picture.mode, stored=stored,
-                upright=upright, orientation=orientation_of(picture), colors=colors,
+                upright=upright, orientation=pictures.orientation_of(picture), colors=colors,
                 colors_by=colors_by, noted=noted(picture.getexif(), picture.size))
-    except _ERRORS as error:
-        return PictureFacts(path, str(error).splitlines()[0] if str(error)
-                            else type(error).__name__)
+    except pictures.UNREADABLE as error:
+        return PictureFacts(path, pictures.one_line(error))
     depth = read_depth(path)
     return found if depth is None else replace(found, depth=DepthFacts.of(depth))
 
@@ -166,12 +164,12 @@ def data_set_facts(path: Path) -> DataSetFacts:
     except UserError as error:
         return DataSetFacts(path, str(error))
     with ThreadPoolExecutor(usable_cores()) as threads:
-        pictures = list(threads.map(picture_facts, [shot.path for shot in found.shots]))
+        views = list(threads.map(picture_facts, [shot.path for shot in found.shots]))
     finder = Finder()
-    lenses = Counter(_lens_model(shot, one) for shot, one in zip(found.shots, pictures))
+    lenses = Counter(_lens_model(shot, one) for shot, one in zip(found.shots, views))
     return DataSetFacts(path, "", found.format, found.source, dict(lenses),
                         sum(mask_of(shot, finder) is not None for shot in found.shots),
-                        sum(bool(shot.test) for shot in found.shots), pictures)
+                        sum(bool(shot.test) for shot in found.shots), views)
 
 
 def _lens_model(shot: Shot, picture: PictureFacts) -> str:

@@ -198,10 +198,14 @@ def _map(lens: Lens) -> tuple[Float32, Float32, Bool]:
     Photos of one camera follow each other, so the last one's is kept.
     """
     place = lens.source_pixels()
-    inside = _covered(lens, place)
-    place = np.nan_to_num(place, nan=-1.0) - 0.5
-    return (np.ascontiguousarray(place[..., 0], np.float32),
-            np.ascontiguousarray(place[..., 1], np.float32), inside)
+    return (*_columns_rows(place), _covered(lens, place))
+
+
+def _columns_rows(place: Float64) -> tuple[Float32, Float32]:
+    """Places [H, W, 2] as `cv2.remap` takes them: outside of the picture where they are unknown."""
+    columns, rows = (np.ascontiguousarray(np.nan_to_num(place[..., axis], nan=-1.0) - 0.5,
+                                          np.float32) for axis in (0, 1))
+    return columns, rows
 
 
 _TOLD = ("kind", "metric", "along", "near", "far", "source")
@@ -224,9 +228,7 @@ def straightened(depth: DepthMap, lens: Lens) -> DepthMap:
     height, width = depth.values.shape
     place = lens.source_pixels((width, height))
     outside = ~((place >= 0) & (place <= (lens.width, lens.height))).all(-1)
-    place = np.nan_to_num(place * (width / lens.width, height / lens.height), nan=-1.0) - 0.5
-    columns = np.ascontiguousarray(place[..., 0], np.float32)
-    rows = np.ascontiguousarray(place[..., 1], np.float32)
+    columns, rows = _columns_rows(place * (width / lens.width, height / lens.height))
 
     def moved(numbers: Float32) -> Float32:
         return np.asarray(cv2.remap(np.ascontiguousarray(numbers), columns, rows,

@@ -23,20 +23,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Bool, Float32, Float64, UInt8
 from ..simd.threads import side_by_side
+from . import kernels
 from .camera import Camera
 from .capture import Capture
-from .kernels import (
-    MOMENTS,
-    TERMS,
-    apply_functions,
-    block_moments,
-    count_votes,
-    cover_views,
-    gaussians,
-    pixel_likelihood,
-    vote_lattice,
-    window_functions,
-)
 
 
 def _mean(plane: Float32, radius: int) -> Float32:
@@ -62,15 +51,15 @@ def color_likelihood(image: Float32, weight: Float32, cell: int,
         pixel.
     """
     blocks = tuple(-(-side // cell) for side in weight.shape)
-    moments = np.empty((*blocks, MOMENTS), np.float32)
+    moments = np.empty((*blocks, kernels.MOMENTS), np.float32)
     image, weight = np.ascontiguousarray(image), np.ascontiguousarray(weight)
-    block_moments(image, weight, cell, moments)
-    terms = np.empty((*blocks, TERMS), np.float32)
-    gaussians(_mean(moments, 6), terms)
+    kernels.block_moments(image, weight, cell, moments)
+    terms = np.empty((*blocks, kernels.TERMS), np.float32)
+    kernels.gaussians(_mean(moments, 6), terms)
     likelihood, near = np.zeros_like(weight), np.zeros_like(weight)
     asked = np.ones(weight.shape, np.uint8) if wanted is None else wanted.view(np.uint8)
-    pixel_likelihood(image, terms, cell, asked,
-                     np.empty((weight.shape[0], blocks[1], TERMS), np.float32), likelihood, near)
+    between = np.empty((weight.shape[0], blocks[1], kernels.TERMS), np.float32)
+    kernels.pixel_likelihood(image, terms, cell, asked, between, likelihood, near)
     return likelihood, near
 
 
@@ -104,10 +93,11 @@ def guided_filter(image: Float32, plane: Float32, radius: int, epsilon: float,
                                  np.ones((side, side), np.uint8))
     functions = np.zeros((*functioning.shape, 4), np.float32)
     image = np.ascontiguousarray(image)
-    window_functions(np.ascontiguousarray(small(image)), small(plane), functioning, radius,
-                     np.float32(epsilon), np.empty((*functioning.shape, 16), np.float32), functions)
+    kernels.window_functions(
+        np.ascontiguousarray(small(image)), small(plane), functioning, radius, np.float32(epsilon),
+        np.empty((*functioning.shape, 16), np.float32), functions)
     filtered = np.zeros(plane.shape, np.float32)
-    apply_functions(image, _mean(functions, radius), asked, filtered)
+    kernels.apply_functions(image, _mean(functions, radius), asked, filtered)
     return filtered
 
 
@@ -219,16 +209,6 @@ def _small(matte: Float32, factor: int) -> Float32:
     return padded.reshape(height, factor, width, factor).mean((1, 3)).astype(np.float32)
 
 
-def _lattice(cameras: Camera, size: int) -> tuple[Float64, float]:
-    """First point and spacing of a cubic lattice about what the cameras look at.
-
-    Shoulders reach beyond the cube of the head: the lattice spans 1.8 times of it, less where the
-    cameras stand closer.
-    """
-    reach = min(1.8, 0.8 * float(np.linalg.norm(cameras.position, axis=1).min()))
-    return np.full(3, -reach * (1 - 1 / size)), 2 * reach / size
-
-
 def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
                       size: int = 224) -> list[Float32]:
     """Make mattes agree with each other through the cameras.
@@ -319,8 +299,8 @@ def lattice_votes(cameras: Camera, covered: Callable[[int], Bool] | None, center
             raise ValueError(f"the picture of view {view} has another size than its camera")
         return np.packbits(picture, bitorder="little")
 
-    seen, against = count_votes(
-        np.stack([cameras.row(view) for view in order]),
+    seen, against = kernels.count_votes(
+        cameras.rows[order],
         [] if covered is None else side_by_side(packed, order.tolist()),
         np.array([sizes[view] for view in order]), center - radius + 0.5 * spacing, spacing, size,
         limit, asked)
@@ -334,9 +314,8 @@ def mattes_share(cameras: Camera, mattes: list[Float32], reach: float, size: int
     no picture shows the point.
     """
     spacing = 2.0 * reach / size
-    rows = np.concatenate([cameras.pose[:, :3].reshape(-1, 12), cameras.focal, cameras.center], 1)
-    return np.asarray(vote_lattice(
-        rows, np.concatenate([matte.ravel() for matte in mattes]),
+    return np.asarray(kernels.vote_lattice(
+        cameras.rows, np.concatenate([matte.ravel() for matte in mattes]),
         np.array([matte.shape for matte in mattes]), np.full(3, -reach + 0.5 * spacing), spacing,
         size, np.float32(1.0)))
 
@@ -345,8 +324,11 @@ class _Votes:
     """What the views say of the points of a lattice (see `consistent_mattes`)."""
 
     def __init__(self, cameras: Camera, mattes: list[Float32], size: int) -> None:
-        self.first, self.spacing = _lattice(cameras, size)
         distance = np.maximum(np.linalg.norm(cameras.position, axis=1), 1e-6)
+        # Shoulders reach beyond the cube of the head: the lattice spans 1.8 times of it, less where
+        # the cameras stand closer.
+        reach = min(1.8, 0.8 * float(distance.min()))
+        self.first, self.spacing = np.full(3, -reach * (1 - 1 / size)), 2 * reach / size
         # Small pictures in which a step of the lattice is about one pixel.
         factors = np.maximum(1, np.floor(self.spacing * cameras.focal.min(1) / distance))
         self.factors = [int(factor) for factor in factors]
@@ -359,7 +341,7 @@ class _Votes:
         order = np.argsort((np.arange(len(mattes)) * 0.6180339887) % 1.0, kind="stable")
         # Whatever the number of views, one of them that errs alone is outvoted.
         tolerance, doubt = (max(part, 1.5 / len(mattes)) for part in (0.06, 0.03))
-        share = vote_lattice(
+        share = kernels.vote_lattice(
             self.rows[order], np.concatenate([self.small[view].ravel() for view in order]),
             np.array([self.small[view].shape for view in order]), self.first, self.spacing, size,
             np.float32(tolerance))
@@ -368,8 +350,9 @@ class _Votes:
 
     def cover(self, view: int, certain: bool = False) -> Bool:
         """The pixels of a view's small matte before the points that are left, or certain."""
-        return np.asarray(cover_views(self.rows[view], self.certain if certain else self.kept,
-                                      self.first, self.spacing, *self.small[view].shape))
+        return np.asarray(kernels.cover_views(
+            self.rows[view], self.certain if certain else self.kept, self.first, self.spacing,
+            *self.small[view].shape))
 
 
 def _corrected(votes: _Votes, view: int, matte: Float32) -> Float32:

@@ -29,25 +29,14 @@ from ..errors import UserError
 from ..progress import Progress, note, say
 from ..simd.threads import side_by_side
 from ..temporary import temporary_folder
-from .calibration.database import Scene, lens_groups, room_for, sensor_turns
-from .calibration.features import (
-    Features,
-    Matches,
-    camera_stands_still,
-    camera_stood_still,
-    enough,
-    likely_pairs,
-    likeness,
-    match_features,
-    neighbouring_pairs,
-    sift_features,
-    without_still,
-    worth_placing,
-)
+from .calibration import features as sift
+from .calibration.database import Scene, colmap, lens_groups, room_for, sensor_turns
+from .calibration.features import Features, Matches
 from .calibration.mapping import adjust, place_photos, starting_model
 from .camera import portrait_frame_from_cameras
 from .capture import Capture
-from .formats import assemble, lens_of, pinholes, turned_upright
+from .formats.assembly import assemble, pinholes, turned_upright
+from .formats.colmap import lens_of
 from .lenses import Lens
 from .photos import Photo, blurred
 from .video import read_source
@@ -106,7 +95,7 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
         if image.shape[2] == 4:
             # Not at the rim, where the features would be of the picture behind.
             mask = np.asarray(cv2.erode(image[..., 3], np.ones((5, 5), np.uint8)), np.uint8)
-        return sift_features(image, config.features, mask, 0.02 * contrast)
+        return sift.sift_features(image, config.features, mask, 0.02 * contrast)
 
     found: list[Features] = []
     while len(found) < len(photos):
@@ -119,22 +108,17 @@ _MATCHED = 4
 """Pairs of photos whose features are compared at a time, at most."""
 
 
-def _pairs(count: int, alike: Int64 | None) -> list[tuple[int, int]]:
-    """The pairs of so many photos that are worth comparing."""
-    return neighbouring_pairs(count) if alike is None else likely_pairs(alike)
-
-
 def _matches(features: list[Features], pairs: list[tuple[int, int]], progress: Progress | None,
              ) -> dict[tuple[int, int], Matches]:
     """Matches of pairs of photos."""
     def of(pair: tuple[int, int]) -> Matches:
-        return match_features(*(features[photo].descriptors for photo in pair))
+        return sift.match_features(*(features[photo].descriptors for photo in pair))
 
     found: list[Matches] = []
     while len(found) < len(pairs):
         note(progress, f"comparing photos in full: pair {len(found)} of {len(pairs)}")
         found += side_by_side(of, pairs[len(found):len(found) + 20], _MATCHED)
-    return enough(dict(zip(pairs, found)))
+    return sift.enough(dict(zip(pairs, found)))
 
 
 @dataclass(frozen=True)
@@ -150,28 +134,26 @@ class _Placed:
 def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
                  work: Path) -> tuple[_Placed, list[str]]:
     """The cameras, and the names of photos that were left out because they add nothing."""
-    import pycolmap
-
-    pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
-    pycolmap.set_random_seed(config.seed)
+    colmap().set_random_seed(config.seed)
     turns = sensor_turns(photos)
     features = _features(photos, turns, config, progress)
     alike = None
     if len(photos) <= ALL_PAIRS:
-        alike = likeness(features, lambda done, of: note(
+        alike = sift.likeness(features, lambda done, of: note(
             progress, f"comparing photos: {done} of {of}"))
 
     def place(some: Int64) -> _Placed:
-        pairs = _pairs(len(some), None if alike is None else alike[np.ix_(some, some)])
+        pairs = (sift.neighbouring_pairs(len(some)) if alike is None else
+                 sift.likely_pairs(alike[np.ix_(some, some)]))
         folder = work / f"of{len(some)}"
         folder.mkdir()
-        return _place(pycolmap, [photos[i] for i in some], [turns[i] for i in some],
+        return _place([photos[i] for i in some], [turns[i] for i in some],
                       [features[i] for i in some], pairs, config, folder, progress)
 
     every = np.arange(len(photos))
-    some = every if alike is None or config.every_photo else worth_placing(alike)
+    some = every if alike is None or config.every_photo else sift.worth_placing(alike)
     # Before a camera that stands still all photos are alike, however far the person turned.
-    if len(some) < len(photos) and not camera_stands_still(features):
+    if len(some) < len(photos) and not sift.camera_stands_still(features):
         placed = place(some)
         if len(placed.cameras) == len(some) and placed.spacing < _DENSE:
             say(progress, f"{len(some)} of {len(photos)} photos are used: the others lie between "
@@ -180,16 +162,16 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     return place(every), []
 
 
-def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[Features],
+def _place(photos: list[Photo], turns: list[int], features: list[Features],
            pairs: list[tuple[int, int]], config: CalibrateConfig, work: Path,
            progress: Progress | None) -> _Placed:
     """Place photos by the matches of these pairs."""
     groups = lens_groups(photos, turns)
     matches = _matches(features, pairs, progress)
-    stood_still = camera_stood_still(features, matches)
+    stood_still = sift.camera_stood_still(features, matches)
     if stood_still:
         say(progress, "the camera did not move: features that do not move either are ignored")
-        matches = enough(without_still(features, matches))
+        matches = sift.enough(sift.without_still(features, matches))
     shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
     scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
                   features, matches, work, config.seed)
@@ -202,22 +184,22 @@ def _place(pycolmap: Any, photos: list[Photo], turns: list[int], features: list[
     note(progress, "checking matches")
     announce = partial(say, progress)
     start = starting_model(config.camera_model)
-    placing = place_photos(pycolmap, scene, groups, start, report, announce)
+    placing = place_photos(scene, groups, start, report, announce)
     again = sorted(set(range(len(photos))) - set(placing.photos))
     if again and len(again) * len(photos) <= _MOST_AGAIN:
         say(progress, f"trying {len(again)} unplaced photos again: weaker features, compared with "
                       "all photos")
         closer = _closer(scene, photos, turns, again, config, progress, stood_still)
         registered[0] = 2
-        if closer.seen_again(pycolmap, groups, start)[again].any():
-            second = place_photos(pycolmap, closer, groups, start, report, announce)
+        if closer.seen_again(groups, start)[again].any():
+            second = place_photos(closer, groups, start, report, announce)
             if len(second.photos) > len(placing.photos):
                 placing, scene = second, closer
     if placing.model is None:
         return _Placed()
     note(progress, "refining the cameras")
-    model = adjust(pycolmap, placing.model, config.camera_model,
-                   lambda rough: scene.triangulated(pycolmap, placing.groups, rough))
+    model = adjust(placing.model, config.camera_model,
+                   lambda rough: scene.triangulated(placing.groups, rough))
     found = {}
     for index in placing.photos:
         image = model.images[index + 1]
@@ -257,12 +239,12 @@ def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int
         for j in range(len(photos)):
             if j != i and (j not in again or j > i):
                 pair = min(i, j), max(i, j)
-                matches[pair] = match_features(*(features[k].descriptors for k in pair))
+                matches[pair] = sift.match_features(*(features[k].descriptors for k in pair))
     if stood_still:
-        matches = without_still(features, matches)
+        matches = sift.without_still(features, matches)
     work = scene.work / "closer"
     work.mkdir()
-    return Scene(scene.sizes, scene.focals, features, enough(matches), work, scene.seed)
+    return Scene(scene.sizes, scene.focals, features, sift.enough(matches), work, scene.seed)
 
 
 def calibrate(photos: str | Path, config: CalibrateConfig | None = None,

@@ -44,7 +44,7 @@ from ..media.colors import color_space, srgb_from
 from ..media.depth import DepthMap, read_depth
 from ..media.folders import RAW_PHOTOS, Listing, folders_below, list_pictures, say_left_out
 from ..media.kinds import damage_of, kind_of
-from ..media.pictures import file_of, open_picture
+from ..media.pictures import UNREADABLE, file_of, one_line, open_picture, reduced
 from ..simd.threads import side_by_side
 from ..temporary import temporary_folder
 
@@ -82,10 +82,7 @@ def _read_photo(path: Path, max_side: int) -> Photo:
         # Of a picture of 200 megapixels no second whole copy is made.
         times = min(picture.size) // 4 and max(picture.size) // (2 * max_side) if max_side else 0
         upright = srgb_from(_reduced(picture, times) if times > 1 else picture, profile, space)
-    if max_side and max(upright.size) > max_side:
-        ratio = max_side / max(upright.size)
-        size = [max(1, round(side * ratio)) for side in upright.size]
-        upright = upright.resize((size[0], size[1]), Image.Resampling.LANCZOS)
+    upright = reduced(upright, max_side)
     focal = notes.focal * max(upright.size) if notes.focal else None
     return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns,
                  read_depth(path))
@@ -175,8 +172,8 @@ def _tried(path: Path, max_side: int) -> Photo | str:
     """A photo, or why it can't be read."""
     try:
         return _read_photo(path, max_side)
-    except (OSError, ValueError, SyntaxError, RuntimeError, MemoryError) as error:
-        return str(error).splitlines()[0] if str(error) else type(error).__name__
+    except UNREADABLE as error:
+        return one_line(error)
 
 
 def is_video(path: Path) -> bool:

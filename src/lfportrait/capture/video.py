@@ -21,6 +21,7 @@ from PIL import Image
 from ..arrays import Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from ..media.colors import ColorSpace, coded_space, from_space
+from ..media.pictures import reduced
 from .photos import Photo, fineness, is_video, read_photos, relative_sharpness
 
 # Features are followed in pictures of this longer side, about so many times a second.
@@ -255,18 +256,11 @@ def turns_of(frame: Any) -> int:
 
 def upright_frame(frame: Any, max_side: int, aspect: float) -> UInt8:
     """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
-    turns = turns_of(frame)
     pixels = _square(_pixels(frame, max_side), aspect)
-    upright = np.ascontiguousarray(np.rot90(pixels, turns))
+    upright = np.ascontiguousarray(np.rot90(pixels, turns_of(frame)))
     if not max_side or max(upright.shape[:2]) <= max_side:
         return upright
-    picture = Image.fromarray(upright)
-    if max(picture.size) > max_side:
-        ratio = max_side / max(picture.size)
-        picture = picture.resize((max(1, round(picture.width * ratio)),
-                                  max(1, round(picture.height * ratio))),
-                                 Image.Resampling.LANCZOS)
-    return np.asarray(picture)
+    return np.asarray(reduced(Image.fromarray(upright), max_side))
 
 
 def read_source(path: Path, max_side: int = 0, frames: int = 80) -> list[Photo]:

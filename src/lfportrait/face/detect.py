@@ -56,22 +56,21 @@ def face_mesh(image: UInt8) -> Float64 | None:
     The picture is uint8 [H, W, 3], sRGB, of one face; the points are float64 [478, 2] in pixels, in
     MediaPipe's order (468 to 472 the iris on the picture's left, 473 to 477 the other one).
     """
-    found = _landmarker(str(models.fetch("face-landmarker")), 1).detect(picture(image))
-    if not found.face_landmarks:
-        return None
-    height, width = image.shape[:2]
-    return np.array([(point.x * width, point.y * height) for point in found.face_landmarks[0]])
+    return next(iter(_points(image, 1)), None)
+
+
+def _points(image: UInt8, most: int) -> list[Float64]:
+    """MediaPipe's points [478, 2] of ``most`` faces, the surest first."""
+    detector = _landmarker(str(models.fetch("face-landmarker")), most)
+    return [np.array([(point.x, point.y) for point in mesh]) * image.shape[1::-1]
+            for mesh in detector.detect(picture(image)).face_landmarks]
 
 
 def _meshes(image: UInt8, most: int = 1) -> list[Float64]:
     """MediaPipe's points of ``most`` faces mapped to 68 landmarks [68, 2], the largest first."""
-    detector = _landmarker(str(models.fetch("face-landmarker")), most)
-    found = detector.detect(picture(image))
-    height, width = image.shape[:2]
     faces: list[Float64] = []
-    for mesh in found.face_landmarks:  # the surest first
-        points = np.array([(point.x * width, point.y * height) for point in mesh])[FROM_MEDIAPIPE]
-        if not _among(points, faces):
+    for mesh in _points(image, most):
+        if not _among(points := mesh[FROM_MEDIAPIPE], faces):
             faces.append(points)
     return sorted(faces, key=_extent, reverse=True)
 
@@ -208,9 +207,10 @@ def detect_landmarks(image: UInt8, *, turns: tuple[int, ...] = (0,),
                 return _turn_back(points, turn, image.shape)
     if thorough and models.available("face-detector") and models.available("face-landmarks-68"):
         for turn in turns:
-            points = detect_landmarks68(np.ascontiguousarray(np.rot90(image, turn)))
-            if points is not None:
-                return _turn_back(points, turn, image.shape)
+            turned = np.ascontiguousarray(np.rot90(image, turn))
+            found = detect_face(turned)
+            if found is not None:
+                return _turn_back(landmarks_in_box(turned, found[0]), turn, image.shape)
     return None
 
 
@@ -355,9 +355,3 @@ def landmarks_in_box(image: UInt8, box: Float64) -> Float64:
     flat = x.mean(axis=(0, 1))
     points = (flat @ weights["fc.weights"] + weights["fc.bias"]).reshape(68, 2)
     return (points * 112.0 - (left, top)) / scale + (x0, y0)
-
-
-def detect_landmarks68(image: UInt8) -> Float64 | None:
-    """The 68 landmarks [68, 2] of the most certain face, or None."""
-    found = detect_face(image)
-    return None if found is None else landmarks_in_box(image, found[0])

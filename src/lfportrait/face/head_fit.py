@@ -289,7 +289,8 @@ class _Solver:
             for index in range(len(self.pictures)):
                 vertices = self.prior.shape(self.identity, self.views[index].expression)
                 normals = with_normals(vertices, self.prior.triangles)
-                self._slide_jaw(index, vertices, normals)
+                self.jaw[index][:] = jaw_vertices(self.views[index], self.prior, vertices, normals,
+                                                  self.pictures[index].landmarks)
                 rows = [self._landmark_rows(index, vertices)]
                 if outlines and self.pictures[index].inside is not None:
                     rows.append(self._outline_rows(index, vertices, normals))
@@ -313,12 +314,7 @@ class _Solver:
             right -= rows.T @ (weight * error)
 
         for index, (pose, identity, expression, error) in enumerate(blocks):
-            first = shared + own * index
-            rows = np.zeros((len(error), size))
-            rows[:, :shared] = identity
-            rows[:, first:first + 6] = pose
-            rows[:, first + 6:first + own] = expression
-            add(rows, error)
+            add(self._spread(index, pose, identity, expression), error)
         add(*both)
         at = np.concatenate([self.identity, *(np.concatenate([np.zeros(6), view.expression])
                                               for view in self.views)])
@@ -405,24 +401,24 @@ class _Solver:
         noise = PLACED * _eyes_of(view, self.prior)
         along = np.tile(np.eye(2) / noise, (count, 1))
         pose, identity, expression = self._rows(index, chosen, vertices[chosen], along)
-        shared, own = len(self.identity), 6 + len(self.prior.expression)
-        first = shared + own * index
-        block = np.zeros((2 * count, self._size()))
-        block[:, :shared] = identity
-        block[:, first:first + 6] = pose
-        block[:, first + 6:first + own] = expression
+        block = self._spread(index, pose, identity, expression)
         away = (view.project(vertices[found.vertices]) - found.places) / noise
         return (block.reshape(count, 2, -1), (pose[:, 3:] @ view.rotation).reshape(count, 2, 3),
                 away)
 
+    def _spread(self, index: int, pose: Float64, identity: Float64, expression: Float64) -> Float64:
+        """One photo's derivatives (`_rows`) among those by all unknowns, [R, unknowns]."""
+        shared, own = len(self.identity), 6 + len(self.prior.expression)
+        first = shared + own * index
+        rows = np.zeros((len(pose), self._size()))
+        rows[:, :shared] = identity
+        rows[:, first:first + 6] = pose
+        rows[:, first + 6:first + own] = expression
+        return rows
+
     def _size(self) -> int:
         """The number of unknowns."""
         return len(self.identity) + (6 + len(self.prior.expression)) * len(self.views)
-
-    def _slide_jaw(self, index: int, vertices: Float64, normals: Float64) -> None:
-        """For each of the jaw's landmarks the vertex of the present outline that is nearest."""
-        self.jaw[index][:] = jaw_vertices(self.views[index], self.prior, vertices, normals,
-                                          self.pictures[index].landmarks)
 
     def _outline_rows(self, index: int, vertices: Float64, normals: Float64) -> tuple[Float64, ...]:
         """Rows that draw the model's outline to the matte's, or into hair."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -185,9 +185,9 @@ def _without_bust(head: HeadPrior, lowest: float) -> HeadPrior:
     used = np.zeros(len(head.mean), bool)
     used[kept] = True
     number = np.cumsum(used) - 1
-    return HeadPrior(head.name, head.mean[used], number[kept].astype(np.int32), head.part[used],
-                     number[head.landmarks], head.identity[:, used], head.expression[:, used],
-                     head.expressions, head.lean)
+    return replace(head, mean=head.mean[used], triangles=number[kept].astype(np.int32),
+                   part=head.part[used], landmarks=number[head.landmarks],
+                   identity=head.identity[:, used], expression=head.expression[:, used])
 
 
 def _closed(head: HeadPrior) -> HeadPrior:
@@ -206,9 +206,9 @@ def _closed(head: HeadPrior) -> HeadPrior:
             for modes in (identity, expression))
         fans.append(np.stack([np.full(len(loop), middle), np.roll(loop, -1), loop], axis=1))
     # In one piece: shapes are sums over all modes.
-    identity, expression = (np.ascontiguousarray(modes) for modes in (identity, expression))
-    return HeadPrior(head.name, mean, np.concatenate([head.triangles, *fans]).astype(np.int32),
-                     part, head.landmarks, identity, expression, head.expressions, head.lean)
+    return replace(head, mean=mean, part=part, identity=np.ascontiguousarray(identity),
+                   triangles=np.concatenate([head.triangles, *fans]).astype(np.int32),
+                   expression=np.ascontiguousarray(expression))
 
 
 def _holes(triangles: Int32) -> list[Int64]:

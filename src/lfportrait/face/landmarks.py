@@ -59,7 +59,6 @@ _LEAN = {
     36: (2.2, -1.2), 40: (0.9, -2.0), 41: (1.0, -2.0),  # eye
     49: (-1.9, 0.2), 59: (-1.9, -1.5),  # lips
 }
-_MIRROR = {17: 26, 18: 25, 19: 24, 20: 23, 21: 22, 36: 45, 40: 47, 41: 46, 49: 53, 59: 55}
 
 
 def centred(points: Float64) -> Float64:
@@ -72,9 +71,8 @@ def centred(points: Float64) -> Float64:
     """
     lean = np.zeros((68, 2))
     for k, (along, across) in _LEAN.items():
+        lean[MIRRORED[k]] = -along, across
         lean[k] = along, across
-        if k in _MIRROR:
-            lean[_MIRROR[k]] = -along, across
     x, y = 0.01 * (points[45] - points[36])
     return np.asarray(points - lean @ np.array([[x, y], [-y, x]]), np.float64)
 

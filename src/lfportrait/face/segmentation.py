@@ -211,8 +211,23 @@ _LOCK = threading.Lock()
 def made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
     """A task that is made, and its first run, with none of the chatter on standard error."""
     _import_mediapipe()
+    os.environ.setdefault("GLOG_minloglevel", "3")
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     with _LOCK:
-        return _made(make, first)
+        saved = os.dup(2)
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 2)
+        try:
+            task = make()
+            # When the process ends, closing would fail on threads and modules that are gone already
+            # (and say so on standard error); the system frees everything anyway.
+            atexit.register(setattr, task, "_handle", None)
+            first(task)
+            return task
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+            os.close(silent)
 
 
 @functools.cache
@@ -224,25 +239,6 @@ def _import_mediapipe() -> None:
     """
     with ThreadPoolExecutor(1, "import") as thread:
         thread.submit(importlib.import_module, "mediapipe.tasks.python").result()
-
-
-def _made(make: Callable[[], Any], first: Callable[[Any], object]) -> Any:
-    os.environ.setdefault("GLOG_minloglevel", "3")
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    saved = os.dup(2)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silent, 2)
-    try:
-        task = make()
-        # When the process ends, closing would fail on threads and modules that are gone already
-        # (and say so on standard error); the system frees everything anyway.
-        atexit.register(setattr, task, "_handle", None)
-        first(task)
-        return task
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(silent)
 
 
 def picture(image: UInt8) -> Any:

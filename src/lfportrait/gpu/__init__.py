@@ -6,20 +6,11 @@ call it by its name through `GpuProcess.call`: the device lives in a process of 
 started again when a driver resets or hangs (`lfportrait.gpu.process`).
 
 All of it stays inside WebGPU's default limits, whatever a card could do, so that what runs in the
-tests on a software adapter runs on every card. Only `device` and `adapters` import wgpu, when they
-are first used.
+tests on a software adapter runs on every card. Only `device` imports wgpu, when it is first used.
 """
 
-from .adapters import Adapter, adapters, chosen, missing
+from .device import Adapter, adapters, chosen, missing
 from .process import GpuLostError, GpuProcess, attempted, gpu_process
 
-__all__ = [
-           "Adapter",
-           "GpuLostError",
-           "GpuProcess",
-           "adapters",
-           "attempted",
-           "chosen",
-           "gpu_process",
-           "missing",
-]
+__all__ = ["Adapter", "GpuLostError", "GpuProcess", "adapters", "attempted", "chosen",
+           "gpu_process", "missing"]

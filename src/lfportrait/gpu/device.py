@@ -1,21 +1,161 @@
-"""One WebGPU device: the only module that calls wgpu's device, since its interface may change.
+"""GPUs by WebGPU: which there are, and one device; the only module that calls wgpu.
 
-Buffers and textures are wgpu's own objects, for the stages to hold. Kernels are compiled once for
-each source, entry point and set of constants. Arrays go in and out as NumPy's.
+Its interface may change. Adapters have names, kinds, drivers and limits. Buffers and textures are
+wgpu's own objects, for the stages to hold. Kernels are compiled once for each source, entry point
+and set of constants. Arrays go in and out as NumPy's.
 """
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import importlib.util
 import math
+import os
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .adapters import Adapter, handle_of, quiet_driver
+from ..errors import UserError
+from ..graphics import lacking
+
+_KINDS = {"DiscreteGPU": "discrete", "IntegratedGPU": "integrated", "CPU": "software"}
+_ORDER = ("discrete", "integrated", "other", "software")
+_BACKENDS = ("Vulkan", "Metal", "D3D12")
+"""OpenGL's compute shaders differ from driver to driver: it is left out."""
+
+
+@dataclass(frozen=True)
+class Adapter:
+    """A GPU, or software that stands in for one."""
+
+    name: str  # As its driver calls it.
+    kind: str  # ``"discrete"``, ``"integrated"``, ``"software"`` (the CPU computes) or ``"other"``.
+    backend: str  # ``"Vulkan"``, ``"Metal"`` or ``"D3D12"``.
+    # vendor, driver: What the driver says of itself.
+    vendor: str = ""
+    driver: str = ""
+    memory: int = 0  # Bytes of its own memory; 0 = not reported (WebGPU does not say).
+    # Names and values of its limits.
+    limits: dict[str, int] = field(default_factory=dict, compare=False)
+
+    @property
+    def real(self) -> bool:
+        """Whether it is more than software."""
+        return self.kind != "software"
+
+    @property
+    def title(self) -> str:
+        """Name and backend, as figures give them."""
+        return f"{self.name} ({self.backend})"
+
+
+@contextlib.contextmanager
+def quiet_driver() -> Iterator[None]:
+    """Keep drivers, which write to the process's standard error, from speaking to the user."""
+    if os.name == "posix" and not os.environ.get("XDG_RUNTIME_DIR"):
+        os.environ["XDG_RUNTIME_DIR"] = tempfile.gettempdir()
+    sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:
+        yield
+        return
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _memory_of(info: Any) -> int:
+    """Bytes of a card's memory, where the system tells: NVIDIA's and AMD's drivers on Linux."""
+    for file in Path("/sys/class/drm").glob("card*/device/mem_info_vram_total"):
+        with contextlib.suppress(OSError, ValueError):
+            vendor = int((file.parent / "vendor").read_text(encoding="ascii"), 16)
+            if vendor == int(info.get("vendor_id", 0)):
+                return int(file.read_text(encoding="ascii"))
+    return 0
+
+
+@functools.cache
+def _handles() -> list[tuple[Adapter, Any]]:
+    """Every adapter and wgpu's object for it, the best first."""
+    if importlib.util.find_spec("wgpu") is None:
+        return []
+    try:
+        with quiet_driver():
+            import wgpu
+
+            found = wgpu.gpu.enumerate_adapters_sync()
+    except Exception:  # whatever a broken loader or driver raises: there is no GPU then
+        return []
+    out: list[tuple[Adapter, Any]] = []
+    for handle in found:
+        info = handle.info
+        backend = str(info.get("backend_type", ""))
+        if backend not in _BACKENDS:
+            continue
+        kind = _KINDS.get(str(info.get("adapter_type", "")), "other")
+        adapter = Adapter(str(info.get("device", "")) or "unnamed", kind, backend,
+                          str(info.get("vendor", "")), str(info.get("description", "")),
+                          _memory_of(info) if kind == "discrete" else 0,
+                          {str(name): int(value) for name, value in handle.limits.items()})
+        out.append((adapter, handle))
+    return sorted(out, key=lambda entry: _ORDER.index(entry[0].kind))
+
+
+def adapters() -> list[Adapter]:
+    """The adapters of this machine, the best first; empty where wgpu or a driver is missing."""
+    return [adapter for adapter, _ in _handles()]
+
+
+def handle_of(adapter: Adapter) -> Any:
+    """The object of wgpu's for an adapter; `LookupError` where this process does not see it."""
+    for own, handle in _handles():
+        if own == adapter:
+            return handle
+    raise LookupError(f"no adapter {adapter.title}")
+
+
+def missing() -> str | None:
+    """What keeps WebGPU from finding an adapter, and the remedy, in one line; None: nothing."""
+    if adapters():
+        return None
+    for lack in lacking():
+        return f"{lack.what}: {lack.remedy}"
+    return "no adapter was found: update the graphics card's driver"
+
+
+def chosen(choice: str) -> Adapter | None:
+    """The adapter for the user's choice of ``--device``; None: the CPU.
+
+    ``"auto"`` takes the best real GPU and never software, ``"gpu"`` the best of all, ``"gpu:NAME"``
+    the best whose name contains NAME; ``"cpu"`` none.
+    """
+    if choice == "cpu":
+        return None
+    found = adapters()
+    if choice == "auto":
+        return next((adapter for adapter in found if adapter.real), None)
+    wanted = choice.removeprefix("gpu").removeprefix(":").strip().lower()
+    for adapter in found:
+        if wanted in adapter.title.lower():
+            return adapter
+    if found:
+        raise UserError(f"there is no GPU {wanted!r}; there are "
+                        f"{', '.join(adapter.title for adapter in found)}")
+    raise UserError(f"there is no GPU here: {missing()}")
+
 
 LIMITS = {
     "max-buffer-size": 256 << 20,
@@ -224,16 +364,11 @@ class Device:
 
 
 def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callable[[], None],
-          longest: float = _DISPATCH) -> int:
+          ) -> int:
     """Run work on ``total`` rows in bands, sized by what the first ones take.
 
-    Returns the rows that a band may have, for more work of the same kind.
-
-    Parameters
-    ----------
-    first : Rows of the calibration dispatch.
-    run : ``run(since, until)`` sends a band off.
-    longest : Seconds that a band should take at most.
+    Returns the rows that a band may have, for more work of the same kind. ``first`` are the rows of
+    the calibration dispatch, ``run(since, until)`` sends a band off.
     """
     bound = 0
     since, size = 0, max(1, min(first, total))
@@ -247,35 +382,7 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
             wait()
             spent = max(time.perf_counter() - start, 1e-5)
             # A first dispatch may include compiling: grow step by step.
-            size = int(min(math.ceil((until - since) * longest / spent), 16 * (until - since)))
+            size = int(min(math.ceil((until - since) * _DISPATCH / spent), 16 * (until - since)))
             size = max(1, size)
         since = until
     return size
-
-
-_COPIES = 20
-
-
-def copy_seconds(device: Device, size: int) -> float:
-    """Seconds that a device needs to copy ``size`` bytes within its own memory, the mean of 20.
-
-    What is more than a binding holds is copied in parts.
-    """
-    part = min(max(size // 4 * 4, 4), BINDING)
-    source, target = device.buffer(part), device.buffer(part)
-
-    def copy() -> None:
-        encoder = device.raw.create_command_encoder()
-        for _ in range(_COPIES):
-            left = size
-            while left > 0:
-                some = max(min(left, part) // 4 * 4, 4)
-                encoder.copy_buffer_to_buffer(source, 0, target, 0, some)
-                left -= part
-        device.raw.queue.submit([encoder.finish()])
-        device.wait()
-
-    copy()
-    start = time.perf_counter()
-    copy()
-    return (time.perf_counter() - start) / _COPIES

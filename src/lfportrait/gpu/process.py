@@ -17,8 +17,7 @@ from collections.abc import Callable, Collection
 from typing import Any, TypeVar
 
 from ..runner import Child, Pipe
-from .adapters import Adapter
-from .device import Device
+from .device import Adapter, Device
 
 _TIMEOUT = 120.0
 """Seconds after which a call is taken to hang."""

@@ -180,7 +180,6 @@ def entries_of_calibration(calibration: dict[str, Any], *, views: int = 0, name:
 
 
 _REQUIRED = ("width", "height", "views", "pitch")
-_REQUIRED = ("width", "height", "views", "pitch")
 _PAIRS = ("quilt", "quilt_size")
 
 

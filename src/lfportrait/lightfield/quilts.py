@@ -150,17 +150,13 @@ def warn_of_misfit(name: str, width: int, height: int, layout: QuiltLayout) -> N
         warnings.warn(f"{name} as {layout.columns} x {layout.rows} views has tiles of the aspect "
                       f"{tile:.3g}, but its layout says that views have {layout.aspect:.3g}: check "
                       "the layout", UserWarning, stacklevel=2)
-    elif (right or top) and not _customary(width, height, layout):
+    elif (right or top) and not any(
+            (panel.quilt, panel.quilt_size) == ((layout.columns, layout.rows), (width, height))
+            for panel in map(Display.preset, Display.names())):
         warnings.warn(f"{name} has {width} x {height} pixels, which {layout.columns} x "
                       f"{layout.rows} views do not divide: {right} at the right and {top} at the "
                       "top are left out; if the picture was scaled, take the original",
                       UserWarning, stacklevel=2)
-
-
-def _customary(width: int, height: int, layout: QuiltLayout) -> bool:
-    panels = (Display.preset(name) for name in Display.names())
-    return any(panel.quilt == (layout.columns, layout.rows)
-               and panel.quilt_size == (width, height) for panel in panels)
 
 
 _EXIF, _USER_COMMENT = 0x8769, 0x9286

@@ -52,6 +52,7 @@ import base64
 import contextlib
 import io
 import math
+import mmap
 import os
 import re
 import struct
@@ -59,7 +60,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -67,7 +68,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..arrays import Float32
-from .pictures import open_picture
+from .kinds import END, jpeg_segments
+from .pictures import one_line, open_picture
 
 # How the stored pixels are brought upright, by EXIF's orientation; 1 leaves them.
 _TO_UPRIGHT: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
@@ -314,11 +316,6 @@ _SOURCE = "heic"
 _ORIENTATION = 0x0112
 
 
-def is_heic(start: bytes) -> bool:
-    """Whether a file that starts so (12 bytes) is a HEIC picture."""
-    return start[4:8] == b"ftyp" and start[8:12] in _BRANDS
-
-
 def heic_depth(path: Path) -> DepthMap | None:
     """The depth of a HEIC picture, upright, or None where it has none.
 
@@ -345,7 +342,9 @@ def heic_depth(path: Path) -> DepthMap | None:
     if same_ratio((size[0], size[1]), file.size) or not same_ratio(
             (size[0], size[1]), file.size[::-1]):
         return depth  # it was turned with the picture, by the same note
-    orientation = _orientation(file.info.get("exif"))
+    exif = Image.Exif()
+    exif.load(file.info.get("exif") or b"")
+    orientation = int(exif.get(_ORIENTATION, 1))
     if orientation < 5:
         raise ValueError("it lies another way than its picture")
     return upright(depth, orientation, (size[0], size[1]))
@@ -359,12 +358,6 @@ def _shares(image: Any) -> Float32:
     numbers = numbers[:image.size[1], :image.size[0]]
     white = np.float32(np.iinfo(numbers.dtype).max)  # more than 8 bits are stretched to 16
     return np.asarray(numbers / white, np.float32)
-
-
-def _orientation(exif: bytes | None) -> int:
-    notes = Image.Exif()
-    notes.load(exif or b"")
-    return int(notes.get(_ORIENTATION, 1))
 
 
 def _by_standard(shares: Float32, notes: dict[str, Any]) -> DepthMap:
@@ -395,9 +388,7 @@ def _positive(value: Any) -> float:
 _XMP, _MORE_XMP, _MPF = b"http://ns.adobe.com/xap/1.0/\0", \
     b"http://ns.adobe.com/xmp/extension/\0", b"MPF\0"
 _NOTE = "http://ns.adobe.com/xmp/note/"
-_SCAN, _END, _APP1, _APP2 = 0xDA, 0xD9, 0xE1, 0xE2
-# In a scan 0xFF is followed by 0, or by a restart's number, unless a segment begins.
-_NEXT_SEGMENT = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+_APP1, _APP2 = 0xE1, 0xE2
 
 
 def is_jpeg(start: bytes) -> bool:
@@ -411,39 +402,28 @@ def jpeg_depth(path: Path) -> DepthMap | None:
     Without depth no more than the segments before the first scan is read. Where depth is damaged,
     what Pillow, base64 and the parser of XML raise is raised.
     """
-    with open(path, "rb") as stream:
-        notes, more, pictures = _notes(stream)
-        found = (_embedded(notes, more) or _appended(notes, more, stream)
-                 or _second_picture(pictures, stream))
+    with open(path, "rb") as stream, \
+            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        notes, more, pictures = _notes(data)
+        found = (_embedded(notes, more) or _appended(notes, more, data)
+                 or _second_picture(pictures, data))
     if found is None:
         return None
     with open_picture(path) as picture:
         return upright(found, int(picture.getexif().get(_ORIENTATION, 1)), picture.size)
 
 
-def _segments(stream: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """The APP1 and APP2 segments before the first scan: number, offset and content of each."""
-    place = stream.tell() + 2
-    while True:
-        stream.seek(place)
-        head = stream.read(4)
-        if len(head) < 4 or head[0] != 0xFF:
-            return
-        number, length = head[1], int.from_bytes(head[2:], "big")
-        if number == 0xFF:  # padding
-            place += 1
-            continue
-        if number in (_SCAN, _END) or length < 2:
-            return
+def _segments(data: mmap.mmap, place: int = 0) -> Iterator[tuple[int, int, bytes]]:
+    """The APP1 and APP2 segments of a JPEG at a place: number, offset and content of each."""
+    for number, first, last, _ in jpeg_segments(data, place + 2, scans=False):
         if number in (_APP1, _APP2):
-            yield number, place + 4, stream.read(length - 2)
-        place += 2 + length
+            yield number, first, data[first:last]
 
 
-def _notes(stream: BinaryIO) -> tuple[list[bytes], dict[bytes, bytearray], list[tuple[int, int]]]:
+def _notes(data: mmap.mmap) -> tuple[list[bytes], dict[bytes, bytearray], list[tuple[int, int]]]:
     """The XMP of a JPEG, its extended XMP by the MD5 in letters, and its further pictures."""
     plain, more, pictures = [], dict[bytes, bytearray](), list[tuple[int, int]]()
-    for number, place, content in _segments(stream):
+    for number, place, content in _segments(data):
         if number == _APP1 and content.startswith(_XMP):
             plain.append(content[len(_XMP):])
         elif number == _APP1 and content.startswith(_MORE_XMP):
@@ -514,8 +494,7 @@ def _google_items(notes: list[bytes], more: dict[bytes, bytearray]) -> list[dict
     return []
 
 
-def _appended(notes: list[bytes], more: dict[bytes, bytearray],
-              stream: BinaryIO) -> DepthMap | None:
+def _appended(notes: list[bytes], more: dict[bytes, bytearray], data: mmap.mmap) -> DepthMap | None:
     """The map of Dynamic Depth, or of Google's later container; or None."""
     if not any(name.encode() in packet for packet in notes for name in ITEMS):
         return None
@@ -530,8 +509,6 @@ def _appended(notes: list[bytes], more: dict[bytes, bytearray],
         for one in _google_tables(notes, more, namespace):
             table |= one
     sure = _item(items, table.get("ConfidenceURI"), {"confidence", "confidencemap"})
-    stream.seek(0)
-    data = stream.read()
     shares, start = _first_readable(data, items, wanted)
     confidence = None
     if sure is not None:
@@ -566,38 +543,19 @@ def _count(item: dict[str, str], name: str) -> int:
     return number
 
 
-def _first_readable(data: bytes, items: list[dict[str, str]], wanted: int) -> tuple[Float32, int]:
+def _first_readable(data: mmap.mmap, items: list[dict[str, str]], wanted: int,
+                    ) -> tuple[Float32, int]:
     """The depth's grey picture, and where the files appended to the JPEG start, or end."""
     place, length = _place(items, wanted)
     every = sum(_place(items, len(items) - 1))
-    starts = [_end_of_picture(data) + _count(items[0], "Padding"), len(data) - every]
+    end = next((end for marker, _, _, end in jpeg_segments(data) if marker == END), len(data))
+    starts = [end + _count(items[0], "Padding"), len(data) - every]
     for start in starts:
         if start > 0 and start + place + length <= len(data):
             part = data[start + place:start + place + length]
             if part[:2] in (b"\xff\xd8", b"\x89P"):
                 return _grey(part), start
     raise XmpError("the appended depth is cut off")
-
-
-def _end_of_picture(data: bytes) -> int:
-    """Where the first JPEG of a file ends, in bytes; its end if it does not."""
-    place = 2
-    while place + 4 <= len(data):
-        if data[place] != 0xFF:
-            return len(data)
-        number = data[place + 1]
-        if number == _END:
-            return place + 2
-        if number == 0xFF:
-            place += 1
-            continue
-        place += 2 + int.from_bytes(data[place + 2:place + 4], "big")
-        if number == _SCAN:
-            following = _NEXT_SEGMENT.search(data, place)
-            if following is None:
-                return len(data)
-            place = following.start()
-    return place + 2
 
 
 def _listed(content: bytes, place: int) -> list[tuple[int, int]]:
@@ -623,22 +581,19 @@ def _listed(content: bytes, place: int) -> list[tuple[int, int]]:
     return []
 
 
-def _second_picture(pictures: list[tuple[int, int]], stream: BinaryIO) -> DepthMap | None:
+def _second_picture(pictures: list[tuple[int, int]], data: mmap.mmap) -> DepthMap | None:
     """The depth among the pictures that an iPhone appended, or None."""
     for place, length in pictures:
-        stream.seek(place)
-        if not is_jpeg(stream.read(3)):
+        if not is_jpeg(data[place:place + 3]):
             continue
-        stream.seek(place)
-        packet = next((found for number, _, content in _segments(stream)
+        packet = next((found for number, _, content in _segments(data, place)
                        if number == _APP1 and APPLE.encode() in content
                        for found in packets(content)), None)
         if packet is None:
             continue
         if apple_depth(np.zeros((1, 1), np.float32), packet, "") is None:
             continue  # a matte: not to be decoded
-        stream.seek(place)
-        return apple_depth(_grey(stream.read(length)), packet, "apple jpeg")
+        return apple_depth(_grey(data[place:place + length]), packet, "apple jpeg")
     return None
 
 
@@ -655,15 +610,10 @@ def read_depth(path: str | os.PathLike[str]) -> DepthMap | None:
             start = stream.read(12)
         if is_jpeg(start):
             return jpeg_depth(path)
-        return heic_depth(path) if is_heic(start) else None
+        return heic_depth(path) if start[4:8] == b"ftyp" and start[8:12] in _BRANDS else None
     except FileNotFoundError:
         return None
     except Exception as error:  # whatever a decoder raises, the picture may still be read
-        warnings.warn(f"the depth in {path.name} can't be read and is left out: {_line(error)}",
+        warnings.warn(f"the depth in {path.name} can't be read and is left out: {one_line(error)}",
                       stacklevel=2)
         return None
-
-
-def _line(error: Exception) -> str:
-    text = str(error).strip()
-    return text.splitlines()[0] if text else type(error).__name__

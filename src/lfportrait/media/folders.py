@@ -209,7 +209,8 @@ def say_left_out(listing: Listing, place: Path, stacklevel: int = 2) -> None:
 
 
 @functools.cache
-def _folded(name: str) -> str:
+def folded(name: str) -> str:
+    """A name in any case, with accents in any form, as one."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
@@ -226,7 +227,7 @@ class Finder:
         if folder not in self._folders:
             names: dict[str, list[str]] = {}
             for path in visible(folder):
-                names.setdefault(_folded(path.name), []).append(path.name)
+                names.setdefault(folded(path.name), []).append(path.name)
             self._folders[folder] = names
         return self._folders[folder]
 
@@ -248,7 +249,7 @@ class Finder:
             if part == "..":
                 here = here.parent
                 continue
-            found = self._names(here).get(_folded(part), [])
+            found = self._names(here).get(folded(part), [])
             if not found and number == len(parts) - 1:
                 found = self._other_ending(here, part)
             if len(found) != 1:
@@ -262,7 +263,7 @@ class Finder:
                       (".heic", ".heif", ".hif")):
             if suffix in group:
                 return [found for other in group if other != suffix
-                        for found in self._names(folder).get(_folded(stem + other), [])]
+                        for found in self._names(folder).get(folded(stem + other), [])]
         return []
 
     def find_picture(self, folder: Path, stem: str) -> Path | None:

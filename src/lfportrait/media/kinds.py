@@ -162,37 +162,53 @@ def _in_boxes(data: mmap.mmap) -> int | None:
     return None
 
 
-def _in_jpeg(data: mmap.mmap) -> int | None:
-    """Where the scans' data end being data (ITU-T T.81), or None."""
-    at, blocks, baseline = 2, 0, False
-    tables: dict[int, int] = {}
-    while at + 4 <= len(data):
-        if data[at] != 0xFF:
-            return None
+_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")
+"""Neither a stuffed byte (FF 00) nor a restart (FF D0 to D7)."""
+SCAN, END = 0xDA, 0xD9
+"""Markers of a JPEG."""
+
+
+def jpeg_segments(data: mmap.mmap, at: int = 2, *, scans: bool = True,
+                  ) -> Iterator[tuple[int, int, int, int]]:
+    """A JPEG's segments from a place on (ITU-T T.81), or only those before its first scan.
+
+    Of each its marker, where its content begins and ends, and where the next one begins.
+    """
+    while at + 4 <= len(data) and data[at] == 0xFF:
         marker = data[at + 1]
-        if marker == 0xFF:
+        if marker == 0xFF:  # padding
             at += 1
             continue
-        if marker == 0xD9:
-            return None
-        length = struct.unpack(">H", data[at + 2:at + 4])[0]
+        if marker == END:
+            yield marker, at + 2, at + 2, at + 2
+            return
+        if marker == SCAN and not scans:
+            return
+        first, last = at + 4, at + 2 + int.from_bytes(data[at + 2:at + 4], "big")
+        at = last
+        if marker == SCAN:
+            found = _MARKER.search(data, last)
+            at = len(data) if found is None else found.start()
+        yield marker, first, last, at
+
+
+def _in_jpeg(data: mmap.mmap) -> int | None:
+    """Where the scans' data end being data, or None."""
+    blocks, baseline = 0, False
+    tables: dict[int, int] = {}
+    for marker, begin, last, end in jpeg_segments(data):
         if marker in _FRAMES:
-            blocks, baseline = _blocks(data[at + 4:at + 2 + length]), marker in _BASELINE
+            blocks, baseline = _blocks(data[begin:last]), marker in _BASELINE
         elif marker == 0xC4:
-            tables.update(_shortest(data[at + 4:at + 2 + length]))
-        at += 2 + length
-        if marker == 0xDA:
-            end = _end_of_scan(data, at)
+            tables.update(_shortest(data[begin:last]))
+        elif marker == SCAN:
             flat = not baseline or all(symbol == 0 for symbol in tables.values())
             # Two bits a block: one for the difference of means, one for "no details".
             most = blocks // 4 if flat else 0
-            for first, last in _runs(data, at, end):
+            for first, until in _runs(data, last, end):
                 # Fill bytes before a marker are few.
-                if data[first] == 0xFF or last - first > max(most, _ZEROS):
+                if data[first] == 0xFF or until - first > max(most, _ZEROS):
                     return first
-            if end >= len(data):
-                return None
-            at = end
     return None
 
 
@@ -215,16 +231,10 @@ def _runs(data: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int]]:
 def scans_end(data: mmap.mmap) -> bool:
     """Whether a JPEG has all its scans, and the mark of its end behind the last."""
     at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker == 0xD9:
+    for marker, _, _, end in jpeg_segments(data):
+        if marker == END:
             return True
-        if marker == 0xFF:
-            at += 1
-            continue
-        at += 2 + struct.unpack(">H", data[at + 2:at + 4])[0]
-        if marker == 0xDA:
-            at = _end_of_scan(data, at)
+        at = end
     return data[at:at + 2] == b"\xff\xd9"
 
 
@@ -247,13 +257,3 @@ def _shortest(segment: bytes) -> dict[int, int]:
             found[segment[at]] = segment[at + 17]
         at += 17 + count
     return found
-
-
-_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")
-"""Neither a stuffed byte (FF 00) nor a restart (FF D0 to D7)."""
-
-
-def _end_of_scan(data: mmap.mmap, at: int) -> int:
-    """Where the marker after a scan begins, or the end of the file."""
-    found = _MARKER.search(data, at)
-    return len(data) if found is None else found.start()

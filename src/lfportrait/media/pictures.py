@@ -147,6 +147,15 @@ def read_image(path: str | os.PathLike[str]) -> UInt8:
         raise UserError(f"can't read the picture {path}: {error}") from error
 
 
+def reduced(picture: Image.Image, max_side: int) -> Image.Image:
+    """A picture with at most so many pixels on its longer side; 0 keeps it."""
+    ratio = max_side / max(picture.size)
+    if not 0 < ratio < 1:
+        return picture
+    width, height = (max(1, round(side * ratio)) for side in picture.size)
+    return picture.resize((width, height), Image.Resampling.LANCZOS)
+
+
 def read_images(paths: Iterable[str | os.PathLike[str]]) -> Iterator[UInt8 | UserError]:
     """Read pictures in order, several at a time: `read_image`'s pictures, or its errors."""
     def read(path: str | os.PathLike[str]) -> UInt8 | UserError:
@@ -209,7 +218,13 @@ def sizes_of(picture: Image.Image) -> tuple[tuple[int, int], tuple[int, int]]:
 
 _SMALLEST = 64
 """Of a JPEG that is decoded to see whether that succeeds, an eighth is enough."""
-_ERRORS = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, EOFError, struct.error)
+UNREADABLE = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, EOFError, struct.error)
+"""What decoders raise for damaged pictures."""
+
+
+def one_line(error: Exception) -> str:
+    """The first line of what an error says, or its kind where it says nothing."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]
 
 
 def fault_of(path: Path) -> str:
@@ -225,8 +240,8 @@ def fault_of(path: Path) -> str:
             picture.draft(None, (_SMALLEST, _SMALLEST))
             picture.load()
         return ""
-    except _ERRORS as error:
-        return str(error).splitlines()[0] if str(error) else type(error).__name__
+    except UNREADABLE as error:
+        return one_line(error)
 
 
 def _whole(path: Path, picture: Image.Image) -> bool:
@@ -243,7 +258,7 @@ def _whole(path: Path, picture: Image.Image) -> bool:
             if kind == "webp":
                 return int.from_bytes(data[4:8], "little") + 8 <= size
             return kind in ("heic", "avif") and _boxes_fit(data)
-    except _ERRORS:
+    except UNREADABLE:
         return False
 
 

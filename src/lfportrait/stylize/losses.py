@@ -42,20 +42,14 @@ FeatureNetwork = Callable[[torch.Tensor], list[torch.Tensor]]
 Weights = dict[str, torch.Tensor]
 
 
-def _use_threads() -> None:
-    """As many threads as OpenMP was given, and no more than usable cores.
-
-    Numba shares torch's OpenMP, and sets the number to its own when it loads its threads. Sums
-    depend on the number in their last digits, and must not on which of the two is loaded first.
-    """
-    numba.get_num_threads()  # loads them
-    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
-    # Torch does not know how little time a container gets.
-    torch.set_num_threads(min(max(1, int(asked)) if asked.isdigit() else usable_cores(),
-                              usable_cores()))
-
-
-_use_threads()
+# As many threads as OpenMP was given, and no more than usable cores: torch does not know how little
+# time a container gets. Numba shares torch's OpenMP, and sets the number to its own when it loads
+# its threads. Sums depend on the number in their last digits, and must not on which of the two is
+# loaded first.
+numba.get_num_threads()  # loads them
+_ASKED = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+torch.set_num_threads(min(max(1, int(_ASKED)) if _ASKED.isdigit() else usable_cores(),
+                          usable_cores()))
 
 _MEAN = torch.tensor([0.485, 0.456, 0.406])[None, :, None, None]
 _STD = torch.tensor([0.229, 0.224, 0.225])[None, :, None, None]

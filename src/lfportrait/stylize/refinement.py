@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,6 +48,8 @@ from .losses import (
 )
 from .skin import chart_views, look_up_rows, show_painting, surface_texture
 
+Constants = dict[tuple[int, str], torch.Tensor]
+
 _LARGE = 224
 """Pixels from which on a picture is reduced for the content: the networks' own size."""
 
@@ -61,15 +62,15 @@ class Refinement:
     model : The colors; changed in place.
     views : What they should show.
     config : Weights, networks, steps.
-    constants : Content features by view of an earlier refinement of the same views
-        (`Constants`).
+    constants : Content features of the real views, by view and network, which no step and no
+        style changes: kept here for further refinements of the same views.
     device : Where the networks compute, a choice of ``--device``. The colors stay in the main
         memory: a step takes one render there and one gradient back.
     """
 
     def __init__(self, model: ColorModel, views: list[StyleView], config: StylizeConfig,
                  constants: Constants | None = None, device: str = "auto") -> None:
-        self.constants = constants if constants is not None else Constants()
+        self.constants: Constants = {} if constants is None else constants
         self.model, self.views, self.config = model, views, config
         self.scale: dict[str, float] = {}
         self.device = torch_device(device)
@@ -105,9 +106,11 @@ class Refinement:
         """The losses of one render [1, 3, h, w]."""
         wanted, content = self._tensor(view.example), self._tensor(view.content)
         shared = self.content is self.style  # its features serve both terms, at the full size
-        content_features = self.constants.content(
-            view, f"{self.names['content']} on {self.device.place}",
-            lambda: stacked(self.content(content if shared else _reduced(content))))
+        known = id(view), f"{self.names['content']} on {self.device.place}"
+        if known not in self.constants:
+            with torch.no_grad():
+                self.constants[known] = stacked(
+                    self.content(content if shared else _reduced(content)))
         features = stacked(self.style(image))
         inside = _inside(view, features)
         if id(view) not in self._wanted:
@@ -118,7 +121,7 @@ class Refinement:
         return {
             "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)],
                                             half=self.half),
-            "content": content_loss(found, content_features, inside_content),
+            "content": content_loss(found, self.constants[known], inside_content),
             "laplacian": laplacian_loss(
                 image[0], wanted[0] if self.config.lap_reference == "example" else content[0]),
             "fit": (image - wanted).square().mean()}
@@ -168,7 +171,7 @@ class Refinement:
                 raise
             warnings.warn(f"{self.device.name} {why}: the networks compute on the CPU",
                           stacklevel=2)
-        self.constants.forget()
+        self.constants.clear()
         self.model.colors[:] = colors
         if progress is not None:
             progress.update(done, "networks on the CPU")
@@ -217,26 +220,6 @@ def _failing(error: RuntimeError) -> str:
     return "was lost" if type(error).__name__ == "AcceleratorError" else ""
 
 
-class Constants:
-    """Features that no step and no style changes: those of the real views."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[int, str], torch.Tensor] = {}
-
-    def forget(self) -> None:
-        """Give back their memory."""
-        self._known.clear()
-
-    def content(self, view: StyleView, network: str,
-                compute: Callable[[], torch.Tensor]) -> torch.Tensor:
-        """Content features of a view by a network on a device, computed when first asked for."""
-        key = id(view), network
-        if key not in self._known:
-            with torch.no_grad():
-                self._known[key] = compute()
-        return self._known[key]
-
-
 def _reduced(picture: torch.Tensor) -> torch.Tensor:
     """What the content is compared in: a large picture [1, 3, h, w] at half its size, for speed."""
     return torch.nn.functional.avg_pool2d(picture, 2) if min(picture.shape[-2:]) >= _LARGE else (
@@ -266,8 +249,7 @@ def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, confi
     figures: dict[str, Any] = {"views": len(views), "transfer": transfer_seconds,
                                "fit": {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}}
     if config.refinements > 0:
-        figures["refinement"] = Refinement(model, views, config,
-                                           device=device).run(progress)
+        figures["refinement"] = Refinement(model, views, config, device=device).run(progress)
     refined = time.perf_counter()
     figures["unseen_share"] = round(model.fill_unseen(), 4)
     figures["seconds"] = {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),

@@ -268,23 +268,15 @@ def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
     """
     if step == 1:
         return ChartLattice(field, skin, step)
-    kept = _kept(skin)
+    kept = skin.cached("lattices", dict[int, ChartLattice])
     if step not in kept or kept[step].density is not field.density:
-        arrays = _cached_arrays(field, skin) if step == PREVIEW and "key" in skin.kept else None
+        arrays = None
+        if step == PREVIEW and "key" in skin.kept:
+            arrays = kept_arrays(
+                "lattices", key_of(__name__, skin.kept["key"], field.density),
+                lambda: ChartLattice(field, skin, PREVIEW).arrays(), most=HEADS)
         kept[step] = ChartLattice(field, skin, step, arrays)
     return kept[step]
-
-
-def _kept(skin: Skin) -> dict[int, ChartLattice]:
-    """The lattices that are kept with a skin, by their steps."""
-    return skin.cached("lattices", dict[int, ChartLattice])
-
-
-def _cached_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
-    """What a preview's `chart_lattice` is made of."""
-    key = key_of(__name__, skin.kept["key"], field.density)
-    return kept_arrays("lattices", key, lambda: ChartLattice(field, skin, PREVIEW).arrays(),
-                       most=HEADS)
 
 
 def _place(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
@@ -341,8 +333,7 @@ def surface_texture(styled: VoxelField, painting: Painting,
                    else lattice.left_out(painting.color, colors))
     detail *= lattice.near[..., None]
     charts = skin.cached("row charts", lambda: row_charts(skin))
-    return SurfaceTexture.of(detail, projections(skin, step), charts,
-                             skin.pixels / step)
+    return SurfaceTexture.of(detail, projections(skin, step), charts, skin.pixels / step)
 
 
 def _not_shown(styled: VoxelField, skin: Skin, picture: Float32) -> Float32:

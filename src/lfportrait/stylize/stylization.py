@@ -232,7 +232,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
     The networks of the refinement compute on ``device``, everything else on the CPU.
     """
     colors, textures, rows = [], [], []
-    constants: Any = None
+    constants: dict[Any, Any] = {}
     lattice: ChartLattice | None = None
     skin, field = sitter.skin, sitter.field
     for exemplar in exemplars:
@@ -264,9 +264,9 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
             textures.append(surface_texture(model.shown(field), painting, lattice))
         textured = time.perf_counter()
         if not config.preview and config.refinements > 0:
-            from .refinement import Constants, Refinement
+            from .refinement import Refinement
 
-            constants, views = constants or Constants(), sitter.views(painting, 2)
+            views = sitter.views(painting, 2)
             if dump is None:
                 del painting
             # What the painting took is free, in pieces of other sizes than the networks ask for.

@@ -228,7 +228,7 @@ def device_figures(field: VoxelField, display: Display, config: EncodeConfig,
                          else _REPEATS)
     size = run["field_bytes"] + 3 * display.width * display.height
     return {"device_seconds": run["repeated"], "shade_seconds": run["shade"],
-            "copy_seconds": process.call("lfportrait.gpu.device:copy_seconds", size),
+            "copy_seconds": process.call("lfportrait_eval.bench.run:copy_seconds", size),
             "copy_bytes": size}
 
 

@@ -40,6 +40,7 @@ from lfportrait.example import Exemplar
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.files import atomic_write, read_json, write_image
 from lfportrait.gpu import GpuProcess, gpu_process
+from lfportrait.gpu.device import BINDING, Device
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
 from lfportrait.simd.host import vector_unit
@@ -331,8 +332,36 @@ def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dic
     device's memory, each read or written once. ``rows`` and ``width`` are as for `training_floor`.
     """
     moved = rows * 3.0 * width * 4.0
-    seconds = process.call("lfportrait.gpu.device:copy_seconds", int(rays * moved / 2.0))
+    seconds = process.call(f"{__name__}:copy_seconds", int(rays * moved / 2.0))
     return {"rows_per_ray": rows, "bytes_per_ray": moved, "rays_per_second": rays / seconds}
+
+
+_COPIES = 20
+
+
+def copy_seconds(device: Device, size: int) -> float:
+    """Seconds that a device needs to copy ``size`` bytes within its own memory, the mean of 20.
+
+    What is more than a binding holds is copied in parts.
+    """
+    part = min(max(size // 4 * 4, 4), BINDING)
+    source, target = device.buffer(part), device.buffer(part)
+
+    def copy() -> None:
+        encoder = device.raw.create_command_encoder()
+        for _ in range(_COPIES):
+            left = size
+            while left > 0:
+                some = max(min(left, part) // 4 * 4, 4)
+                encoder.copy_buffer_to_buffer(source, 0, target, 0, some)
+                left -= part
+        device.raw.queue.submit([encoder.finish()])
+        device.wait()
+
+    copy()
+    start = time.perf_counter()
+    copy()
+    return (time.perf_counter() - start) / _COPIES
 
 
 _CONDITIONS = ("machine", "vectors", "device", "failed", "repeats", "files", "stages", "totals")

@@ -55,7 +55,7 @@ def pycolmap():
     ("SIMPLE_RADIAL", [900.0, 400, 300, -0.08], "SIMPLE_RADIAL"),
     ("RADIAL", [600.0, 400, 300, -0.2, 0.12], "RADIAL")])
 def test_as_many_terms_as_there_are(pycolmap, model, parameters, expected):
-    found = adjust(pycolmap, scene(pycolmap, model, parameters), "auto")
+    found = adjust(scene(pycolmap, model, parameters), "auto")
     camera = found.cameras[1]
     assert camera.model.name == expected
     terms = np.array(camera.params)[list(camera.extra_params_idxs())]
@@ -64,13 +64,13 @@ def test_as_many_terms_as_there_are(pycolmap, model, parameters, expected):
 
 
 def test_the_centre_of_a_cropped_picture(pycolmap):
-    found = adjust(pycolmap, scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 450, 260]), "auto")
+    found = adjust(scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 450, 260]), "auto")
     assert found.cameras[1].principal_point_x == pytest.approx(450, abs=4)
     assert found.cameras[1].principal_point_y == pytest.approx(260, abs=4)
 
 
 def test_a_lens_that_is_wished_for_is_fitted(pycolmap):
-    found = adjust(pycolmap, scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 400, 300]), "OPENCV")
+    found = adjust(scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 400, 300]), "OPENCV")
     assert found.cameras[1].model.name == "OPENCV"
     assert found.cameras[1].focal_length_x == pytest.approx(900, rel=0.02)
     assert starting_model("OPENCV") == starting_model("auto") == "SIMPLE_RADIAL"
@@ -133,7 +133,7 @@ def sweep(pycolmap, wrong=0.3, noise=0.25, focal=648.0, views=32, points=400):
 
 @pytest.mark.slow  # many matches
 def test_wrong_matches_do_not_bend_the_focal_length_of_a_narrow_sweep(pycolmap):
-    found = adjust(pycolmap, sweep(pycolmap), "auto")
+    found = adjust(sweep(pycolmap), "auto")
     camera = found.cameras[1]
     assert camera.model.name == "SIMPLE_PINHOLE"
     assert camera.mean_focal_length() == pytest.approx(648, rel=0.015)
@@ -152,9 +152,9 @@ def test_the_last_loss_is_not_as_wide_as_points_that_were_just_found_again(pycol
     widths = []
     solve = mapping._solve
 
-    def noting(pycolmap, model, deviation, *options, **more):
+    def noting(model, deviation, *options, **more):
         widths.append(deviation)
-        return solve(pycolmap, model, deviation, *options, **more)
+        return solve(model, deviation, *options, **more)
 
     def found_again(model):
         random = np.random.default_rng(1)
@@ -163,7 +163,7 @@ def test_the_last_loss_is_not_as_wide_as_points_that_were_just_found_again(pycol
         return model
 
     monkeypatch.setattr(mapping, "_solve", noting)
-    found = adjust(pycolmap, scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 400, 300]),
+    found = adjust(scene(pycolmap, "SIMPLE_PINHOLE", [900.0, 400, 300]),
                    "SIMPLE_PINHOLE", found_again)
     assert widths[-1] < 0.35  # not the 2 pixels that the points were moved by
     assert found.cameras[1].mean_focal_length() == pytest.approx(900, rel=0.01)

@@ -23,6 +23,6 @@ def test_tries_end_where_they_bring_no_more(monkeypatch, placed, asked):
             yield Placing("somehow", None, list(range(count)), groups)
     monkeypatch.setattr(mapping, "_tries", tries)
     scene = SimpleNamespace(seen_again=lambda *_: np.ones(10, np.int64))
-    found = place_photos(None, scene, [0] * 10, "SIMPLE_RADIAL", lambda: None, lambda line: None)
+    found = place_photos(scene, [0] * 10, "SIMPLE_RADIAL", lambda: None, lambda line: None)
     assert len(made) == asked
     assert len(found.photos) == max(made)

@@ -14,6 +14,7 @@ own estimators find the same matches, in eight times the time.
 
 from __future__ import annotations
 
+import functools
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -42,6 +43,15 @@ _FITS = 0.95
 """Part of them which known lenses explain, if they are as noted."""
 _SHARE = 0.25
 """Part of a pair's matches that must be explained."""
+
+@functools.cache
+def colmap() -> Any:
+    """COLMAP, whose log is off; it takes a tenth of a second to load, which few commands need."""
+    import pycolmap
+
+    pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
+    return pycolmap
+
 
 Lens = tuple[float, tuple[int, int]]
 """Focal length in pixels, and size (width, height) of the photo."""
@@ -74,14 +84,6 @@ def _robust(estimate: Any, one: NDArray[Any], other: NDArray[Any], *options: Any
     return np.asarray(matrix, np.float64), np.asarray(mask.ravel() > 0)
 
 
-def _plausible(one: Float32, other: Float32) -> Bool:
-    """Which matches [M] one fundamental matrix explains within a few pixels, found in a hurry.
-
-    It takes half a millisecond to see that nothing explains most of a pair's matches.
-    """
-    return _robust(cv2.findFundamentalMat, one, other, cv2.USAC_FAST, _ROUGH, 0.999, 500)[1]
-
-
 def two_views(one: Float32, other: Float32, fewest: int,
               lenses: tuple[Lens, Lens] | None = None) -> TwoViews | None:
     """The geometry that explains the matches of two photos, float32 [M, 2] each in pixels, or None.
@@ -89,7 +91,9 @@ def two_views(one: Float32, other: Float32, fewest: int,
     It is always the same for the same matches; ``fewest`` of them must be explained. ``lenses`` are
     those of both photos, if these are known.
     """
-    near = np.flatnonzero(_plausible(one, other))
+    # It takes half a millisecond to see that nothing explains most of a pair's matches.
+    near = np.flatnonzero(_robust(cv2.findFundamentalMat, one, other, cv2.USAC_FAST, _ROUGH, 0.999,
+                                  500)[1])
     if len(near) < fewest:
         return None
     one, other, count = one[near], other[near], len(one)
@@ -165,24 +169,14 @@ def lens_groups(photos: Sequence[Photo], turns: Sequence[int]) -> list[int]:
 
 @dataclass
 class Scene:
-    """Photos as COLMAP gets them.
+    """Photos as COLMAP gets them."""
 
-    Attributes
-    ----------
-    sizes : Width and height of each photo, as the sensor saw it.
-    focals : Focal length in pixels that the camera noted for each photo, or None.
-    features : Of each photo, as the sensor saw it.
-    matches : Checked by nothing yet, by pairs of photos.
-    work : Folder for COLMAP's files.
-    seed : Of the random sampling.
-    """
-
-    sizes: list[tuple[int, int]]
-    focals: list[float | None]
-    features: list[Features]
-    matches: dict[tuple[int, int], Matches]
-    work: Path
-    seed: int = 0
+    sizes: list[tuple[int, int]]  # Width and height of each photo, as the sensor saw it.
+    focals: list[float | None]  # Focal length in pixels that the camera noted for each, or None.
+    features: list[Features]  # Of each photo, as the sensor saw it.
+    matches: dict[tuple[int, int], Matches]  # Checked by nothing yet, by pairs of photos.
+    work: Path  # Folder for COLMAP's files.
+    seed: int = 0  # Of the random sampling.
     _checked: dict[tuple[int, ...], Path] = field(default_factory=dict)
     _copies: int = 0
 
@@ -193,13 +187,12 @@ class Scene:
             return float(np.median(noted)), True
         return (focal or USUAL_FOCAL) * max(self.sizes[group[0]]), False
 
-    def _cameras(self, pycolmap: Any, groups: Sequence[int], model: str, focal: float | None,
-                 ) -> list[Any]:
+    def _cameras(self, groups: Sequence[int], model: str, focal: float | None) -> list[Any]:
         cameras = []
         for number in range(max(groups) + 1):
             members = [index for index, group in enumerate(groups) if group == number]
             length, noted = self._focal(members, focal)
-            camera = pycolmap.Camera.create_from_model_name(number + 1, model, length,
+            camera = colmap().Camera.create_from_model_name(number + 1, model, length,
                                                             *self.sizes[members[0]])
             camera.has_prior_focal_length = noted
             cameras.append(camera)
@@ -210,26 +203,26 @@ class Scene:
         return [np.ascontiguousarray(self.features[number].places[own[:, side], :2])
                 for side, number in enumerate(pair)]
 
-    def _check(self, pycolmap: Any, groups: Sequence[int], path: Path, model: str) -> None:
+    def _check(self, groups: Sequence[int], path: Path, model: str) -> None:
         """Write all to a new database and keep the matches that two cameras can explain."""
-        with pycolmap.Database.open(path) as base:
+        with colmap().Database.open(path) as base:
             rigs = []
-            for camera in self._cameras(pycolmap, groups, model, None):
+            for camera in self._cameras(groups, model, None):
                 base.write_camera(camera, True)
-                rig = pycolmap.Rig()
+                rig = colmap().Rig()
                 rig.add_ref_sensor(camera.sensor_id)
                 rigs.append(base.write_rig(rig))
             for index, own in enumerate(self.features):
-                image = base.read_image(base.write_image(pycolmap.Image(
+                image = base.read_image(base.write_image(colmap().Image(
                     name=f"{index:05d}", camera_id=groups[index] + 1)))
-                frame = pycolmap.Frame()
+                frame = colmap().Frame()
                 frame.rig_id = rigs[groups[index]]
                 frame.add_data_id(image.data_id)
                 base.write_frame(frame)
                 base.write_keypoints(image.image_id, own.places)
             for (i, j), geometry in self._geometries(groups).items():
-                matches, found = self.matches[i, j], pycolmap.TwoViewGeometry()
-                found.config = getattr(pycolmap.TwoViewGeometryConfiguration, geometry.kind)
+                matches, found = self.matches[i, j], colmap().TwoViewGeometry()
+                found.config = getattr(colmap().TwoViewGeometryConfiguration, geometry.kind)
                 found.F, found.E, found.H = (geometry.fundamental, geometry.essential,
                                              geometry.homography)
                 found.inlier_matches = matches[geometry.inliers]
@@ -254,8 +247,7 @@ class Scene:
         found = side_by_side(geometry, pairs)
         return {pair: own for (pair, _), own in zip(pairs, found) if own is not None}
 
-    def database(self, pycolmap: Any, groups: Sequence[int], model: str,
-                 focal: float | None = None) -> Path:
+    def database(self, groups: Sequence[int], model: str, focal: float | None = None) -> Path:
         """A new database with checked matches and lenses to start from.
 
         ``groups`` has the number of each photo's lens, ``model`` is COLMAP's name of the lens
@@ -264,67 +256,67 @@ class Scene:
         key = tuple(groups)
         if key not in self._checked:
             path = self.work / f"checked{len(self._checked)}.db"
-            self._check(pycolmap, groups, path, model)
+            self._check(groups, path, model)
             self._checked[key] = path
         self._copies += 1
         copy = self.work / f"database{self._copies}.db"
         shutil.copy(self._checked[key], copy)
-        with pycolmap.Database.open(copy) as base:
-            for camera in self._cameras(pycolmap, groups, model, focal):
+        with colmap().Database.open(copy) as base:
+            for camera in self._cameras(groups, model, focal):
                 base.update_camera(camera)
         return copy
 
-    def steady_options(self, pycolmap: Any) -> Any:
+    def steady_options(self) -> Any:
         """Options of COLMAP's incremental mapping with which it does the same every time.
 
         Its adjustments end where an iteration lessens the errors by no more than a hundred
         thousandth: by COLMAP's own bound, 0, they take all of their iterations.
         """
-        options = pycolmap.IncrementalPipelineOptions()
+        options = colmap().IncrementalPipelineOptions()
         for part in (options, options.mapper, options.triangulation):
             part.random_seed = self.seed
         options.num_threads = 1
         options.ba_global_function_tolerance = options.ba_local_function_tolerance = 1e-5
         return options
 
-    def triangulated(self, pycolmap: Any, groups: Sequence[int], model: Any) -> Any:
+    def triangulated(self, groups: Sequence[int], model: Any) -> Any:
         """A reconstruction with its cameras, whose points are found once more from all matches.
 
         Its lenses are of one model; ``groups`` has the number of each photo's.
         """
-        options = self.steady_options(pycolmap)
+        options = self.steady_options()
         options.ba_global_max_refinements = 1
-        database = self.database(pycolmap, groups, next(iter(model.cameras.values())).model.name)
+        database = self.database(groups, next(iter(model.cameras.values())).model.name)
         folder = database.with_suffix(".points")
         folder.mkdir()
-        return pycolmap.triangulate_points(pycolmap.Reconstruction(model), database, self.work,
+        return colmap().triangulate_points(colmap().Reconstruction(model), database, self.work,
                                            folder, clear_points=True, options=options)
 
-    def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> Int64:
+    def seen_again(self, groups: Sequence[int], model: str) -> Int64:
         """How many features of each photo have a checked match in some other, int64 [V].
 
         Pairs of photos with fewer than `FEWEST` checked matches don't count.
         """
         used = [np.zeros(len(own.places), bool) for own in self.features]
-        for pair, (matches, _) in self.checked(pycolmap, groups, model).items():
+        for pair, (matches, _) in self.checked(groups, model).items():
             for side, number in enumerate(pair):
                 used[number][matches[:, side]] = True
         return np.array([int(own.sum()) for own in used])
 
-    def checked(self, pycolmap: Any, groups: Sequence[int], model: str,
+    def checked(self, groups: Sequence[int], model: str,
                 ) -> dict[tuple[int, int], tuple[Matches, Float64]]:
         """Matches that two cameras can explain, uint32 [K, 2], and E [3, 3], by pairs of photos.
 
         Pairs of photos with fewer than `FEWEST` of them don't count. The matrix is zero where the
         lenses were not known.
         """
-        with pycolmap.Database.open(self.database(pycolmap, groups, model)) as base:
+        with colmap().Database.open(self.database(groups, model)) as base:
             pairs, geometries = base.read_two_view_geometries()
         found = {}
         for pair, geometry in zip(pairs, geometries):
             matches = np.asarray(geometry.inlier_matches)
             if len(matches) >= FEWEST:
-                one, other = (number - 1 for number in pycolmap.pair_id_to_image_pair(pair))
+                one, other = (number - 1 for number in colmap().pair_id_to_image_pair(pair))
                 essential = np.zeros((3, 3)) if geometry.E is None else np.asarray(geometry.E)
                 found[one, other] = matches, essential
         return found

@@ -24,10 +24,6 @@ from numpy.typing import NDArray
 from ...arrays import Bool, Float32, Int64, UInt8
 from ...simd.threads import side_by_side
 
-__all__ = ["FEWEST", "Features", "camera_stands_still", "camera_stood_still", "enough",
-           "likely_pairs", "likeness", "match_features", "neighbouring_pairs", "sift_features",
-           "without_still", "worth_placing"]
-
 FEWEST = 15
 """Matches of a pair of photos that are worth checking, and must be left then, as COLMAP has it."""
 

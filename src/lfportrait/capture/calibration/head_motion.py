@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -29,11 +28,9 @@ from ...simd.threads import side_by_side
 from ...temporary import temporary_folder
 from ..camera import Camera, pose_corrections, without_drift
 from ..capture import Capture
-from .database import Scene, room_for
+from .database import Scene, colmap, room_for
 from .features import Features, enough, likely_pairs, likeness, match_features, sift_features
 from .mapping import place_photos
-
-__all__ = ["HeadMotion", "follow_head", "place_by_head"]
 
 _FEATURES, _CONTRAST = 2048, 0.006
 """Features of a head at most, and contrast of the weakest: low, as skin has few."""
@@ -53,7 +50,6 @@ _ENOUGH, _NEARER = 0.8, 0.5
 """Part of the photos that the head alone must place, and what may be left of its matches' distance
 then."""
 _MODEL = "SIMPLE_PINHOLE"
-
 
 
 @dataclass(frozen=True)
@@ -144,10 +140,10 @@ def _essential(cameras: Camera, one: int, other: int) -> Float64:
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ between[:3, :3]
 
 
-def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) -> Float64:
+def _distances(scene: Scene, cameras: Camera, lenses: list[int]) -> Float64:
     """Median distances of each pair's matches by the cameras and by its own two, [P, 2] pixels."""
     found = []
-    for (i, j), (matches, own) in scene.checked(pycolmap, lenses, _MODEL).items():
+    for (i, j), (matches, own) in scene.checked(lenses, _MODEL).items():
         if not own.any():
             continue
         planes = [(scene.features[k].places[matches[:, side], :2] - np.array(scene.sizes[k]) / 2)
@@ -158,10 +154,10 @@ def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) 
     return np.array(found).reshape(-1, 2)
 
 
-def _placed_by_head(pycolmap: Any, scene: Scene, lenses: list[int], cameras: Camera,
-                    lens_known: bool = True) -> tuple[list[int], Camera]:
+def _placed_by_head(scene: Scene, lenses: list[int], cameras: Camera, lens_known: bool = True,
+                    ) -> tuple[list[int], Camera]:
     """The photos that features of the head place, and their cameras laid on the given ones."""
-    placing = place_photos(pycolmap, scene, lenses, _MODEL, lambda: None, lambda line: None,
+    placing = place_photos(scene, lenses, _MODEL, lambda: None, lambda line: None,
                            lens_known=lens_known)
     if len(placing.photos) < 3:
         return [], cameras[[]]
@@ -192,19 +188,15 @@ def place_by_head(capture: Capture, mattes: list[Float32], seed: int = 0) -> Cap
     float32 [H, W] in [0, 1]. Those that are placed come back, with cameras that are laid on the
     rough ones and have focal lengths of their own; None where fewer than three are.
     """
-    import pycolmap
-
-    pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
-    pycolmap.set_random_seed(seed)
+    colmap().set_random_seed(seed)
     with temporary_folder(room_for(len(capture))) as work:
         scene = _scene(capture, mattes, work, seed)
-        placed, cameras = _placed_by_head(pycolmap, scene, _lenses(scene), capture.cameras,
+        placed, cameras = _placed_by_head(scene, _lenses(scene), capture.cameras,
                                           lens_known=False)
     return _placed_part(capture, placed, cameras) if placed else None
 
 
-def _clearly_still(pycolmap: Any, capture: Capture, mattes: list[Float32],
-                   seed: int) -> HeadMotion | None:
+def _clearly_still(capture: Capture, mattes: list[Float32], seed: int) -> HeadMotion | None:
     """That the head held still, where some of the photos show it beyond doubt; else None."""
     if len(capture) < 2 * _SAMPLE:
         return None
@@ -212,7 +204,7 @@ def _clearly_still(pycolmap: Any, capture: Capture, mattes: list[Float32],
     part = _placed_part(capture, some, capture.cameras[some])
     with temporary_folder(room_for(len(part))) as work:
         scene = _scene(part, [mattes[view] for view in some], work, seed)
-        apart = _distances(pycolmap, scene, part.cameras, _lenses(scene))
+        apart = _distances(scene, part.cameras, _lenses(scene))
     if len(apart) < len(part):
         return None
     pixels, own = (float(value) for value in np.median(apart, axis=0))
@@ -230,25 +222,21 @@ def follow_head(capture: Capture, mattes: list[Float32], seed: int = 0,
     cameras that follow it, together as near to the given ones as can be, and ``tell`` is called
     with a line; or the same capture where it held still, or can't be followed.
     """
-    import pycolmap
-
-    pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
-    still = _clearly_still(pycolmap, capture, mattes, seed)
-    if still is not None:
+    if (still := _clearly_still(capture, mattes, seed)) is not None:
         return capture, still
     with temporary_folder(room_for(len(capture))) as work:
         scene = _scene(capture, mattes, work, seed)
         lenses = _lenses(scene)
-        apart = _distances(pycolmap, scene, capture.cameras, lenses)
+        apart = _distances(scene, capture.cameras, lenses)
         if len(apart) < len(capture):
             return capture, HeadMotion(False)
         pixels, own = (float(value) for value in np.median(apart, axis=0))
         if pixels < _PIXELS or pixels < _MOVED * own:
             return capture, HeadMotion(False, pixels, own)
-        placed, cameras = _placed_by_head(pycolmap, scene, lenses, capture.cameras)
+        placed, cameras = _placed_by_head(scene, lenses, capture.cameras)
         pose = capture.cameras.pose.copy()
         pose[placed] = cameras.pose
-        after = float(np.median(_distances(pycolmap, scene, replace(capture.cameras, pose=pose),
+        after = float(np.median(_distances(scene, replace(capture.cameras, pose=pose),
                                            lenses)[:, 0]))
     tell = tell or (lambda line: None)
     if len(placed) < _ENOUGH * len(capture) or after > _NEARER * pixels:

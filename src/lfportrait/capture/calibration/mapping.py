@@ -33,8 +33,8 @@ from typing import Any
 import numpy as np
 
 from ...arrays import Float64, Int64
-from ..formats import lens_of
-from .database import USUAL_FOCAL, Scene
+from ..formats.colmap import lens_of
+from .database import USUAL_FOCAL, Scene, colmap
 
 _FEWEST_POINTS = 15
 """A photo that sees fewer points of the model has no sure place."""
@@ -74,9 +74,9 @@ class Placing:
 class _Mapper:
     """COLMAP's two ways of mapping, with fixed seeds and on one thread: the same every time."""
 
-    def __init__(self, pycolmap: Any, scene: Scene, model: str, seen_again: Int64,
-                 report: Callable[[], None], lens_known: bool) -> None:
-        self.pycolmap, self.scene, self.model, self.report = pycolmap, scene, model, report
+    def __init__(self, scene: Scene, model: str, seen_again: Int64, report: Callable[[], None],
+                 lens_known: bool) -> None:
+        self.scene, self.model, self.report = scene, model, report
         self.seen_again, self.lens_known = seen_again, lens_known
         self.runs = 0
 
@@ -95,7 +95,7 @@ class _Mapper:
     def one_by_one(self, how: str, groups: Sequence[int], weak: bool = False,
                    start: Placing | None = None) -> Placing:
         """From a pair on, photo after photo; or from a model on."""
-        options = self.scene.steady_options(self.pycolmap)
+        options = self.scene.steady_options()
         options.min_model_size = 3  # COLMAP drops models of fewer than 10 photos
         options.max_num_models = 6
         options.extract_colors = False
@@ -113,25 +113,24 @@ class _Mapper:
             options.mapper.abs_pose_min_num_inliers = 15
             options.mapper.abs_pose_min_inlier_ratio = 0.15
             options.min_num_matches = 10
-        database = self.scene.database(self.pycolmap, groups, self.model)
+        database = self.scene.database(groups, self.model)
         given: dict[str, Any] = {}
         if start is not None and start.model is not None:
             given["input_path"] = self._folder()
             start.model.write(given["input_path"])
-        models = self.pycolmap.incremental_mapping(
+        models = colmap().incremental_mapping(
             database, self.scene.work, self._folder(), options=options,
             next_image_callback=self.report, **given)
         return self._best(how, models, groups)
 
     def all_at_once(self, how: str, groups: Sequence[int], focal: float | None = None) -> Placing:
         """All rotations, then all positions, then everything."""
-        options = self.pycolmap.GlobalPipelineOptions()
+        options = colmap().GlobalPipelineOptions()
         options.random_seed = self.scene.seed
         options.mapper.random_seed = self.scene.seed
         options.num_threads = 1
-        database = self.scene.database(self.pycolmap, groups, self.model, focal)
-        models = self.pycolmap.global_mapping(database, self.scene.work, self._folder(),
-                                              options=options)
+        database = self.scene.database(groups, self.model, focal)
+        models = colmap().global_mapping(database, self.scene.work, self._folder(), options=options)
         return self._best(how, models, groups)
 
 
@@ -158,9 +157,8 @@ def _tries(mapper: _Mapper, groups: list[int], best: Callable[[], Placing]) -> I
                                 start=best())
 
 
-def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
-                 report: Callable[[], None], say: Callable[[str], None], *,
-                 lens_known: bool = False) -> Placing:
+def place_photos(scene: Scene, groups: list[int], model: str, report: Callable[[], None],
+                 say: Callable[[str], None], *, lens_known: bool = False) -> Placing:
     """Place as many photos as can be.
 
     ``groups`` has the number of each photo's lens, ``model`` is COLMAP's name of the lens model to
@@ -168,7 +166,7 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
     says and stay so. ``report`` is called whenever a photo is placed, ``say`` with each try and its
     result, if the first one leaves photos out.
     """
-    seen_again = scene.seen_again(pycolmap, groups, model)
+    seen_again = scene.seen_again(groups, model)
     able = int((seen_again > 0).sum())
     tried = [Placing("nothing", None, [], groups)]
     in_vain = 0
@@ -177,8 +175,7 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
         # The first of those that place the most: it was made under the better conditions.
         return max(tried, key=lambda one: len(one.photos))
 
-    for attempt in _tries(_Mapper(pycolmap, scene, model, seen_again, report, lens_known),
-                          groups, best):
+    for attempt in _tries(_Mapper(scene, model, seen_again, report, lens_known), groups, best):
         in_vain = 0 if len(attempt.photos) > len(best().photos) else in_vain + 1
         tried.append(attempt)
         if len(tried) > 2 or len(attempt.photos) < able:
@@ -223,24 +220,22 @@ class _Fit:
     parameters: int
 
 
-def _with_model(pycolmap: Any, model: Any, name: str) -> Any:
+def _with_model(model: Any, name: str) -> Any:
     """A copy of a reconstruction whose lenses are of another model, the known terms kept."""
-    copy = pycolmap.Reconstruction(model)
+    copy = colmap().Reconstruction(model)
     for number in list(copy.cameras):
         camera = copy.cameras[number]
         if camera.model.name == name:
             continue
-        fresh = pycolmap.Camera.create_from_model_name(number, name, camera.mean_focal_length(),
+        fresh = colmap().Camera.create_from_model_name(number, name, camera.mean_focal_length(),
                                                        camera.width, camera.height)
         parameters = np.array(fresh.params)
         parameters[list(fresh.principal_point_idxs())] = (camera.principal_point_x,
                                                           camera.principal_point_y)
         known = np.array(camera.params)[list(camera.extra_params_idxs())]
-        room = list(fresh.extra_params_idxs())
-        for index, value in zip(room, known):
+        for index, value in zip(fresh.extra_params_idxs(), known):
             parameters[index] = value
-        camera.model = fresh.model
-        camera.params = parameters
+        camera.model, camera.params = fresh.model, parameters
     return copy
 
 
@@ -276,7 +271,7 @@ def _deviation(errors: Float64, nearest: float = 0.5) -> float:
     return float(np.clip(np.quantile(errors, nearest) / within, *_DEVIATIONS))
 
 
-def _solve(pycolmap: Any, model: Any, deviation: float, iterations: int, *, center: bool = False,
+def _solve(model: Any, deviation: float, iterations: int, *, center: bool = False,
            settled: float = 1e-5) -> _Fit:
     """Bundle adjustment with a Cauchy loss: large residuals are wrong matches, not information.
 
@@ -284,24 +279,24 @@ def _solve(pycolmap: Any, model: Any, deviation: float, iterations: int, *, cent
     errors by no more than ``settled`` of them. COLMAP's own bound, 0, takes all iterations, three
     times as many, for the same cameras.
     """
-    options = pycolmap.BundleAdjustmentOptions()
+    options = colmap().BundleAdjustmentOptions()
     options.print_summary = False
     options.refine_principal_point = center
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_type = colmap().LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = deviation
     options.ceres.solver_options.num_threads = 1
     options.ceres.max_num_images_direct_dense_cpu_solver = _DENSE
     options.ceres.solver_options.max_num_iterations = iterations
     options.ceres.solver_options.function_tolerance = settled
-    scope = pycolmap.BundleAdjustmentConfig()
+    scope = colmap().BundleAdjustmentConfig()
     members: dict[int, int] = {}
     for number, image in model.images.items():
         if image.has_pose:
             scope.add_image(number)
             members[image.camera_id] = members.get(image.camera_id, 0) + 1
-    scope.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    scope.fix_gauge(colmap().BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     # pycolmap.bundle_adjustment does the same, but turns COLMAP's log on again.
-    pycolmap.create_default_bundle_adjuster(options, scope, model).solve()
+    colmap().create_default_bundle_adjuster(options, scope, model).solve()
     terms = [len(model.cameras[number].params) - (0 if center else 2) for number in members]
     return _Fit(model, _errors(model), sum(terms))
 
@@ -334,8 +329,7 @@ def _sane(model: Any) -> bool:
     return True
 
 
-def adjust(pycolmap: Any, model: Any, wanted: str,
-           triangulated: Callable[[Any], Any] | None = None) -> Any:
+def adjust(model: Any, wanted: str, triangulated: Callable[[Any], Any] | None = None) -> Any:
     """Adjust all cameras and points, with as many lens terms as the photos determine.
 
     ``wanted`` is a lens model of COLMAP, or ``"auto"``: one of `TERMS`, the centre of the picture
@@ -345,31 +339,30 @@ def adjust(pycolmap: Any, model: Any, wanted: str,
     by a fifth.
     """
     deviation = _deviation(_errors(model))
-    fitted = (_with_earned_terms(pycolmap, model, deviation) if wanted == "auto" else
-              _solve(pycolmap, _with_model(pycolmap, model, wanted), deviation, 30).model)
+    fitted = (_with_earned_terms(model, deviation) if wanted == "auto" else
+              _solve(_with_model(model, wanted), deviation, 30).model)
     # Points that are found once more lie half as far off again until they are adjusted. The loss
     # is as sharp as can be only here: under a sharp one terms are earned that are not there.
     deviation = _deviation(_errors(fitted), _SURE)
     if triangulated is not None:
         fitted = triangulated(fitted)
-    return _solve(pycolmap, fitted, deviation, 25, settled=1e-6).model
+    return _solve(fitted, deviation, 25, settled=1e-6).model
 
 
-def _with_earned_terms(pycolmap: Any, model: Any, deviation: float) -> Any:
+def _with_earned_terms(model: Any, deviation: float) -> Any:
     """The model adjusted with each of `TERMS` that explains the photos better than those before.
 
     All are adjusted with one deviation: else later ones would be better by their sharper loss.
     """
-    kept = _solve(pycolmap, _with_model(pycolmap, model, TERMS[0]), deviation, 30)
+    kept = _solve(_with_model(model, TERMS[0]), deviation, 30)
     for name in TERMS[1:]:
-        more = _solve(pycolmap, _with_model(pycolmap, kept.model, name), deviation, 30)
+        more = _solve(_with_model(kept.model, name), deviation, 30)
         if not (_earns(more, kept) and _sane(more.model)):
             break
         kept = more
     groups = [image.camera_id for image in kept.model.images.values() if image.has_pose]
     if min(groups.count(number) for number in set(groups)) >= _ENOUGH:
-        more = _solve(pycolmap, pycolmap.Reconstruction(kept.model), deviation, 30,
-                      center=True)
+        more = _solve(colmap().Reconstruction(kept.model), deviation, 30, center=True)
         if _earns(more, kept) and _sane(more.model):
             kept = more
     return kept.model

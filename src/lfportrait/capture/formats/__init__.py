@@ -19,27 +19,14 @@ import numpy as np
 from ...arrays import UInt8
 from ...errors import UserError
 from ...plugins import blamed, gathered
-from .assembly import (
-    CaptureFormat,
-    DataSet,
-    Shot,
-    Views,
-    assemble,
-    held_out_views,
-    mask_of,
-    pinholes,
-    read_shots,
-    turned_upright,
-)
-from .colmap import Colmap, ColmapImage, lens_of, read_model
+from .assembly import CaptureFormat, DataSet, Shot, Views, held_out_views
+from .colmap import Colmap
 from .datasets import Llff, Nsvf, Polycam, Record3d
 from .programs import Bundler, CameraTable, Meshroom, Metashape, OpenMvg, VisualSfm
 from .transforms import Own, Transforms
 
-__all__ = ["CaptureFormat", "ColmapImage", "DataSet", "Shot", "Views", "assemble",
-           "capture_formats", "find_views", "held_out_views", "is_calibrated", "lens_of",
-           "load_views", "mask_of", "pinholes", "read_model", "read_shots", "save_views",
-           "turned_upright", "written_views"]
+__all__ = ["CaptureFormat", "DataSet", "Shot", "Views", "capture_formats", "find_views",
+           "held_out_views", "is_calibrated", "load_views", "save_views", "written_views"]
 
 FORMATS = "lfportrait.formats"
 """Group of entry points with classes above `CaptureFormat`."""

@@ -98,21 +98,17 @@ def mask_for(picture: UInt8, place: Path, turns: int) -> UInt8:
     """
     mask = read_mask(place)
     height, width = picture.shape[:2]
-    ways = [0] if not turns else [turns, 0]
-    fitting = [way for way in ways if same_shape(_size(np.rot90(mask, -way)), (width, height))]
-    if not fitting:
-        fitting = [way for way in (1, 3) if same_shape(_size(np.rot90(mask, -way)),
-                                                       (width, height))]
+
+    def fits(way: int) -> bool:
+        return same_shape(np.rot90(mask, -way).shape[::-1], (width, height))
+
+    fitting = list(filter(fits, dict.fromkeys((turns, 0)))) or list(filter(fits, (1, 3)))
     if not fitting:
         raise UserError(f"the mask {place} is not of its picture's size")
     turned = [_resized(np.rot90(mask, -way), width, height) for way in fitting]
     if len(turned) == 1:
         return turned[0]
     return max(turned, key=lambda one: _outline_contrast(picture, one))
-
-
-def _size(array: UInt8) -> tuple[int, int]:
-    return array.shape[1], array.shape[0]
 
 
 def _resized(mask: UInt8, width: int, height: int) -> UInt8:

@@ -11,7 +11,7 @@ import re
 import struct
 import warnings
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,15 +23,18 @@ from ...media.folders import Finder
 from ..lenses import Lens
 from .assembly import CaptureFormat, DataSet, Shot
 
-# Name and number of parameters, at COLMAP's own model ids.
+# At COLMAP's own model ids: name, number of parameters, how many of these are focal lengths, and
+# our name of how it bends; empty where that is not supported.
 _MODELS = (
-    ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
-    ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
-    ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12), ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
-    ("SIMPLE_DIVISION", 4), ("DIVISION", 5), ("SIMPLE_FISHEYE", 3), ("FISHEYE", 4), ("EUCM", 6),
-    ("EQUIRECTANGULAR", 2),
+    ("SIMPLE_PINHOLE", 3, 1, "opencv"), ("PINHOLE", 4, 2, "opencv"),
+    ("SIMPLE_RADIAL", 4, 1, "opencv"), ("RADIAL", 5, 1, "opencv"), ("OPENCV", 8, 2, "opencv"),
+    ("OPENCV_FISHEYE", 8, 2, "fisheye"), ("FULL_OPENCV", 12, 2, "opencv"), ("FOV", 5, 2, "fov"),
+    ("SIMPLE_RADIAL_FISHEYE", 4, 1, "fisheye"), ("RADIAL_FISHEYE", 5, 1, "fisheye"),
+    ("THIN_PRISM_FISHEYE", 12, 2, "thin_prism"), ("RAD_TAN_THIN_PRISM_FISHEYE", 16, 2, ""),
+    ("SIMPLE_DIVISION", 4, 1, ""), ("DIVISION", 5, 2, ""), ("SIMPLE_FISHEYE", 3, 1, "fisheye"),
+    ("FISHEYE", 4, 2, "fisheye"), ("EUCM", 6, 2, ""), ("EQUIRECTANGULAR", 2, 0, ""),
 )
-_COUNTS = dict(_MODELS)
+_BY_NAME = {name: (count, focals, bends) for name, count, focals, bends in _MODELS}
 _IMAGE_FOLDERS = ("images", "input", "rgb", "images_2", "images_4", "images_8")
 
 
@@ -58,29 +61,22 @@ def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) ->
         raise UserError(f"a COLMAP camera has pictures of {width} x {height} pixels; export the "
                         "model again")
     p = [float(value) for value in parameters]
-    if len(p) != _COUNTS.get(model, len(p)):
+    count, focals, bends = _BY_NAME.get(model, (len(p), 0, ""))
+    if len(p) != count:
         raise UserError(f"a COLMAP camera of model {model} has {len(p)} parameters instead of "
-                        f"{_COUNTS[model]}; export the model again")
-    if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE",
-                 "RADIAL_FISHEYE", "SIMPLE_FISHEYE"):
-        focal, center, rest = (p[0], p[0]), (p[1], p[2]), p[3:]
-    elif model in ("PINHOLE", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV", "FISHEYE",
-                   "THIN_PRISM_FISHEYE"):
-        focal, center, rest = (p[0], p[1]), (p[2], p[3]), p[4:]
-    else:
+                        f"{count}; export the model again")
+    if not bends:
         raise UserError(f"COLMAP's camera model {model} is not supported; undistort the pictures "
                         "first (colmap image_undistorter) or calibrate them again")
-    if model == "THIN_PRISM_FISHEYE":
-        return Lens(width, height, focal, center, "thin_prism", (rest[0], rest[1], *rest[4:6]),
-                    (rest[2], rest[3]), (rest[6], rest[7]))
-    if model == "FOV":
-        return Lens(width, height, focal, center, "fov", (rest[0],))
-    if model.endswith("FISHEYE"):
-        return Lens(width, height, focal, center, "fisheye", tuple(rest))
-    if model in ("OPENCV", "FULL_OPENCV"):
-        radial = (rest[0], rest[1], *rest[4:])
-        return Lens(width, height, focal, center, "opencv", radial, (rest[2], rest[3]))
-    return Lens(width, height, focal, center, "opencv", tuple(rest))
+    x, y, *rest = p[focals:]
+    lens = Lens(width, height, (p[0], p[focals - 1]), (x, y), bends, tuple(rest))
+    if bends in ("opencv", "thin_prism") and len(rest) > 2:
+        # Tangential terms stand behind two radial ones, those of the prism at the end.
+        radial = (*rest[:2], *rest[4:])
+        lens = replace(lens, k=radial, p=(rest[2], rest[3]))
+        if bends == "thin_prism":
+            lens = replace(lens, k=radial[:4], s=(radial[4], radial[5]))
+    return lens
 
 
 def _pose(quaternion: Iterable[float], translation: Iterable[float]) -> Float64:
@@ -119,7 +115,8 @@ def _read_binary(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
     with open(folder / "cameras.bin", "rb") as stream:
         for _ in range(int(_unpack(stream, "Q")[0])):
             number, model, width, height = map(int, _unpack(stream, "iiQQ"))
-            name, count = _MODELS[model] if 0 <= model < len(_MODELS) else (f"number {model}", 0)
+            name, count = (_MODELS[model][:2] if 0 <= model < len(_MODELS)
+                           else (f"number {model}", 0))
             lenses[number] = lens_of(name, width, height, _unpack(stream, f"{count}d"))
     with open(folder / "images.bin", "rb") as stream:
         for _ in range(int(_unpack(stream, "Q")[0])):

@@ -32,10 +32,6 @@ from .programs import pose_of, resizable, warn_unmatched
 _LARGEST_SIDE = 1600
 
 
-def _pictures(folder: Path) -> list[Path]:
-    return list_pictures(folder).files
-
-
 def _llff_pictures(folder: Path, count: int) -> list[Path]:
     """The ``count`` pictures to read: the largest copies (``images_N``) that are not too large."""
     best: tuple[float, list[Path]] | None = None
@@ -43,7 +39,7 @@ def _llff_pictures(folder: Path, count: int) -> list[Path]:
         if place.name != "images" and not place.name.startswith("images_"):
             continue
         # The programs that write these files sort names letter by letter.
-        files = sorted(_pictures(place), key=lambda path: path.name)
+        files = sorted(list_pictures(place).files, key=lambda path: path.name)
         if len(files) != count:
             continue
         try:
@@ -152,7 +148,7 @@ class Nsvf(CaptureFormat):
         rgb, pose_folder = folders
         fx, fy, cx, cy = _nsvf_intrinsics(path / "intrinsics.txt")
         box = _nsvf_box(path / "bbox.txt")
-        pictures = _pictures(rgb)
+        pictures = list_pictures(rgb).files
         poses = {stem_key(file): file for file in visible(pose_folder)
                  if file.suffix.lower() == ".txt"}
         files = [file for file in pictures if stem_key(file) in poses]
@@ -204,7 +200,7 @@ class Polycam(CaptureFormat):
         assert folders is not None
         pictures, cameras = folders
         shots = []
-        listed = _pictures(pictures)
+        listed = list_pictures(pictures).files
         files = {stem_key(file): file for file in _cameras(cameras)}
         for picture in listed:
             file = files.get(stem_key(picture))
@@ -249,7 +245,7 @@ class Record3d(CaptureFormat):
         assert files is not None
         folder, file = files
         data = read_json(file)
-        pictures = _pictures(folder)
+        pictures = list_pictures(folder).files
         with _one_line(file):
             table = np.array(data["poses"], np.float64).reshape(-1, 7)
             size = int(data["w"]), int(data["h"])

@@ -5,7 +5,7 @@
 - Meshroom (AliceVision) and OpenMVG: ``cameras.sfm``, ``sfm.json``, ``sfm_data.json``;
 - Bundler: ``bundle.out`` with ``list.txt``; VisualSfM: ``.nvm``.
 
-Each reader makes `Placed` photos of its file. They are found by their names beside the file or in
+Each reader makes shots of its file. They are found by their names beside the file or in
 ``images``, with or without folder and suffix, in any case.
 
 Agisoft Metashape: the formulas are those of its manual (appendix "Camera models"). In a rig
@@ -30,7 +30,6 @@ its upper edge to the north (Epic's "camera math" of its XMP files).
 from __future__ import annotations
 
 import csv
-import unicodedata
 import warnings
 from abc import abstractmethod
 from collections.abc import Callable, Set
@@ -44,26 +43,17 @@ import numpy as np
 from ...arrays import Float64
 from ...errors import UserError
 from ...files import read_json
-from ...media.folders import folders_below, is_junk, natural_key, visible
+from ...media.folders import folded, folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
 from ..lenses import Lens
 from .assembly import FLIP, CaptureFormat, DataSet, Shot
 
-
-@dataclass(frozen=True)
-class Placed:
-    """One aligned photo of a program's file."""
-
-    name: str  # File name, path or label.
-    pose: Float64  # float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
-    # Makes the lens of the picture as it was calibrated from its width and height in pixels.
-    lens: Callable[[int, int], Lens]
-    # Width and height that were calibrated, where the file says.
-    size: tuple[int, int] | None = None
+_UNFOUND = Path()
+"""The picture's file until `_Program` has looked for it."""
 
 
 def resizable(lens: Lens) -> tuple[Callable[[int, int], Lens], tuple[int, int]]:
-    """A lens of known picture size as `Placed` has it: for reduced copies too."""
+    """A lens of known picture size as a `Shot` has it: for reduced copies too."""
     return lens.resized, (lens.width, lens.height)
 
 
@@ -124,7 +114,7 @@ def is_graph(file: Path) -> bool:
             or ('"version"' in head and ('"views"' in head or '"featuresFolders"' in head)))
 
 
-def read_graph(file: Path) -> list[Placed]:
+def read_graph(file: Path) -> list[Shot]:
     """The photos with poses of Meshroom's or OpenMVG's file."""
     data = read_json(file)
     found = _openmvg(data) if "sfm_data_version" in data else _alicevision(data)
@@ -132,7 +122,7 @@ def read_graph(file: Path) -> list[Placed]:
     return found
 
 
-def _alicevision(data: dict[str, Any]) -> list[Placed]:
+def _alicevision(data: dict[str, Any]) -> list[Shot]:
     version = tuple(int(part) for part in data["version"])
     lenses = {record["intrinsicId"]: _alicevision_lens(record, version)
               for record in data.get("intrinsics") or []}
@@ -150,7 +140,7 @@ def _alicevision(data: dict[str, Any]) -> list[Placed]:
             raise ValueError(f"the camera of {view['path']} is missing")
         if int(view.get("subPoseId", -1)) not in (-1, 4294967295):
             raise ValueError("it has rigs of cameras; export it without rigs")
-        found.append(Placed(str(view["path"]), pose, *resizable(lens)))
+        found.append(Shot(_UNFOUND, str(view["path"]), pose, *resizable(lens)))
     return found
 
 
@@ -200,7 +190,7 @@ def _bent(lens: Lens, kind: str, terms: list[float]) -> Lens:
     return replace(lens, k=(k1, k2, k3), p=(t1, t2))
 
 
-def _openmvg(data: dict[str, Any]) -> list[Placed]:
+def _openmvg(data: dict[str, Any]) -> list[Shot]:
     lenses = {}
     names: dict[Any, str] = {}  # a kind is named where it is used first
     for record in data.get("intrinsics") or []:
@@ -225,11 +215,11 @@ def _openmvg(data: dict[str, Any]) -> list[Placed]:
         if pose is not None and lens is not None:
             place = "/".join(part for part in (str(view.get("local_path") or ""),
                                                str(view["filename"])) if part)
-            found.append(Placed(place, pose, *resizable(lens)))
+            found.append(Shot(_UNFOUND, place, pose, *resizable(lens)))
     return found
 
 
-def read_metashape(file: Path) -> list[Placed]:
+def read_metashape(file: Path) -> list[Shot]:
     """The aligned photos of the file's chunks.
 
     Of a chunk whose photos fell into several components the largest is taken, as nothing says how
@@ -238,7 +228,7 @@ def read_metashape(file: Path) -> list[Placed]:
     text = file.read_bytes()
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise ValueError("it declares XML entities, which are not allowed")
-    found: list[Placed] = []
+    found: list[Shot] = []
     total = loose = away = 0
     for chunk in ElementTree.fromstring(text).iter("chunk"):
         photos = _metashape_photos(chunk)
@@ -274,13 +264,13 @@ class _Photo:
         return self.record.get("enabled") not in ("0", "false")
 
 
-def _components(chunk: ElementTree.Element, photos: list[_Photo]) -> dict[str | None, list[Placed]]:
+def _components(chunk: ElementTree.Element, photos: list[_Photo]) -> dict[str | None, list[Shot]]:
     """The aligned photos that are in use, by their component, in the world."""
     lenses = {sensor.get("id"): _lens(sensor) for sensor in chunk.iter("sensor")}
     whole = _similarity(chunk.find("transform"), np.eye(4))
     worlds = {part.get("id"): _similarity(part.find("transform"), whole)
               for part in chunk.findall("components/component")}
-    parts: dict[str | None, list[Placed]] = {}
+    parts: dict[str | None, list[Shot]] = {}
     for photo in photos:
         if photo.pose is None or not photo.enabled:
             continue
@@ -290,8 +280,7 @@ def _components(chunk: ElementTree.Element, photos: list[_Photo]) -> dict[str | 
             raise ValueError(f"the sensor of {label} is not calibrated")
         pose = worlds.get(photo.component, whole) @ photo.pose
         pose[:3, :3] /= np.cbrt(np.linalg.det(pose[:3, :3]))
-        parts.setdefault(photo.component, []).append(
-            Placed(label, pose, *resizable(lens)))
+        parts.setdefault(photo.component, []).append(Shot(_UNFOUND, label, pose, *resizable(lens)))
     return parts
 
 
@@ -401,7 +390,7 @@ def is_camera_table(file: Path) -> bool:
     return names >= _COLUMNS and bool(names & {"#name", "name"})
 
 
-def read_camera_table(file: Path) -> list[Placed]:
+def read_camera_table(file: Path) -> list[Shot]:
     """RealityCapture's and RealityScan's "internal/external camera parameters"."""
     from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
 
@@ -423,7 +412,8 @@ def read_camera_table(file: Path) -> list[Placed]:
                  ("f", "px", "py", "k1", "k2", "k3", "k4", "t1", "t2")]
         if not terms[0] > 0:
             raise ValueError(f"the focal length of {name} is {terms[0]:g}")
-        found.append(Placed(name, pose_of(rotation.as_matrix(), place) @ FLIP, _of_film(terms)))
+        found.append(Shot(_UNFOUND, name, pose_of(rotation.as_matrix(), place) @ FLIP,
+                          _of_film(terms)))
     return found
 
 
@@ -441,7 +431,7 @@ def _of_film(terms: list[float]) -> Callable[[int, int], Lens]:
     return of_picture
 
 
-def read_bundler(file: Path) -> list[Placed]:
+def read_bundler(file: Path) -> list[Shot]:
     """Bundler's ``bundle.out``, with the photos' names in ``list.txt``."""
     lists = [place / name for place in (file.parent, file.parent.parent)
              for name in ("list.txt", f"{file.stem}.list.txt", f"{file.name}.list.txt")]
@@ -460,9 +450,9 @@ def read_bundler(file: Path) -> list[Placed]:
         focal, k1, k2 = part[0]
         if focal == 0:
             continue  # not aligned
-        matrix = pose_of(np.stack(part[1:4]), part[4])
         # Its cameras look along -z, y is up.
-        shots.append(Placed(names[number], np.asarray(np.linalg.inv(FLIP @ matrix), np.float64),
+        pose = np.linalg.inv(FLIP @ pose_of(np.stack(part[1:4]), part[4]))
+        shots.append(Shot(_UNFOUND, names[number], np.asarray(pose, np.float64),
                           centred(names[number], float(focal), (float(k1), float(k2)))))
     warn_left_out(count - len(shots), count, file)
     return shots
@@ -474,7 +464,7 @@ def _listed(line: str) -> str:
     return parts[0] if len(parts) == 3 and parts[1] == "0" else line.strip()
 
 
-def read_visualsfm(file: Path) -> list[Placed]:
+def read_visualsfm(file: Path) -> list[Shot]:
     """VisualSfM's ``.nvm``, its first model."""
     from scipy.spatial.transform import Rotation
 
@@ -491,7 +481,7 @@ def read_visualsfm(file: Path) -> list[Placed]:
         name, numbers = (line.split("\t", 1) if "\t" in line else line.split(" ", 1))
         focal, w, x, y, z, *place, radial = np.array(numbers.split()[:9], np.float64)
         pose = pose_of(Rotation.from_quat([x, y, z, w]).as_matrix().T, place)
-        shots.append(Placed(name.strip('"'), pose,
+        shots.append(Shot(_UNFOUND, name.strip('"'), pose,
                           centred(name, float(focal), _undoing(float(radial)))))
     if len(shots) < count:
         raise ValueError(f"it ends after {len(shots)} of {count} cameras")
@@ -538,7 +528,7 @@ class _Program(CaptureFormat):
     """Names that it may have in a data set's folder; the suffix of the first is that of all."""
 
     @abstractmethod
-    def placed(self, file: Path) -> list[Placed]:
+    def placed(self, file: Path) -> list[Shot]:
         """The photos that the file names."""
 
     def is_cameras(self, file: Path) -> bool:
@@ -580,9 +570,9 @@ class _Program(CaptureFormat):
                           stacklevel=2)
         known.sort(key=lambda one: natural_key(one[1]))
         bases = [photo.name for _, photo in known]
-        views = [Shot(photo, photo.name if bases.count(photo.name) == 1
-                      else f"{photo.parent.name}_{photo.name}", shot.pose, shot.lens, shot.size,
-                      (file.parent / "masks", photo.parent.parent / "masks"))
+        views = [replace(shot, path=photo, name=photo.name if bases.count(photo.name) == 1
+                         else f"{photo.parent.name}_{photo.name}",
+                         masks=(file.parent / "masks", photo.parent.parent / "masks"))
                  for shot, photo in known]
         return DataSet(self.name, views, file)
 
@@ -637,7 +627,7 @@ def _photos(folder: Path) -> dict[str, list[Path]]:
     found: dict[str, list[Path]] = {}
     for place in (folder / "images", folder, folder.parent / "images", folder.parent):
         for path in _pictures_within(place):
-            parts = [_folded(part) for part in path.relative_to(place).parts]
+            parts = [folded(part) for part in path.relative_to(place).parts]
             for first in range(len(parts)):
                 name = "/".join(parts[first:])
                 for key in dict.fromkeys((name, name[:-len(path.suffix)])):
@@ -655,14 +645,9 @@ def _pictures_within(place: Path) -> list[Path]:
             if path.is_file() and path.suffix.lower() in PHOTOS]
 
 
-def _folded(name: str) -> str:
-    """A name in any case, with accents in any form, as one."""
-    return unicodedata.normalize("NFC", name).casefold()
-
-
 def _photo(name: str, found: dict[str, list[Path]]) -> Path | None:
     """The photo that a program gives this name, path or label; the longest end that fits."""
-    parts = _folded(name.replace("\\", "/")).split("/")
+    parts = folded(name.replace("\\", "/")).split("/")
     for first in range(len(parts)):
         whole = "/".join(parts[first:])
         suffix = Path(whole).suffix

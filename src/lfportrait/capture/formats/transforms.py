@@ -96,21 +96,15 @@ def _lens(frame: dict[str, Any], shared: dict[str, Any], width: int, height: int
 
     stated = value("w") or float(width), value("h") or float(height)
     ratio = width / stated[0], height / stated[1]
-    fx, fy = value("fl_x"), value("fl_y")
-    for axis, size in (("x", stated[0]), ("y", stated[1])):
+    focal: list[float | None] = []
+    for axis, size in zip("xy", stated):
         angle = value(f"camera_angle_{axis}")
-        if angle is not None:
-            focal = 0.5 * size / np.tan(0.5 * angle)
-            if axis == "x":
-                fx = fx or focal
-            else:
-                fy = fy or focal
-    if fx is None and fy is None:
+        focal.append(value(f"fl_{axis}") or (None if angle is None
+                                             else 0.5 * size / np.tan(0.5 * angle)))
+    fx, fy = focal[0] or focal[1], focal[1] or focal[0]
+    if fx is None or fy is None:
         raise UserError("transforms.json gives no focal length (fl_x or camera_angle_x)")
-    fx, fy = fx or fy, fy or fx
-    assert fx is not None and fy is not None
-    cx = value("cx", stated[0] / 2)
-    cy = value("cy", stated[1] / 2)
+    cx, cy = value("cx", stated[0] / 2), value("cy", stated[1] / 2)
     assert cx is not None and cy is not None
     model = str(frame.get("camera_model", shared.get("camera_model")) or "").upper()
     if model not in _PERSPECTIVE | _FISHEYE:

@@ -25,7 +25,7 @@ from ...capture import Camera, Capture, color_likelihood, refine_matte
 from ...progress import Progress, note
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import compose_plate
-from .sweep import DepthMap, small_view, sweep_depth
+from .sweep import DepthMap, continued, small_view, sweep_depth
 
 Plane = Float32
 
@@ -39,6 +39,7 @@ _TEXTURED = 0.03  # part of the room with depth that is needed to believe it
 _FEWEST = 200  # points of the room, fewer of which say nothing
 _BEHIND, _BEFORE = 0.35, 0.6  # parts of the way from the room to the person, in inverse depth
 _HUNCH = 0.02  # weight of what the network takes for the person and depth says nothing of
+_LEAST = 0.03  # weight of surroundings from which what is not known is continued
 _ENOUGH = 4.0  # weights of anchors that make a plate
 _KNOWN = 0.3  # and that are needed
 _SPREAD = 0.08  # difference of colors that is no noise
@@ -138,7 +139,8 @@ class CleanPlates:
         mass = np.bincount(place, minlength=height * width)
         total = np.bincount(place, 1.0 / along[seen], height * width)
         both = np.dstack([mass.reshape(height, width), total.reshape(height, width)])
-        return np.asarray(cv2.medianBlur(_continued(both.astype(np.float32), 1.0)[..., 0], 5))
+        inverse = continued(both.astype(np.float32), 1.0, _LEAST)[..., 0]
+        return np.asarray(cv2.medianBlur(inverse, 5))
 
     def _part(self, one: DepthMap) -> Plane:
         """How far from the room to the person what a depth map shows is; NaN where not known."""
@@ -272,19 +274,6 @@ def _seen(points: Float64, camera: Camera) -> tuple[Bool, Int64, Float64]:
     return seen, row[seen] * width + column[seen], along[0]
 
 
-def _continued(sums: Float32, sigma: float) -> Float32:
-    """Means by ``sums`` [h, w, 1 + C], from ever wider surroundings where there are none."""
-    result = np.zeros((*sums.shape[:2], sums.shape[2] - 1), np.float32)
-    there = np.zeros(sums.shape[:2], bool)
-    while not there.all() and sigma < 2 * max(there.shape):
-        wide = np.asarray(cv2.GaussianBlur(sums, (0, 0), sigma))
-        now = ~there & (wide[..., 0] > 0.03)
-        result[now] = wide[now, 1:] / wide[now, :1]
-        there |= now
-        sigma *= 1.7
-    return result
-
-
 def _weights(matte: Plane, part: Plane) -> Plane:
     """How surely an anchor's pixels show the room; by depth, and by the network where none is."""
     behind, before = part < _BEHIND, part > _BEFORE
@@ -312,7 +301,7 @@ def _completed(color: Float32, noise: Plane, known: Plane) -> Plate:
     weighted = color * sure[..., None]
     sums = np.dstack([cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (
         sure.astype(np.float32), weighted, weighted * color)])
-    around = _continued(np.asarray(sums, np.float32), 4.0)
+    around = continued(np.asarray(sums, np.float32), 4.0, _LEAST)
     mean, square = (np.asarray(cv2.resize(part, sure.shape[::-1], interpolation=cv2.INTER_LINEAR))
                     for part in (around[..., :3], around[..., 3:]))
     spread = np.maximum(square - mean**2, 0.0) + 0.03**2

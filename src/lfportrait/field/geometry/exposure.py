@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, Int64
-from ...capture import Capture
+from ...arrays import Bool, Float32, Float64, Int64, UInt8
+from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
 from .chart import normals_of
@@ -167,14 +167,20 @@ def surface_gains(surface: HeadSurface, capture: Capture, views: Int64, tests: I
     return np.exp(gains), np.exp(others.reshape(-1, 3))
 
 
-def _logarithms(capture: Capture, view: int, points: Float64, normals: Float64) -> Float64:
-    """Logarithms of a photo's colors at places of a surface, [N, 3]; NaN where it shows none."""
+def _small(capture: Capture, view: int) -> tuple[Camera, UInt8, UInt8]:
+    """Small copies of a photo and its matte, and their camera."""
     assert capture.alphas is not None
     camera = capture.cameras[view]
     camera = camera.scaled(min(1.0, _SMALL / float(max(camera.width[0], camera.height[0]))))
     size = int(camera.width[0]), int(camera.height[0])
-    photo, matte = (cv2.resize(picture[view], size, interpolation=cv2.INTER_AREA)
-                    for picture in (capture.images, capture.alphas))
+    photo, matte = (np.asarray(cv2.resize(picture[view], size, interpolation=cv2.INTER_AREA),
+                               np.uint8) for picture in (capture.images, capture.alphas))
+    return camera, photo, matte
+
+
+def _logarithms(capture: Capture, view: int, points: Float64, normals: Float64) -> Float64:
+    """Logarithms of a photo's colors at places of a surface, [N, 3]; NaN where it shows none."""
+    camera, photo, matte = _small(capture, view)
     x, y = (camera.project(points)[0][0].astype(np.float32) - 0.5).T
     colors, inside = (cv2.remap(of.astype(np.float32) / 255, x[:, None], y[:, None],
                                 cv2.INTER_LINEAR, borderValue=0)[:, 0] for of in (photo, matte))
@@ -185,13 +191,8 @@ def _logarithms(capture: Capture, view: int, points: Float64, normals: Float64) 
 
 def _matte_gain(field: VoxelField, capture: Capture, view: int) -> tuple[Float64, float]:
     """Logarithm of a photo's gains [3], and how much they differ from part to part of it."""
-    assert capture.alphas is not None
-    camera = capture.cameras[view]
-    camera = camera.scaled(min(1.0, _SMALL / float(max(camera.width[0], camera.height[0]))))
+    camera, photo, matte = _small(capture, view)
     shot = field.render(camera, 0, background=0.0)
-    high, wide = shot.alpha.shape
-    photo = cv2.resize(capture.images[view], (wide, high), interpolation=cv2.INTER_AREA)
-    matte = cv2.resize(capture.alphas[view], (wide, high), interpolation=cv2.INTER_AREA)
     # Well inside the person, where neither matte nor field mixes in what is behind.
     opaque = ((matte > 250) & (shot.alpha > 0.98)).astype(np.uint8)
     inside = cv2.erode(opaque, np.ones((3, 3), np.uint8)) > 0
@@ -199,7 +200,7 @@ def _matte_gain(field: VoxelField, capture: Capture, view: int) -> tuple[Float64
         return np.zeros(3), 0.0
     ratio = np.log((photo / 255.0 + _DARK) / (np.maximum(shot.color, 0.0) + _DARK))
     return np.median(ratio[inside], axis=0), _spread(ratio.mean(axis=2), inside,
-                                                     max(4, max(high, wide) // 10))
+                                                     max(4, max(matte.shape) // 10))
 
 
 def _spread(ratio: NDArray[np.floating], inside: Bool, side: int) -> float:

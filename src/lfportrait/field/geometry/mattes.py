@@ -122,7 +122,9 @@ def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     if solid is None:
         return None
     note(progress, "cutting out the object: outlines")
-    outlines = [_coarse(capture, view, solid) for view in range(len(capture))]
+    # Coarse mattes: a slope three spacings wide at the outline.
+    outlines = [np.asarray(np.clip(0.5 - _outlined(capture, view, solid) / (3.0 * solid.spacing),
+                                   0, 1), np.float32) for view in range(len(capture))]
     with ThreadPoolExecutor(2) as workers:
         results = list(workers.map(_cut, capture.images, outlines))
     without = [capture.names[view] for view, coarse in enumerate(outlines) if coarse.max() < 0.5]
@@ -187,12 +189,6 @@ def _outlined(capture: Capture, view: int, solid: Solid) -> Plane:
     distance = solid.outline(camera)
     distance[holes_of(distance < 0)] = -1e-3 * solid.spacing
     return np.asarray(cv2.resize(distance, (width, height), interpolation=cv2.INTER_CUBIC),
-                      np.float32)
-
-
-def _coarse(capture: Capture, view: int, solid: Solid) -> Plane:
-    """A coarse matte of one photo, float32 [H, W]: a slope three spacings wide at the outline."""
-    return np.asarray(np.clip(0.5 - _outlined(capture, view, solid) / (3.0 * solid.spacing), 0, 1),
                       np.float32)
 
 
@@ -318,7 +314,9 @@ def find_solid(maps: list[DepthMap], mattes: list[Float32]) -> Solid | None:
     radius = np.sqrt(x * x + y * y + z * z)
     if (shell & (radius < 2 * _FOCUS)).sum() < 200:
         return None
-    vote = _smooth_vote(person, seen)
+    # How much the mattes call a place of the surface the person, over its surroundings.
+    vote = (ndimage.gaussian_filter(person, 2.0)
+            / np.maximum(ndimage.gaussian_filter(seen, 2.0), 1e-4)).astype(np.float32)
     usual = float(np.median(vote[shell & (radius < 1.0)]))
     if usual < _PERSON:
         return None
@@ -358,10 +356,3 @@ def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
     for axis in range(3):
         lattice = np.repeat(lattice, factor, axis)
     return lattice
-
-
-def _smooth_vote(person: Float32, seen: Float32) -> Float32:
-    """How much the mattes call a place of the surface the person, over its surroundings."""
-    votes = ndimage.gaussian_filter(person, 2.0)
-    voters = ndimage.gaussian_filter(seen, 2.0)
-    return np.asarray(votes / np.maximum(voters, 1e-4), np.float32)

@@ -186,20 +186,30 @@ def scene_box(maps: list[DepthMap], least: float, most: float) -> tuple[Float64,
     return 0.5 * (low + high), 0.5 * (high - low)
 
 
+def continued(sums: Float32, sigma: float, least: float) -> Float32:
+    """Means by ``sums`` [h, w, 1 + C], from ever wider surroundings where there are none; or 0.
+
+    The first of the sums is the weight, of which surroundings must have the ``least``.
+    """
+    result = np.zeros((*sums.shape[:2], sums.shape[2] - 1), np.float32)
+    there = np.zeros(sums.shape[:2], bool)
+    while not there.all() and sigma < 2 * max(there.shape):
+        wide = np.asarray(cv2.GaussianBlur(sums, (0, 0), sigma))
+        now = ~there & (wide[..., 0] > least)
+        result[now] = wide[now, 1:] / wide[now, :1]
+        there |= now
+        sigma *= 1.7
+    return result
+
+
 def _completed(depth: Float32) -> Float32:
     """Depth with its holes filled from ever wider surroundings, in inverse depth."""
     known = np.isfinite(depth)
     inverse = np.where(known, 1.0 / np.where(known, depth, 1.0), 0.0).astype(np.float32)
-    filled, there, sigma = inverse.copy(), known.copy(), 1.5
-    while not there.all() and sigma < 2 * max(depth.shape):
-        mass = cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma)
-        mean = cv2.GaussianBlur(inverse, (0, 0), sigma) / np.maximum(mass, 1e-6)
-        now = ~there & (mass > 0.02)
-        filled[now] = mean[now]
-        there |= now
-        sigma *= 1.7
+    around = continued(np.dstack([known, inverse]).astype(np.float32), 1.5, 0.02)[..., 0]
+    filled = np.where(known, inverse, around)
     # A view without any known depth votes for nothing: its surface is at no distance.
-    return np.where(there, 1.0 / np.maximum(filled, 1e-6), 0.0).astype(np.float32)
+    return np.where(filled > 0, 1.0 / np.maximum(filled, 1e-6), 0.0).astype(np.float32)
 
 
 @dataclass(frozen=True)

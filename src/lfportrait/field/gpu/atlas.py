@@ -42,6 +42,15 @@ _KEPT = 3
 """Fields that stay on a device, and so many textures."""
 
 
+def _room(device: Device, kind: str, key: str) -> dict[str, Any]:
+    """What is kept of a kind on a device, with room for this key: the oldest of many goes."""
+    kept: dict[str, Any] = device.kept.setdefault(kind, {})
+    kept.pop(key, None)
+    while len(kept) >= _KEPT:
+        kept.pop(next(iter(kept)))
+    return kept
+
+
 @dataclass(frozen=True)
 class TextureParts:
     """A field's painted texture, as it is sent."""
@@ -71,10 +80,7 @@ def texture_parts(rows: TextureRows) -> TextureParts:
 
 def keep_texture(device: Device, key: str, parts: TextureParts | None) -> list[str]:
     """Keep a texture, or that there is none, on a device; returns the names of all kept."""
-    kept = device.kept.setdefault("textures", {})
-    kept.pop(key, None)
-    while len(kept) >= _KEPT:
-        kept.pop(next(iter(kept)))
+    kept = _room(device, "textures", key)
     if parts is None:
         kept[key] = DeviceTexture(device.buffer(16), device.buffer(48),
                                   device.texture((1, 1), "rgba8snorm"), False)
@@ -108,15 +114,7 @@ _ACROSS = 32768
 
 @dataclass(frozen=True)
 class FieldParts:
-    """What a field sends to a device.
-
-    Attributes
-    ----------
-    table, links, density, rows, basis, width, shape : As `Bricks` has them.
-    lattice : float64 [9], `VoxelField.lattice`.
-    others, other_basis : Other colors of the same points, as ``rows`` and ``basis``; none by
-        default.
-    """
+    """What a field sends to a device: of `Bricks` what is not said here."""
 
     table: Int32
     links: Int32
@@ -124,7 +122,8 @@ class FieldParts:
     rows: NDArray[np.uint16]
     basis: int
     width: int
-    lattice: Float64
+    lattice: Float64  # float64 [9], `VoxelField.lattice`.
+    # others, other_basis: Other colors of the same points, as ``rows`` and ``basis``.
     others: NDArray[np.uint16] | None = None
     other_basis: int = 0
 
@@ -188,9 +187,11 @@ class Atlas:
         self._places = device.buffer(_places(parts.table, count))
         self._width, self._page = parts.width, page
         self._other_width = row_width(max(parts.other_basis, 1))
-        self._links = [(start, device.buffer(part), device.buffer(
-            parts.density[start * SLOTS:start * SLOTS + len(part)]))
-            for start, part in _brick_pages(parts.links, page)]
+        together = page // (4 * SLOTS)
+        self._links = [(start, *(device.buffer(part[start * SLOTS:min(start + together, count)
+                                                    * SLOTS])
+                                 for part in (parts.links, parts.density)))
+                       for start in range(0, count, together)]
         self._rows: list[tuple[int, int, Any]] = []
         self._others: list[Any] = []
         self.set_rows(parts.rows, parts.others)
@@ -265,23 +266,10 @@ def _places(table: Int32, count: int) -> NDArray[np.uint32]:
     return out
 
 
-def _brick_pages(links: Int32, page: int) -> list[tuple[int, Int32]]:
-    """Links of the bricks, in pages: the first one's number, and the page."""
-    together = page // (4 * SLOTS)
-    return [(start, links[start * SLOTS:(start + together) * SLOTS])
-            for start in range(0, len(links) // SLOTS, together)]
-
-
 def upload(device: Device, key: str, parts: FieldParts, layers: int,
            page: int = BINDING) -> list[str]:
-    """Keep a field on a device under a name; returns the names of all that it keeps.
-
-    Fields that were kept longest go when there are more than `_KEPT` of them.
-    """
-    kept = device.kept.setdefault("fields", {})
-    kept.pop(key, None)
-    while len(kept) >= _KEPT:
-        kept.pop(next(iter(kept)))
+    """Keep a field on a device under a name; returns the names of all that it keeps."""
+    kept = _room(device, "fields", key)
     kept[key] = Atlas(device, parts, layers, page)
     return list(kept)
 

@@ -399,7 +399,6 @@ def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> di
     """
     page = TrialPage.of(config, spread)
     display = page.sheet.display
-    check_file(path, display.width, display.height)
     with row_file(path, display.width, display.height, config.dpi,
                   note=f"pitch test, {config.lpi:g} lpi") as out:
         for first, count in bands(display):
@@ -461,7 +460,6 @@ class RowFile:
 
     def _finish(self) -> None:
         raise NotImplementedError
-
 
 
 class TiffRows(RowFile):

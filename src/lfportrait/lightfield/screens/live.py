@@ -204,7 +204,8 @@ class Live:
             # It is read once, not for every picture.
             field = replace(field, backdrop=backdrop_of(field, config))
             config = replace(config, ground="painted", background=0.0)
-        self._config, self._compose = config, _Composer(field, panel)
+        self._config, self._field, self._panel = config, field, panel
+        self._known: tuple[EncodeConfig, EncodeConfig] | None = None
         self.coder = LiveCoder(device, field, display, photo)
         self.controls = Controls(panel.distance, photo is not None)
         self._seconds, self._say, self._helped = seconds, say, False
@@ -231,7 +232,25 @@ class Live:
 
     def wanted(self) -> tuple[EncodeConfig, float]:
         """The configuration, composed, and the photo's share, that the viewer asks for."""
-        return self._compose(self.controls.applied(self._config)), self.controls.share
+        return self._composed(self.controls.applied(self._config)), self.controls.share
+
+    def _composed(self, config: EncodeConfig) -> EncodeConfig:
+        """The composition of the field on the panel; turning the head leaves it as it is."""
+        if not config.compose:
+            return config
+        plain = replace(config, turn=0.0)
+        if self._known is None:
+            if self._field.backdrop is None:
+                # The head's places are looked for once; this ground is not shown.
+                self._field = replace(self._field, backdrop=Backdrop(
+                    np.zeros((2, 2, 3), np.uint8), 1.0, np.array([0.0, 0.0, 1.0]),
+                    head_points(self._field)))
+            self._known = plain, composed(self._field, self._panel, plain)
+        elif self._known[0] != plain:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # it was said at the beginning
+                self._known = plain, composed(self._field, self._panel, plain)
+        return replace(self._known[1], turn=config.turn)
 
     def tick(self, now: float) -> bool:
         """Move on to a time in seconds; whether there is another picture."""
@@ -331,31 +350,6 @@ class OffscreenWindow:
             if self._keep:
                 self.pictures.append(pixels_of(device, target))
             live.line()
-
-
-class _Composer:
-    """Compositions of a field on a panel; turning the head leaves them as they are."""
-
-    def __init__(self, field: VoxelField, panel: Display) -> None:
-        self._field, self._panel = field, panel
-        self._known: tuple[EncodeConfig, EncodeConfig] | None = None
-
-    def __call__(self, config: EncodeConfig) -> EncodeConfig:
-        if not config.compose:
-            return config
-        plain = replace(config, turn=0.0)
-        if self._known is None:
-            if self._field.backdrop is None:
-                # The head's places are looked for once; this ground is not shown.
-                self._field = replace(self._field, backdrop=Backdrop(
-                    np.zeros((2, 2, 3), np.uint8), 1.0, np.array([0.0, 0.0, 1.0]),
-                    head_points(self._field)))
-            self._known = plain, composed(self._field, self._panel, plain)
-        elif self._known[0] != plain:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # it was said at the beginning
-                self._known = plain, composed(self._field, self._panel, plain)
-        return replace(self._known[1], turn=config.turn)
 
 
 def one_eyed(panel: Display, width: int, height: int) -> Display:

@@ -4,7 +4,7 @@ Under the lenses every sub-pixel has its own view, so a picture that anything on
 even by a pixel, is noise. The screen must have exactly the panel's pixels, the window too, and the
 window's pixels are read back and compared before the picture counts as shown.
 
-The window comes from a driver, by default pygame (SDL), which is an extra of the package.
+The window comes from a driver: pygame (SDL), which is an extra of the package.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,30 +22,8 @@ from ..display import Display
 from ..interlacing import check_size
 
 
-class Driver(Protocol):
-    """Interface of a window system for `show`."""
-
-    def screens(self) -> list[tuple[int, int]]:
-        """Width and height in pixels of every attached screen."""
-
-    def open(self, screen: int, size: tuple[int, int]) -> tuple[int, int]:
-        """Open a full-screen window; the width and height in pixels that it really has."""
-
-    def put(self, image: UInt8) -> None:
-        """Show a picture of the window's size."""
-
-    def pixels(self) -> UInt8:
-        """The window's pixels as they are, uint8 [H, W, 3]."""
-
-    def wait(self, seconds: float) -> str:
-        """Wait for the viewer: ``"next"``, ``"previous"``, ``"close"``, or ``"time"`` when over."""
-
-    def close(self) -> None:
-        """Close the window."""
-
-
 class PygameDriver:
-    """Windows by pygame."""
+    """Windows by pygame; `show` takes any object with these methods."""
 
     def __init__(self) -> None:
         # Without these the system would report points instead of pixels, or hide the window as soon
@@ -154,7 +132,7 @@ def choose_screen(screens: Sequence[tuple[int, int]], display: Display, screen: 
 
 
 def show(images: Sequence[UInt8], display: Display, *, screen: int = -1,
-         seconds: float = 0.0, driver: Driver | None = None) -> int:
+         seconds: float = 0.0, driver: PygameDriver | None = None) -> int:
     """Show coded pictures full screen, unscaled, until the viewer closes the window.
 
     Returns the number of the screen that showed them.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
@@ -90,10 +90,6 @@ class DeviceLattice:
         self.after = device.buffer(np.ascontiguousarray(neighbours[:, :3]))
         self.before = device.buffer(np.ascontiguousarray(neighbours[:, 3:]))
         self.heads = device.buffer(np.full(self.count + 1, 0xffffffff, np.uint32))
-
-    def write_table(self, device: Device, table: Int32) -> None:
-        """Cast rays by another table of the same bricks from now on."""
-        device.write(self.bricks, np.ascontiguousarray(table, np.int32))
 
     def read(self, device: Device, density: Any, pages: list[Any]) -> tuple[Float32, list[Float32]]:
         """Densities [N + 1] and colors, page by page, of such buffers as the lattice's own."""
@@ -422,7 +418,7 @@ class Steps:
             self.sums = [self.device.buffer(buffer.size) for buffer in given]
         return given
 
-    def put_sums(self, density: Float32, rows: Float32) -> None:
+    def put_average(self, density: Float32, rows: Float32) -> None:
         """Go on with sums [N + 1] of densities and [N + 1, 3 B] of colors."""
         self._make_sums()
         self.device.write(self.sums[0], density)
@@ -454,10 +450,30 @@ class Steps:
 
     # -- what else is asked for -------------------------------------------------------------------
 
-    def table(self) -> Int32:
-        """The table that rays are cast by."""
+    def place(self, cameras: Float32) -> None:
+        """Cast the rays from other cameras, float32 [V, 32], from now on."""
+        self.device.write(self.buffers["cameras"], cameras)
+
+    def fetch_table(self) -> Int32:
+        """The table of bricks that rays are cast by, int32 [BZ, BY, BX]."""
         whole = self.lattice.table
         return self.device.read(self.lattice.bricks, np.int32, whole.shape).copy()
+
+    def fetch(self, sums: bool = False) -> tuple[Float32, list[Float32], Float32 | None]:
+        """Densities [N + 1], pages of colors [rows, `row_floats`], states [N + 1, 2].
+
+        Or the sums of the average, without states.
+        """
+        lattice = self.lattice
+        if sums:
+            return *lattice.read(self.device, self.sums[0], self.sums[1:]), None
+        return (*lattice.read(self.device, lattice.density, lattice.pages),
+                self.device.read(lattice.states, np.float32, (lattice.count + 1, 2)))
+
+    def fetch_shells(self) -> tuple[Float32, Float32]:
+        """Values of the spheres behind the lattice, and mean squared slopes (`Shells.read`)."""
+        assert self.shells is not None
+        return self.shells.read(self.device)
 
     def measure(self, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
                 ) -> dict[str, Any]:
@@ -545,7 +561,7 @@ def begin(device: Device, given: dict[str, Any]) -> None:
     device.kept.pop(_KEY, None)
     steps = device.kept[_KEY] = Steps(device, given)
     if given.get("bright") is not None:
-        steps.lattice.write_table(device, given["bright"])
+        device.write(steps.lattice.bricks, np.ascontiguousarray(given["bright"], np.int32))
 
 
 def prepare(device: Device) -> None:
@@ -560,46 +576,11 @@ def end(device: Device) -> None:
     device.kept.pop(_KEY, None)
 
 
-def place(device: Device, cameras: Float32) -> None:
-    """Cast the rays from other cameras, float32 [V, 32], from now on."""
-    device.write(device.kept[_KEY].buffers["cameras"], cameras)
+def _of_level(method: Any) -> Callable[..., Any]:
+    """A method of the level that was begun, as a function of its device."""
+    return lambda device, *arguments: method(device.kept[_KEY], *arguments)
 
 
-def take(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32],
-         averaged: Bool, looks: Bool) -> Float32:
-    """Take some steps (`Steps.take`); their tiles' squared errors, float32 [K, T]."""
-    return np.asarray(device.kept[_KEY].take(steps, inputs, averaged, looks))
-
-
-def measure(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
-            ) -> dict[str, Any]:
-    """What a step's kernels take (`Steps.measure`); the level is of no use afterwards."""
-    return dict(device.kept[_KEY].measure(steps, inputs, repeats))
-
-
-def fetch_table(device: Device) -> Int32:
-    """The table of bricks that rays are cast by, int32 [BZ, BY, BX]."""
-    return np.asarray(device.kept[_KEY].table())
-
-
-def fetch(device: Device, sums: bool = False) -> tuple[Float32, list[Float32], Float32 | None]:
-    """Densities [N + 1], pages of colors [rows, `row_floats`], states [N + 1, 2].
-
-    Or the sums of the average, without states.
-    """
-    steps: Steps = device.kept[_KEY]
-    lattice = steps.lattice
-    if sums:
-        return *lattice.read(device, steps.sums[0], steps.sums[1:]), None
-    return (*lattice.read(device, lattice.density, lattice.pages),
-            device.read(lattice.states, np.float32, (lattice.count + 1, 2)))
-
-
-def fetch_shells(device: Device) -> tuple[Float32, Float32]:
-    """Values of the spheres behind the lattice, and their mean squared slopes (`Shells.read`)."""
-    return device.kept[_KEY].shells.read(device)
-
-
-def put_average(device: Device, density: Float32, rows: Float32) -> None:
-    """Go on with sums of an average, [N + 1] and [N + 1, columns]."""
-    device.kept[_KEY].put_sums(density, rows)
+place, take, measure, put_average, fetch, fetch_table, fetch_shells = map(_of_level, (
+    Steps.place, Steps.take, Steps.measure, Steps.put_average, Steps.fetch, Steps.fetch_table,
+    Steps.fetch_shells))
