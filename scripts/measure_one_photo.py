@@ -6,9 +6,14 @@ head down to the chin counts, on white, at one gain a channel, moved by a few pi
 better. A head that is too large loses nothing by that, so PSNR is printed over both outlines, too,
 white where a head is not.
 
-Run: python scripts/measure_one_photo.py PHOTO TRUTH [RESOLUTION]
+Landmarks turn the cameras by as much as the fitted face's depth is tilted. Where the photo is one
+of the truth's, a second line a method turns them as the photo's own camera was: 20 degrees are then
+20 degrees from the photo.
+
+Run: python scripts/measure_one_photo.py PHOTO TRUTH [RESOLUTION] [--focal]
          PHOTO: a photo (or a folder of a few), TRUTH: a capture of many photos of the same person
-         (`lfportrait calibrate`)
+         (`lfportrait calibrate`); --focal: the photo knows the focal length of the truth's camera,
+         as those do that cameras write
      python scripts/measure_one_photo.py demo [RESOLUTION]
          the modelled woman and man of the demo, from the front
 """
@@ -25,8 +30,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
-from lfportrait.capture import Camera, Capture, read_photos
+from lfportrait.capture import Camera, Capture, Photo, read_photos
 from lfportrait.face.head_prior import HeadPrior, generic_prior, head_prior
 from lfportrait.face.one_photo.parts import clean_colors, signed_distance
 from lfportrait.face.one_photo.piece import inflated
@@ -56,6 +62,21 @@ def aligned(true: Capture, mine: Capture) -> tuple[Float64, Float64, float]:
     return rotation, two.mean(axis=0) - scale * rotation @ one.mean(axis=0), scale
 
 
+def aligned_by_camera(true: Capture, mine: Capture, own: int) -> tuple[Float64, Float64, float]:
+    """The same, turned as the photo's camera was: view ``own`` of the truth is the photo.
+
+    Landmarks say how large the face is in the pictures, and where it is.
+    """
+    cameras = true.cameras[own], mine.cameras[0]
+    places = [np.asarray(each.landmarks, np.float64)[17:] for each in (true, mine)]
+    size = [float((camera.project(points)[1] * camera.width / camera.focal[:, :1]).mean())
+            for camera, points in zip(cameras, places, strict=True)]
+    rotation = cameras[1].pose[0, :3, :3] @ cameras[0].pose[0, :3, :3].T
+    scale = size[1] / size[0]
+    shift = places[1].mean(axis=0) - scale * rotation @ places[0].mean(axis=0)
+    return rotation, shift, scale
+
+
 def chosen_views(true: Capture) -> dict[int, float]:
     """The views nearest to the angles, and their yaws in degrees."""
     eye = true.cameras.position - np.asarray(true.landmarks, np.float64)[27:36].mean(axis=0)
@@ -72,11 +93,27 @@ def compared(true: Capture, view: int, drawn: Drawn) -> tuple[float, float, floa
     camera = true.cameras[view]
     alpha = true.alphas[view].astype(np.float32) / 255
     photo = true.image_float(view)[..., :3] * alpha[..., None] + 1 - alpha[..., None]
-    chin = float(camera.project(np.asarray(true.landmarks, np.float64)[8:9])[0][0, 0, 1])
-    low = int(np.clip(chin, 8, len(photo)))
-    color, cover = (np.asarray(each, np.float32) for each in drawn)
+    face = camera.project(np.asarray(true.landmarks, np.float64))[0][0]
+    turns = upright(face)
+    low = int(np.clip(chin_row(face, turns, alpha.shape), 8, alpha.shape[turns % 2]))
+    photo, alpha, color, cover = (
+        np.ascontiguousarray(np.rot90(np.asarray(each, np.float32), turns))
+        for each in (photo, alpha, *drawn))
     return max(_compared(photo[:low], alpha[:low] > 0.5, each[:low], solid[:low])
                for each, solid in ((color, cover), _moved(photo, color, cover, low)))
+
+
+def upright(face: Float64) -> int:
+    """Quarter turns (`numpy.rot90`) that bring landmarks [68, 2] upright: cameras are rolled."""
+    x, y = face[8] - face[27]  # from between the eyes to the chin
+    return round(float(np.arctan2(-x, y)) / (np.pi / 2)) % 4
+
+
+def chin_row(face: Float64, turns: int, shape: tuple[int, ...]) -> float:
+    """The row of the chin of landmarks [68, 2], in a picture [H, W] after quarter turns."""
+    height, width = shape[:2]
+    x, y = (float(each) for each in face[8])
+    return (y, width - x, height - y, x)[turns]
 
 
 def _moved(photo: NDArray[np.float32], color: NDArray[np.float32], cover: NDArray[np.float32],
@@ -110,11 +147,19 @@ def _compared(photo: NDArray[np.float32], head: NDArray[np.bool_], color: NDArra
     return -10 * float(np.log10(inner)), overlap, -10 * float(np.log10(both))
 
 
-def fitted(prior: HeadPrior | None, resolution: int | None,
+def _read(photo: Path, noted: float | None) -> list[Photo]:
+    """Photos; ``noted`` is their focal length over their width where their camera wrote one."""
+    photos = read_photos(photo)
+    if noted is None:
+        return photos
+    return [replace(one, focal=noted * one.image.shape[1]) for one in photos]
+
+
+def fitted(prior: HeadPrior | None, resolution: int | None, noted: float | None = None,
            ) -> Callable[[Path], tuple[Capture, Draw]]:
     """A head that is fitted to the photo, with a prior of one's own."""
     def made(photo: Path) -> tuple[Capture, Draw]:
-        capture, _ = portrait_capture(read_photos(photo), prior=prior)
+        capture, _ = portrait_capture(_read(photo, noted), prior=prior)
         field, _ = portrait_field(capture, ReconstructConfig(resolution=resolution))
 
         def draw(camera: Camera) -> Drawn:
@@ -124,10 +169,11 @@ def fitted(prior: HeadPrior | None, resolution: int | None,
     return made
 
 
-def relief(depth: Callable[[Capture], Float64]) -> Callable[[Path], tuple[Capture, Draw]]:
+def relief(depth: Callable[[Capture], Float64], noted: float | None = None,
+           ) -> Callable[[Path], tuple[Capture, Draw]]:
     """The photo's own pixels at depths [H, W] in front of its camera."""
     def made(photo: Path) -> tuple[Capture, Draw]:
-        capture, _ = portrait_capture(read_photos(photo))
+        capture, _ = portrait_capture(_read(photo, noted))
         assert capture.alphas is not None
         height, width = capture.alphas[0].shape
         rows, columns = np.mgrid[:2 * height, :2 * width] / 2 + 0.25
@@ -182,34 +228,51 @@ def blown_up(capture: Capture) -> Float64:
     return np.asarray(ears - cv2.resize(thick, (width, height)), np.float64)
 
 
-def measure(photo: Path, truth: Capture, resolution: int | None) -> None:
-    """Print a line a method."""
+def measure(photo: Path, truth: Capture, resolution: int | None, *, focal: bool = False) -> None:
+    """Print a line a method, and two where the photo is one of the truth's."""
     prior = head_prior()
     mean = replace(prior, identity=prior.identity[:0])
-    methods = {"flat card": relief(flat), "matte inflated": relief(blown_up),
-               "generic head": fitted(generic_prior(), resolution),
-               "mean of the prior": fitted(mean, resolution),
-               "fitted head": fitted(None, resolution)}
-    views = chosen_views(truth)
+    own = next((view for view, name in enumerate(truth.names) if Path(name).stem == photo.stem),
+               None)
+    noted = None
+    if focal:
+        if own is None:
+            sys.exit(f"{photo.name} is none of the truth's photos: its focal length is not known")
+        noted = float(truth.cameras.focal[own, 0] / truth.cameras.width[own])
+    methods = {"flat card": relief(flat, noted), "matte inflated": relief(blown_up, noted),
+               "generic head": fitted(generic_prior(), resolution, noted),
+               "mean of the prior": fitted(mean, resolution, noted),
+               "fitted head": fitted(None, resolution, noted)}
     for name, method in methods.items():
         mine, draw = method(photo)
-        rotation, shift, scale = aligned(truth, mine)
-        found = {}
-        for view, yaw in views.items():
-            camera = truth.cameras[view]
-            pose = camera.pose.copy()
-            pose[0, :3, :3] = rotation @ pose[0, :3, :3]
-            pose[0, :3, 3] = scale * rotation @ pose[0, :3, 3] + shift
-            found[yaw] = compared(truth, view, draw(replace(camera, pose=pose)))
-        by_angle = ", ".join(f"{yaw:.0f}: {found[yaw][0]:.1f} {found[yaw][1]:.3f} "
-                             f"{found[yaw][2]:.1f}" for yaw in sorted(found))
-        near, far = ([value for yaw, value in found.items() if (abs(yaw) <= NEAR) == inner]
-                     for inner in (True, False))
-        means = "; ".join(f"{what} {np.mean([one[0] for one in part]):.2f} dB "
-                          f"{np.mean([one[1] for one in part]):.3f}, over both outlines "
-                          f"{np.mean([one[2] for one in part]):.2f} dB"
-                          for what, part in (("near", near), ("beyond", far)) if part)
-        print(f"{name}: {means} ({by_angle})", flush=True)
+        by_landmarks = aligned(truth, mine)
+        print(f"{name}: {_line(truth, draw, by_landmarks)}", flush=True)
+        if own is not None:
+            by_camera = aligned_by_camera(truth, mine, own)
+            turn = Rotation.from_matrix(by_landmarks[0] @ by_camera[0].T).magnitude()
+            print(f"{name}, by the photo's camera, which landmarks turn by "
+                  f"{np.degrees(turn):.1f} degrees: {_line(truth, draw, by_camera)}", flush=True)
+
+
+def _line(truth: Capture, draw: Draw, place: tuple[Float64, Float64, float]) -> str:
+    """What is measured of a head that lies in the truth's frame so."""
+    rotation, shift, scale = place
+    found = {}
+    for view, yaw in chosen_views(truth).items():
+        camera = truth.cameras[view]
+        pose = camera.pose.copy()
+        pose[0, :3, :3] = rotation @ pose[0, :3, :3]
+        pose[0, :3, 3] = scale * rotation @ pose[0, :3, 3] + shift
+        found[yaw] = compared(truth, view, draw(replace(camera, pose=pose)))
+    by_angle = ", ".join(f"{yaw:.0f}: {found[yaw][0]:.1f} {found[yaw][1]:.3f} "
+                         f"{found[yaw][2]:.1f}" for yaw in sorted(found))
+    near, far = ([value for yaw, value in found.items() if (abs(yaw) <= NEAR) == inner]
+                 for inner in (True, False))
+    means = "; ".join(f"{what} {np.mean([one[0] for one in part]):.2f} dB "
+                      f"{np.mean([one[1] for one in part]):.3f}, over both outlines "
+                      f"{np.mean([one[2] for one in part]):.2f} dB"
+                      for what, part in (("near", near), ("beyond", far)) if part)
+    return f"{means} ({by_angle})"
 
 
 def demo(resolution: int | None) -> None:
@@ -223,17 +286,18 @@ def demo(resolution: int | None) -> None:
                         [str(view) for view in range(5)], np.zeros(5, bool), np.eye(4),
                         landmarks(person))
         with TemporaryDirectory() as folder:
-            path = Path(folder) / f"{name}.png"
+            path = Path(folder) / "0.png"
             Image.fromarray(photos[0]).save(path)
             print(name)
             measure(path, truth, resolution)
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["demo"]:
-        demo(int(sys.argv[2]) if len(sys.argv) > 2 else None)
-    elif len(sys.argv) in (3, 4):
-        measure(Path(sys.argv[1]), Capture.load(sys.argv[2]),
-                int(sys.argv[3]) if len(sys.argv) > 3 else None)
+    given = [word for word in sys.argv[1:] if word != "--focal"]
+    if given[:1] == ["demo"]:
+        demo(int(given[1]) if len(given) > 1 else None)
+    elif len(given) in (2, 3):
+        measure(Path(given[0]), Capture.load(given[1]), int(given[2]) if len(given) > 2 else None,
+                focal="--focal" in sys.argv)
     else:
         sys.exit(__doc__)
