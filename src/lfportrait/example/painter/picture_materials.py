@@ -540,6 +540,9 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
 
 MOST_KEPT = 30
 """Paintings that are kept: six megabytes for one of 768 x 1024."""
+HAT_EDGE, OWN_HAIR = 0.05, 0.25
+"""Hair beside a hat lies so far from its outline, over the face's size, where they are not mixed;
+and less of it than this, over that squared, is no example of hair."""
 FEW_ALIKE, CLOTH_APART = 500, 10.0
 """Two parts of the hair, of more pixels than this, differ if their colors do by this in Lab."""
 STEPS = np.float32(255)
@@ -609,6 +612,27 @@ def _one_cloth(image: UInt8, shares: Float32, own: Bool, above: Bool) -> None:
         shares[..., HAIR] *= ~less
 
 
+def _hat_or_hair(small: SmallPicture, regions: Regions, hat: Float32) -> Float32 | None:
+    """Where a hat is, rather than the hair that shows beside it, float32 [h, w] in [0, 1].
+
+    By their colors: a hat's outline runs through the hair below its brim. None if there is too
+    little hair.
+    """
+    worn = small.part(hat) > 0.5
+    hair = np.zeros(worn.shape, bool) if regions.hair is None else small.part(regions.hair) > 0.5
+    hair &= ~_grown(worn, HAT_EDGE * small.size) & (small.part(small.face) < 0.1)
+    if hair.sum() < OWN_HAIR * small.size ** 2 or worn.sum() < FEW_WORN:
+        return None
+    colors = small.blurred(BLUR)
+    # Twice: of what was taken for hair some belongs to the hat.
+    for _ in range(2):
+        to_hair, to_hat = (skin_distance(colors, part) for part in (hair, worn))
+        hair &= to_hair < to_hat
+        if hair.sum() < FEW_WORN:
+            return None
+    return np.maximum(small.whole(gaussian_blur((to_hair > to_hat).astype(np.float32), 1.0)), hat)
+
+
 def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
                   bared: Float32, strict: bool) -> Float32:
     """Shares of a painting whose forehead was bared: skin there, hair above, else as before.
@@ -616,10 +640,16 @@ def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
     They are not found in the bared picture: its forehead is no sample of the painter's skin.
     """
     before = covered.regions()
-    shares = known_shares(covered, before, before.labels(), strict)
+    labels = before.labels()
+    shares = known_shares(covered, before, labels, strict)
+    worn = None if exemplar.hat is None else _hat_or_hair(
+        SmallPicture(covered, before, labels), before, exemplar.hat)
+    if worn is not None:
+        give(shares, shares[..., HAIR] * worn, HAIR, FEATURES)
     if regions.hair is not None:
         own = shares[..., HAIR].copy()
-        more = np.clip(regions.hair - own, 0, 1)[..., None]
+        hair = regions.hair if worn is None else regions.hair * (1 - worn)
+        more = np.clip(hair - own, 0, 1)[..., None]
         shares += more * (np.eye(len(MATERIALS), dtype=np.float32)[HAIR] - shares)
         _one_cloth(exemplar.image, shares, own > 0.5, more[..., 0] > 0.5)
     shares += bared[..., None] * (np.eye(len(MATERIALS), dtype=np.float32)[SKIN] - shares)
