@@ -298,6 +298,15 @@ SAME, COMPARED = 6.0, 2000
 """Colors (Lab) that are so near are the same; and how many of each material are compared."""
 BARED, OTHER_HUE = (0.05, 0.7), 12.0
 """So much of the clothes is bare skin, if that is so far from the rest in hue and chroma (Lab)."""
+STROKES = 0.06
+"""Clothes and background are compared blurred by so much over the face's size."""
+BROAD, HUES_APART = 0.1, 12.0
+"""Halves of the clothes are compared blurred by so much over the face's size; hues so far apart
+(a and b of Lab) are two. Of 22 paintings they are no further apart than 9, or
+14 and more."""
+MIDDLE, LESS = 0.35, 1 / 3
+"""The middle of clothes is so broad to each side, over half the face's width. The lit side stays,
+but not if it is less than this of the other one."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
@@ -473,6 +482,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
     _hide_ground(small, shares)
     _bare_shoulders(small, shares)
     _part_clothes(small, shares)
+    _one_hue(small, regions, shares)
     return shares
 
 
@@ -484,7 +494,9 @@ def _hide_ground(small: SmallPicture, shares: Float32) -> None:
     there = small.part(behind)
     chosen = there | small.part(worn)
     alike = np.zeros(there.shape, np.float32)
-    alike[chosen] = skin_distance(small.image[chosen], there[chosen]) < LIKE_GROUND
+    # By the mean of their strokes: single ones of a coat may have the colors of some of the ground.
+    colors = small.blurred(STROKES)[chosen]
+    alike[chosen] = skin_distance(colors, there[chosen]) < LIKE_GROUND
     alike = small.whole(gaussian_blur(alike, 0.008 * max(there.shape)))
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
     give(shares, ground, CLOTHES, GROUND)
@@ -536,6 +548,37 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     if most.sum() < FEW or like[worn].mean() < LEAST_CLOTH:
         return
     give(shares, shares[..., CLOTHES] * (1 - small.whole(like)), CLOTHES, FEATURES)
+
+
+def _one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
+    """Let clothes be of one hue, in place: what has another one is painted nowhere.
+
+    A coat is green in the light and brown in the shade. That is the painter's light: a sitter with
+    both has two coats. Stripes, dots and strokes of several hues stay, as what is compared is
+    broader.
+    """
+    half = 0.5 * regions.frame.width / regions.frame.height
+    right = small.part(small.right)
+    worn = small.part(shares[..., CLOTHES]) > 0.5
+    sides = [worn & (way * right > MIDDLE * half) for way in (-1, 1)]
+    if min(side.sum() for side in sides) > FEW_WORN:
+        lit = int(np.median(grey(small.blurred(BROAD))[sides[1]])
+                  > np.median(grey(small.blurred(BROAD))[sides[0]]))
+        if sides[lit].sum() < LESS * sides[1 - lit].sum():
+            lit = 1 - lit
+        _like_part(small, shares, CLOTHES, sides[lit], sides[1 - lit])
+
+
+def _like_part(small: SmallPicture, shares: Float32, material: int, own: Bool, other: Bool) -> None:
+    """Let a material be what is like one part of it, if another has another hue; in place."""
+    from skimage.color import rgb2lab
+
+    lab = rgb2lab(np.clip(small.blurred(BROAD), 0, 1)) * [0.5, 1.0, 1.0]
+    middles = [np.median(lab[part], axis=0) for part in (own, other)]
+    if np.linalg.norm((middles[0] - middles[1])[1:]) < HUES_APART:
+        return
+    to_own, to_other = (np.linalg.norm(lab - middle, axis=-1) for middle in middles)
+    _nowhere(small, shares, material, to_other < to_own)
 
 
 MOST_KEPT = 30
