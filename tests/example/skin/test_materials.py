@@ -29,8 +29,10 @@ from lfportrait.example.painter.picture_materials import (
     HAIR,
     NECK,
     SKIN,
+    SmallPicture,
     known_shares,
     material_shares,
+    one_hue,
     painted_shares,
     picture_shares,
 )
@@ -263,7 +265,10 @@ def _painted_over(bust, *parts):
     image = exemplar.image.copy()
     for where, color in parts:
         image[where] = color
-    return painted_shares(Exemplar(image, exemplar.landmarks), regions, regions.labels())
+    painting, labels = Exemplar(image, exemplar.landmarks), regions.labels()
+    shares = painted_shares(painting, regions, labels)
+    one_hue(SmallPicture(painting, regions, labels), regions, shares)
+    return shares
 
 
 def test_a_coat_of_two_hues_is_of_the_lit_one(bust):
@@ -275,6 +280,14 @@ def test_a_coat_of_two_hues_is_of_the_lit_one(bust):
     # A coat that is dark on one side, but of one hue, is all one.
     shares = _painted_over(bust, (worn & left, (84, 100, 70)), (worn & ~left, (42, 50, 35)))
     assert min(shares[part][:, CLOTHES].mean() for part in (lit, shade)) > 0.8
+
+
+def test_hair_is_of_the_crowns_hue(bust):
+    _, regions, _, hairy = bust
+    down = regions.frame.local(hairy.shape)[1]
+    shares = _painted_over(bust, (hairy & (down > -0.3), (30, 70, 60)))
+    crown, below = hairy & (down < -0.45), hairy & (down > -0.25)
+    assert shares[crown][:, HAIR].mean() > 0.9 and shares[below][:, HAIR].mean() < 0.1
 
 
 def test_a_coat_with_strokes_of_the_grounds_color_is_one(bust):

@@ -301,12 +301,15 @@ BARED, OTHER_HUE = (0.05, 0.7), 12.0
 STROKES = 0.06
 """Clothes and background are compared blurred by so much over the face's size."""
 BROAD, HUES_APART = 0.1, 12.0
-"""Halves of the clothes are compared blurred by so much over the face's size; hues so far apart
-(a and b of Lab) are two. Of 22 paintings they are no further apart than 9, or
+"""Parts of hair and clothes are compared blurred by so much over the face's size; hues so far apart
+(a and b of Lab) are two. Of 22 paintings the halves of the clothes are no further apart than 9, or
 14 and more."""
 MIDDLE, LESS = 0.35, 1 / 3
 """The middle of clothes is so broad to each side, over half the face's width. The lit side stays,
 but not if it is less than this of the other one."""
+CROWN = 0.35
+"""The crown lies so far above the brows, over the face's height; beside the face hair hangs lower.
+"""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
@@ -482,7 +485,6 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
     _hide_ground(small, shares)
     _bare_shoulders(small, shares)
     _part_clothes(small, shares)
-    _one_hue(small, regions, shares)
     return shares
 
 
@@ -550,15 +552,16 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     give(shares, shares[..., CLOTHES] * (1 - small.whole(like)), CLOTHES, FEATURES)
 
 
-def _one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
-    """Let clothes be of one hue, in place: what has another one is painted nowhere.
+def one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
+    """Let clothes and hair be of one hue, in place: what has another one is painted nowhere.
 
-    A coat is green in the light and brown in the shade. That is the painter's light: a sitter with
-    both has two coats. Stripes, dots and strokes of several hues stay, as what is compared is
-    broader.
+    A coat is green in the light and brown in the shade, hair is fair on the crown and green behind
+    a temple. That is the painter's light: a sitter with both has two coats, or stains in his hair.
+    Stripes, dots and strokes of several hues stay, as what is compared is broader. Not before a
+    neck has been compared with all that is worn (`plain_skin`).
     """
     half = 0.5 * regions.frame.width / regions.frame.height
-    right = small.part(small.right)
+    right, down = small.part(small.right), small.part(small.down)
     worn = small.part(shares[..., CLOTHES]) > 0.5
     sides = [worn & (way * right > MIDDLE * half) for way in (-1, 1)]
     if min(side.sum() for side in sides) > FEW_WORN:
@@ -567,6 +570,11 @@ def _one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
         if sides[lit].sum() < LESS * sides[1 - lit].sum():
             lit = 1 - lit
         _like_part(small, shares, CLOTHES, sides[lit], sides[1 - lit])
+    hair = small.part(shares[..., HAIR]) > 0.6
+    crown = hair & (down < -CROWN) & (np.abs(right) < half)
+    beside = hair & (down > -CROWN) & (down < 1) & (np.abs(right) > half)
+    if min(crown.sum(), beside.sum()) > FEW_WORN:
+        _like_part(small, shares, HAIR, crown, beside)
 
 
 def _like_part(small: SmallPicture, shares: Float32, material: int, own: Bool, other: Bool) -> None:
