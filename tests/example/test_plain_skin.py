@@ -116,6 +116,15 @@ def test_of_a_neck_that_is_mostly_a_coat_nothing_is_used(points):
     assert plain_skin(shares, points, image)[0][chin + 20, 20:100, NECK].min() > 0.9
 
 
+def test_a_coat_that_was_taken_for_a_neck_is_clothes(points):
+    image, shares, (_, chin) = bust(points, COAT)
+    shares[360:385, :, NECK], shares[360:385, :, CLOTHES] = 1, 0
+    found = plain_skin(shares, points, image)[0]
+    assert found[370:, :, CLOTHES].min() > 0.8 and found[chin + 60:, 5:20, CLOTHES].min() > 0.9
+    assert found[..., NECK].max() == 0 and found[chin + 5, 150, CLOTHES] < 0.1
+    np.testing.assert_allclose(found.sum(axis=-1), 1, atol=1e-5)
+
+
 def test_a_face_alone_is_compared_with_nothing(points):
     assert np.max(unlike_face(BLANK, all_skin((400, 300)), points, BEARDLESS)) == 0
 

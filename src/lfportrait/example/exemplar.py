@@ -46,6 +46,8 @@ class Exemplar:
     hair : float32 [H, W] in [0, 1]: the hair where it is known, or None; then it is segmented.
     covered, bared : The painting before its forehead was bared (`worn.inpainting`), and float32
         [H, W] in [0, 1], where it was; or None.
+    hat : float32 [H, W] in [0, 1], the hat of a bared painting that shows hair of other colors
+        beside it; or None.
     lids : Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
     opened : The exemplar as it was before, or None.
     by_hand : uint8 [H, W], regions that were painted over by hand, as places in
@@ -60,6 +62,7 @@ class Exemplar:
     hair: Float32 | None = field(default=None, repr=False)
     covered: Exemplar | None = field(default=None, repr=False)
     bared: Float32 | None = field(default=None, repr=False)
+    hat: Float32 | None = field(default=None, repr=False)
     lids: tuple[bool, bool] = (False, False)
     opened: Exemplar | None = field(default=None, repr=False)
     by_hand: UInt8 | None = field(default=None, repr=False)

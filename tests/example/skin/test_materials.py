@@ -9,6 +9,7 @@ from scipy.ndimage import binary_erosion
 
 from lfportrait import cache
 from lfportrait.example import Exemplar, Regions
+from lfportrait.example.guides.regions import find_regions
 from lfportrait.example.kernels.labels import move_to_material
 from lfportrait.example.painter import picture_materials as storage
 from lfportrait.example.painter.materials import (
@@ -28,8 +29,10 @@ from lfportrait.example.painter.picture_materials import (
     HAIR,
     NECK,
     SKIN,
+    SmallPicture,
     known_shares,
     material_shares,
+    one_hue,
     painted_shares,
     picture_shares,
 )
@@ -38,7 +41,7 @@ from lfportrait.example.skin.painting import DARKEST, sitter_looks, sitter_share
 from lfportrait.example.surface_guide import HeadPlane
 from lfportrait.labels import MATERIALS
 from lfportrait.labels import PICTURE_LABELS as LABELS
-from tests.portraits import HEAD_LANDMARKS
+from tests.portraits import HEAD_LANDMARKS, drawn_face
 
 ALL = np.ones(len(MATERIALS), bool)
 PLANE = HeadPlane(HEAD_LANDMARKS)
@@ -245,6 +248,55 @@ def test_clothes_are_of_one_cloth(painter):
     image[worn & (np.indices(worn.shape)[1] // 10 % 2 == 0)] = (30, 30, 35)
     striped = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels)
     assert striped[worn][:, CLOTHES].mean() > 0.85
+
+
+@pytest.fixture(scope="module")
+def bust():
+    """A drawn portrait, its regions and labels, and where clothes and hair are, bool [h, w]."""
+    exemplar = drawn_face(320, 260, seed=3)
+    regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask, networks=False)
+    shares = painted_shares(exemplar, regions, regions.labels())
+    return exemplar, regions, shares[..., CLOTHES] > 0.9, shares[..., HAIR] > 0.9
+
+
+def _painted_over(bust, *parts):
+    """Shares of the drawn portrait with places painted over in other colors."""
+    exemplar, regions, *_ = bust
+    image = exemplar.image.copy()
+    for where, color in parts:
+        image[where] = color
+    painting, labels = Exemplar(image, exemplar.landmarks), regions.labels()
+    shares = painted_shares(painting, regions, labels)
+    one_hue(SmallPicture(painting, regions, labels), regions, shares)
+    return shares
+
+
+def test_a_coat_of_two_hues_is_of_the_lit_one(bust):
+    exemplar, _, worn, _ = bust
+    left = np.indices(worn.shape)[1] < exemplar.landmarks[8, 0]
+    lit, shade = (binary_erosion(worn & part, iterations=6) for part in (left, ~left))
+    shares = _painted_over(bust, (worn & left, (84, 100, 70)), (worn & ~left, (60, 40, 90)))
+    assert shares[lit][:, CLOTHES].mean() > 0.9 and shares[shade][:, CLOTHES].mean() < 0.1
+    # A coat that is dark on one side, but of one hue, is all one.
+    shares = _painted_over(bust, (worn & left, (84, 100, 70)), (worn & ~left, (42, 50, 35)))
+    assert min(shares[part][:, CLOTHES].mean() for part in (lit, shade)) > 0.8
+
+
+def test_hair_is_of_the_crowns_hue(bust):
+    _, regions, _, hairy = bust
+    down = regions.frame.local(hairy.shape)[1]
+    shares = _painted_over(bust, (hairy & (down > -0.3), (30, 70, 60)))
+    crown, below = hairy & (down < -0.45), hairy & (down > -0.25)
+    assert shares[crown][:, HAIR].mean() > 0.9 and shares[below][:, HAIR].mean() < 0.1
+
+
+def test_a_coat_with_strokes_of_the_grounds_color_is_one(bust):
+    _, regions, worn, _ = bust
+    ground = regions.person < 0.5
+    strokes = np.indices(worn.shape).sum(axis=0) % 4 == 0
+    shares = _painted_over(bust, (ground, (40, 90, 100)), (ground & strokes, (120, 50, 40)),
+                           (worn & strokes, (40, 90, 100)))
+    assert shares[binary_erosion(worn, iterations=8)][:, CLOTHES].mean() > 0.95
 
 
 @pytest.mark.parametrize(("shoulder", "taken"), [

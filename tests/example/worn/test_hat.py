@@ -9,6 +9,7 @@ import pytest
 from lfportrait.example import Exemplar, Transfer, TransferConfig, bared
 from lfportrait.example.frontal import frontalised
 from lfportrait.example.guides.regions import find_regions, soft_face
+from lfportrait.example.painter.picture_materials import HAIR, known_shares
 from lfportrait.example.transfers import transfer
 from lfportrait.example.worn.hat import headwear, not_worn
 from tests.portraits import drawn_face
@@ -155,3 +156,25 @@ def test_baring_keeps_what_is_worn(face):
     without = bared(exemplar)
     assert without.covered is not None
     np.testing.assert_array_equal(headwear(without.covered), headwear(exemplar))
+
+
+@pytest.mark.parametrize("name", [
+    "rubens_straw_hat", pytest.param("vermeer_procuress_detail", marks=pytest.mark.slow),
+    pytest.param("weyden_winged_bonnet", marks=pytest.mark.slow)])
+def test_hair_is_that_beside_a_hat_of_another_color(shared_data, shared_weights, name, monkeypatch):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
+    path = shared_data / "paintings" / f"{name}.jpg"
+    if not path.exists():
+        pytest.skip("the painting is not in ../shared/data/paintings")
+    front = bared(frontalised(Exemplar.load(path)), True)
+    shown = name == "rubens_straw_hat"
+    assert (front.hat is not None) == shown
+    regions = front.regions()
+    shares = known_shares(front, regions, regions.labels())
+    hat = headwear(front.covered)
+    hair = shares[..., HAIR] > 0.6
+    assert hair.sum() > 0.1 * front.size ** 2
+    if shown:
+        assert hair[hat > 0.9].mean() < 0.01
+        red, _, blue = np.median(front.image[hair], axis=0)
+        assert red > blue + 15

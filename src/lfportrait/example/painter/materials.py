@@ -56,6 +56,8 @@ DEPTH = 0.2
 """Well inside is this far from the edge, over the face's size, or most of the way there is."""
 LEAST = 0.004
 """A material that covers less of the exemplar than this is not there."""
+LEAST_HAIR = 0.25
+"""But so much hair, over the face's squared size, is there."""
 LEAST_CLOTHES = 0.012
 """Clothes that cover less than this are too little to dress a body."""
 FEW = 100
@@ -99,6 +101,8 @@ class ExemplarMaterials:
         """From its picture [h, w, 3] and shares; ``size`` of the face in pixels."""
         luma = grey(picture)
         present = shares.reshape(-1, len(MATERIALS)).mean(axis=0) > LEAST
+        # Of a face that is small in its picture a lock or two are as large.
+        present[HAIR] |= bool(shares[..., HAIR].sum() > LEAST_HAIR * size ** 2)
         present[CLOTHES] &= bool(shares[..., CLOTHES].mean() > LEAST_CLOTHES)
         nearest, deep = (np.empty((len(MATERIALS), *luma.shape), np.int32) for _ in range(2))
         for material in range(len(MATERIALS)):

@@ -298,6 +298,18 @@ SAME, COMPARED = 6.0, 2000
 """Colors (Lab) that are so near are the same; and how many of each material are compared."""
 BARED, OTHER_HUE = (0.05, 0.7), 12.0
 """So much of the clothes is bare skin, if that is so far from the rest in hue and chroma (Lab)."""
+STROKES = 0.06
+"""Clothes and background are compared blurred by so much over the face's size."""
+BROAD, HUES_APART = 0.1, 12.0
+"""Parts of hair and clothes are compared blurred by so much over the face's size; hues so far apart
+(a and b of Lab) are two. Of 22 paintings the halves of the clothes are no further apart than 9, or
+14 and more."""
+MIDDLE, LESS = 0.35, 1 / 3
+"""The middle of clothes is so broad to each side, over half the face's width. The lit side stays,
+but not if it is less than this of the other one."""
+CROWN = 0.35
+"""The crown lies so far above the brows, over the face's height; beside the face hair hangs lower.
+"""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
@@ -484,7 +496,9 @@ def _hide_ground(small: SmallPicture, shares: Float32) -> None:
     there = small.part(behind)
     chosen = there | small.part(worn)
     alike = np.zeros(there.shape, np.float32)
-    alike[chosen] = skin_distance(small.image[chosen], there[chosen]) < LIKE_GROUND
+    # By the mean of their strokes: single ones of a coat may have the colors of some of the ground.
+    colors = small.blurred(STROKES)[chosen]
+    alike[chosen] = skin_distance(colors, there[chosen]) < LIKE_GROUND
     alike = small.whole(gaussian_blur(alike, 0.008 * max(there.shape)))
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
     give(shares, ground, CLOTHES, GROUND)
@@ -538,8 +552,48 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     give(shares, shares[..., CLOTHES] * (1 - small.whole(like)), CLOTHES, FEATURES)
 
 
+def one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
+    """Let clothes and hair be of one hue, in place: what has another one is painted nowhere.
+
+    A coat is green in the light and brown in the shade, hair is fair on the crown and green behind
+    a temple. That is the painter's light: a sitter with both has two coats, or stains in his hair.
+    Stripes, dots and strokes of several hues stay, as what is compared is broader. Not before a
+    neck has been compared with all that is worn (`plain_skin`).
+    """
+    half = 0.5 * regions.frame.width / regions.frame.height
+    right, down = small.part(small.right), small.part(small.down)
+    worn = small.part(shares[..., CLOTHES]) > 0.5
+    sides = [worn & (way * right > MIDDLE * half) for way in (-1, 1)]
+    if min(side.sum() for side in sides) > FEW_WORN:
+        lit = int(np.median(grey(small.blurred(BROAD))[sides[1]])
+                  > np.median(grey(small.blurred(BROAD))[sides[0]]))
+        if sides[lit].sum() < LESS * sides[1 - lit].sum():
+            lit = 1 - lit
+        _like_part(small, shares, CLOTHES, sides[lit], sides[1 - lit])
+    hair = small.part(shares[..., HAIR]) > 0.6
+    crown = hair & (down < -CROWN) & (np.abs(right) < half)
+    beside = hair & (down > -CROWN) & (down < 1) & (np.abs(right) > half)
+    if min(crown.sum(), beside.sum()) > FEW_WORN:
+        _like_part(small, shares, HAIR, crown, beside)
+
+
+def _like_part(small: SmallPicture, shares: Float32, material: int, own: Bool, other: Bool) -> None:
+    """Let a material be what is like one part of it, if another has another hue; in place."""
+    from skimage.color import rgb2lab
+
+    lab = rgb2lab(np.clip(small.blurred(BROAD), 0, 1)) * [0.5, 1.0, 1.0]
+    middles = [np.median(lab[part], axis=0) for part in (own, other)]
+    if np.linalg.norm((middles[0] - middles[1])[1:]) < HUES_APART:
+        return
+    to_own, to_other = (np.linalg.norm(lab - middle, axis=-1) for middle in middles)
+    _nowhere(small, shares, material, to_other < to_own)
+
+
 MOST_KEPT = 30
 """Paintings that are kept: six megabytes for one of 768 x 1024."""
+HAT_EDGE, OWN_HAIR = 0.05, 0.25
+"""Hair beside a hat lies so far from its outline, over the face's size, where they are not mixed;
+and less of it than this, over that squared, is no example of hair."""
 FEW_ALIKE, CLOTH_APART = 500, 10.0
 """Two parts of the hair, of more pixels than this, differ if their colors do by this in Lab."""
 STEPS = np.float32(255)
@@ -609,6 +663,27 @@ def _one_cloth(image: UInt8, shares: Float32, own: Bool, above: Bool) -> None:
         shares[..., HAIR] *= ~less
 
 
+def _hat_or_hair(small: SmallPicture, regions: Regions, hat: Float32) -> Float32 | None:
+    """Where a hat is, rather than the hair that shows beside it, float32 [h, w] in [0, 1].
+
+    By their colors: a hat's outline runs through the hair below its brim. None if there is too
+    little hair.
+    """
+    worn = small.part(hat) > 0.5
+    hair = np.zeros(worn.shape, bool) if regions.hair is None else small.part(regions.hair) > 0.5
+    hair &= ~_grown(worn, HAT_EDGE * small.size) & (small.part(small.face) < 0.1)
+    if hair.sum() < OWN_HAIR * small.size ** 2 or worn.sum() < FEW_WORN:
+        return None
+    colors = small.blurred(BLUR)
+    # Twice: of what was taken for hair some belongs to the hat.
+    for _ in range(2):
+        to_hair, to_hat = (skin_distance(colors, part) for part in (hair, worn))
+        hair &= to_hair < to_hat
+        if hair.sum() < FEW_WORN:
+            return None
+    return np.maximum(small.whole(gaussian_blur((to_hair > to_hat).astype(np.float32), 1.0)), hat)
+
+
 def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
                   bared: Float32, strict: bool) -> Float32:
     """Shares of a painting whose forehead was bared: skin there, hair above, else as before.
@@ -616,10 +691,16 @@ def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
     They are not found in the bared picture: its forehead is no sample of the painter's skin.
     """
     before = covered.regions()
-    shares = known_shares(covered, before, before.labels(), strict)
+    labels = before.labels()
+    shares = known_shares(covered, before, labels, strict)
+    worn = None if exemplar.hat is None else _hat_or_hair(
+        SmallPicture(covered, before, labels), before, exemplar.hat)
+    if worn is not None:
+        give(shares, shares[..., HAIR] * worn, HAIR, FEATURES)
     if regions.hair is not None:
         own = shares[..., HAIR].copy()
-        more = np.clip(regions.hair - own, 0, 1)[..., None]
+        hair = regions.hair if worn is None else regions.hair * (1 - worn)
+        more = np.clip(hair - own, 0, 1)[..., None]
         shares += more * (np.eye(len(MATERIALS), dtype=np.float32)[HAIR] - shares)
         _one_cloth(exemplar.image, shares, own > 0.5, more[..., 0] > 0.5)
     shares += bared[..., None] * (np.eye(len(MATERIALS), dtype=np.float32)[SKIN] - shares)

@@ -170,6 +170,8 @@ COMMON, SAMPLES, FEW = 0.05, 800, 100
 say nothing."""
 COVERED = 0.6
 """If more of a neck than this is none, none of it is used: the rest is its seams."""
+SHOULDERS = 0.8, 0.8
+"""A neck is this broad, over the face's height, to each side, and begins so far below the brows."""
 WHOLE, MOSTLY = 0.05, (0.4, 0.6)
 """Blur of what of a face is strange, over its size; so much of what is around begins to be enough,
 and is."""
@@ -209,6 +211,8 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
     beard = shares[..., FEATURES] * (1 - near) * low
     other, strange = unlike_face(image, out, points, beard)
     covered = float((neck * other).sum()) > COVERED * float(neck.sum())
+    if covered:
+        _dress(out, other, points)
     _nowhere(out, NECK, np.ones_like(other) if covered else other)
     skin = out[..., SKIN].copy()
     lower = skin * low + beard
@@ -221,6 +225,19 @@ def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float3
         return out, np.zeros_like(beard)
     _nowhere(out, SKIN, strange)
     return out, beard
+
+
+def _dress(shares: Float32, other: Float32, points: Points) -> None:
+    """Let what was taken for a neck, and is a coat, be clothes: in place in shares [h, w, 7].
+
+    A coat in strokes of all colors has those of cheeks in such strokes. It is one, rather than a
+    scarf or a beard, if there is more of it beyond a neck's place than of all other clothes.
+    """
+    right, down = FaceFrame.of(points).local(shares.shape)
+    away = np.hypot(right / SHOULDERS[0], np.maximum(down - SHOULDERS[1], 0))
+    coat = shares[..., NECK] * other * np.clip(2 * away - 1, 0, 1)
+    if float(coat.sum()) > float(shares[..., CLOTHES].sum()):
+        give(shares, coat, NECK, CLOTHES)
 
 
 def _nowhere(shares: Float32, material: int, part: Float32) -> None:

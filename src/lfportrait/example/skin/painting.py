@@ -55,8 +55,10 @@ from ..painter.picture_materials import (
     HAIR,
     NECK,
     SKIN,
+    SmallPicture,
     known_shares,
     material_shares,
+    one_hue,
 )
 from ..painter.plain_skin import plain_skin, take_out_strands
 from ..patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
@@ -303,6 +305,8 @@ class SkinPainter:
         self._hair, self._strand = take_out_strands(shares, exemplar, self.transfer.regions,
                                                     self.transfer.labels)
         plain, self._bearded = plain_skin(shares, exemplar.landmarks, exemplar.image)
+        regions = self.transfer.regions
+        one_hue(SmallPicture(exemplar, regions, self.transfer.labels), regions, plain)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
         self._face = CopiedFace(self.transfer, self._hair, self._strand)
 

@@ -241,6 +241,20 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
     return np.where(exemplar.by_hand == 0, mask, hat.astype(np.float32))
 
 
+def hat_beside_hair(exemplar: Exemplar, regions: Regions, found: Forehead) -> Float32 | None:
+    """A painting's hat, float32 [h, w] in [0, 1], if hair of other colors shows beside it.
+
+    It is wanted where hair is to be painted: a black hat is no example of fair hair. None if there
+    is no hat, no hair beside it, or if that has the hat's colors, as under a bonnet.
+    """
+    mask = headwear(exemplar, regions)
+    if mask is None:
+        return None
+    small = _Small.of(exemplar, regions, found)
+    cut = smaller(mask, (small.right.shape[1], small.right.shape[0])) > 0.5
+    return mask if _unlike_hair(small, cut) else None
+
+
 def not_worn(exemplar: Exemplar, wear: Sequence[Wear]) -> list[str]:
     """Notes, a line each, on what is to be worn and is not there in a painting, as it came."""
     if "hat" in wear and headwear(exemplar.covered or exemplar) is None:

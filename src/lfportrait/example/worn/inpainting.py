@@ -26,7 +26,7 @@ from ..painter.materials import ExemplarMaterials, main_material, nearest_of_mat
 from ..painter.patch_painter import PatchPainter, PatchRequest, PhotoAtlas
 from ..painter.picture_materials import FEATURES, SKIN
 from ..patches import PatchSearch
-from .hat import HIDES, covered_forehead
+from .hat import HIDES, covered_forehead, hat_beside_hair
 
 MOST = 0.8
 """A forehead is bared if something else than hair hides it (`HIDES`), or if more than this share of
@@ -73,10 +73,10 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     found = kept_arrays("bared", key, find, most=30)
     if not found:
         return exemplar
-    person, hair, hole = (found[name].astype(np.float32) / np.float32(255)
-                          for name in ("person", "hair", "hole"))
+    person, hair, hole, hat = (found[name].astype(np.float32) / np.float32(255)
+                               for name in ("person", "hair", "hole", "hat"))
     return replace(exemplar, image=found["image"], mask=person, hair=hair, covered=exemplar,
-                   bared=hole, by_hand=None)
+                   bared=hole, hat=hat if hat.any() else None, by_hand=None)
 
 
 def without_spectacles(exemplar: Exemplar) -> Exemplar:
@@ -140,9 +140,11 @@ def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDAr
     hair = np.zeros_like(soft) if regions.hair is None else regions.hair
     above = np.maximum(hair, regions.person * forehead.crown) * (1 - soft)
     person = np.maximum(regions.person, soft)
+    hat = hat_beside_hair(exemplar, regions, forehead)
     return {"image": image, **{name: np.asarray(255 * matte + 0.5, np.uint8)
                                for name, matte in (("person", person), ("hair", above),
-                                                ("hole", soft))}}
+                                                ("hole", soft),
+                                                ("hat", 0 * soft if hat is None else hat))}}
 
 
 def _central(bare: Float32, regions: Regions) -> Float32:
