@@ -161,13 +161,14 @@ def without_specks(colors: Float64, told: Bool, hair: Bool | None) -> Float64:
     return out
 
 
-def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
+def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField) -> VoxelField:
     """A trained field whose colors are even where photos only look along its surface.
 
     Parameters
     ----------
     field : Without a texture.
     grazed : Its surface.
+    closed : The same lattice points before the last training: hair's colors.
 
     Returns
     -------
@@ -191,6 +192,8 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     share = 1.0 - at_places(stays, places)
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
     sh = field.sh
+    if grazed.hair is not None:
+        sh = _with_hair_as_closed(sh, closed.sh, grazed, places, deep)
     if grazed.ears is not None:
         low, high = STANDS_OUT
         near = nearest_cells(grazed.beside, places) & (-high < deep) & (deep < -low)
@@ -202,6 +205,21 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     places = twice * places[:, chosen] + [[0.0], [0.5 * (twice - 1)]]
     colors = np.stack([at_places(even[..., k], places) for k in range(3)], axis=-1)
     return replace(field, sh=_blended(sh, chosen, share[chosen], colors))
+
+
+def _with_hair_as_closed(sh: Float32, closed: Float32, grazed: Grazed, places: Float64,
+                         deep: Float64) -> Float32:
+    """Coefficients, those of hair that photos only look along as they were before the last training.
+
+    Closed hair that stands out of the true outline there is made clear by the photos' ground, but
+    takes its color as well: light specks in the hair beside an ear.
+    """
+    assert grazed.hair is not None
+    chosen = np.flatnonzero(nearest_cells(grazed.hair, places) & (deep > -OUTER) & (deep < INNER))
+    share = (1.0 - at_places(grazed.faced, places[:, chosen]))[:, None, None].astype(np.float32)
+    out = sh.copy()
+    out[chosen] += share * (closed[chosen] - sh[chosen])
+    return out
 
 
 def _with_even_ears(sh: Float32, rows: Int64, points: Float64, density: Float32,
