@@ -100,6 +100,21 @@ def test_colors_are_even_where_nothing_faces_them_and_stay_elsewhere(head):
     assert np.abs(middle[0] - middle[1]).max() < 0.06
 
 
+def test_hair_that_nothing_faces_keeps_the_strands_of_before_the_last_training(head):
+    field, chart, distance = head
+    left, hair = chart.angle < 0, np.ones(distance.shape, bool)
+    faced = np.broadcast_to(np.where(left, 0.0, 1.0), distance.shape).copy()
+    trained = replace(field, sh=field.sh + np.float32(0.5))
+    grazed = Grazed(chart, distance, faced, None, ~hair, hair, None)
+    even = with_even_colors(trained, grazed, field)
+    points = field.lattice_points()
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (np.abs(points[:, 1]) < 0.1)
+    stays, goes = near & (points[:, 0] > 0.1), near & (points[:, 0] < -0.1)
+    assert np.array_equal(even.sh[stays], trained.sh[stays])
+    np.testing.assert_allclose(even.sh[goes], field.sh[goes], atol=1e-6)
+    assert np.array_equal(with_even_colors(trained, grazed).sh, trained.sh)
+
+
 @pytest.fixture(scope="module")
 def photographed(head):
     """A gray head with specks, darker on its left, and an arc of photos without them."""

@@ -256,11 +256,12 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
             figures["closed"] = {"share": round(closed.share, 4), "voxels": closed.points}
             if not roughly:
                 note(progress, "training the closed head")
+                whole = field
                 field = settled(trainer, field, new=None if closed.grazed is None
                                 else _new(closed.grazed, landmarks, bare))
                 if closed.grazed is not None:
                     even = with_even_colors(with_steady_colors(field, cameras, middle),
-                                            closed.grazed)
+                                            closed.grazed, whole)
                     field = as_photographed(even, field.sh, cameras, middle)
     if cut is not None:
         count = len(field.density)

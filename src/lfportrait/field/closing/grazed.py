@@ -5,7 +5,8 @@ arbitrary: nobody who looks from where the photos were taken sees it, but from a
 stippled and a temple streaked. So the surface is read once more when its last training is done.
 Its colors lose their specks in a median, which keeps the edge of a jaw, and its chroma is smoothed
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
-counts. Hair keeps its strands.
+counts. Hair keeps its strands, but where photos do not face it they are those of before that
+training: at an outline the photos' ground gets into them.
 
 Ears have no place in a chart: neither the fitted ones nor what stands out beside them, where true
 ears are not as the fitted. What hardly any photo faces there takes the colors of what is faced
@@ -161,13 +162,16 @@ def without_specks(colors: Float64, told: Bool, hair: Bool | None) -> Float64:
     return out
 
 
-def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
+def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | None = None,
+                     ) -> VoxelField:
     """A trained field whose colors are even where photos only look along its surface.
 
     Parameters
     ----------
     field : Without a texture.
     grazed : Its surface.
+    closed : The same lattice points before the last training, whose colors hair keeps where photos
+        do not face it; None: it keeps those of ``field``.
 
     Returns
     -------
@@ -191,6 +195,10 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     share = 1.0 - at_places(stays, places)
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
     sh = field.sh
+    if grazed.hair is not None and closed is not None:
+        near = nearest_cells(grazed.hair, places) & (deep > -OUTER) & (deep < INNER)
+        sh = _with_hair_as_closed(sh, closed.sh, np.flatnonzero(near),
+                                  1.0 - at_places(grazed.faced, places[:, near]))
     if grazed.ears is not None:
         low, high = STANDS_OUT
         near = nearest_cells(grazed.beside, places) & (-high < deep) & (deep < -low)
@@ -202,6 +210,17 @@ def with_even_colors(field: VoxelField, grazed: Grazed) -> VoxelField:
     places = twice * places[:, chosen] + [[0.0], [0.5 * (twice - 1)]]
     colors = np.stack([at_places(even[..., k], places) for k in range(3)], axis=-1)
     return replace(field, sh=_blended(sh, chosen, share[chosen], colors))
+
+
+def _with_hair_as_closed(sh: Float32, closed: Float32, rows: Int64, share: Float64) -> Float32:
+    """Coefficients, of which those of hair's rows go over by a share [N] into ``closed``.
+
+    Closed hair that stands out of the true outline is made clear by the photos' ground, but takes
+    the ground's color as well: light specks in the hair beside an ear.
+    """
+    out = sh.copy()
+    out[rows] += share[:, None, None].astype(np.float32) * (closed[rows] - sh[rows])
+    return out
 
 
 def _with_even_ears(sh: Float32, rows: Int64, points: Float64, density: Float32,
