@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from lfportrait import cache
 from lfportrait.example import Exemplar, Regions
@@ -288,6 +288,24 @@ def test_hair_is_of_the_crowns_hue(bust):
     shares = _painted_over(bust, (hairy & (down > -0.3), (30, 70, 60)))
     crown, below = hairy & (down < -0.45), hairy & (down > -0.25)
     assert shares[crown][:, HAIR].mean() > 0.9 and shares[below][:, HAIR].mean() < 0.1
+    # Brown hair is nearly black in the dark: that is no other hue.
+    shares = _painted_over(bust, (hairy, (100, 60, 30)), (hairy & (down > -0.3), (25, 18, 24)))
+    assert min(shares[part][:, HAIR].mean() for part in (crown, below)) > 0.8
+
+
+def test_a_narrow_rim_of_dark_hair_is_not_of_the_foreheads_hue(bust):
+    exemplar, regions, _, hairy = bust
+    right, down = regions.frame.local(hairy.shape)
+    face = ~hairy & (np.hypot(right, down) < 0.6)
+    image = exemplar.image.copy()
+    image[hairy], image[face] = (30, 22, 28), (230, 150, 70)
+    shares = np.zeros((*hairy.shape, len(MATERIALS)), np.float32)
+    shares[..., HAIR] = hairy & ((down > -0.3) | binary_dilation(face, iterations=3))
+    shares[..., SKIN] = 1 - shares[..., HAIR]
+    kept = shares.copy()
+    one_hue(SmallPicture(Exemplar(image, exemplar.landmarks), regions, regions.labels()), regions,
+            kept)
+    np.testing.assert_array_equal(kept, shares)
 
 
 def test_a_coat_with_strokes_of_the_grounds_color_is_one(bust):
