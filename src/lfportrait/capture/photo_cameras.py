@@ -49,8 +49,7 @@ _MOST_AGAIN = 800
 ALL_PAIRS = 200
 """Of up to so many photos all pairs whose largest features match are compared, of more only
 neighbours in the order of their names: pairs grow with the square of the photos."""
-_DENSE = 1.2
-"""Degrees between neighbours up to which photos between them show nothing more."""
+_DENSE = 1.2  # Degrees between neighbours up to which photos between them show nothing more.
 
 
 class PhotosError(UserError):
@@ -104,8 +103,7 @@ def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
     return found
 
 
-_MATCHED = 4
-"""Pairs of photos whose features are compared at a time, at most."""
+_MATCHED = 4  # Pairs of photos whose features are compared at a time, at most.
 
 
 def _matches(features: list[Features], pairs: list[tuple[int, int]], progress: Progress | None,

@@ -49,8 +49,7 @@ from .guides.regions import FaceFrame, polygon
 STEP, HARDLY = 0.02, 0.1
 """Step for the slope of the head's surface, in its units; and how little a place may move in the
 painting, over its way on the head, squared, before that is held back."""
-RELIEF = 0.01
-"""Distance of the points of the relief that hides parts of the head, in its units."""
+RELIEF = 0.01  # Distance of the points of the relief that hides parts of the head, in its units.
 
 
 def painted_places(points: Float64, painted: Float64, pose: FacePose,
@@ -150,25 +149,20 @@ FRONTAL = 9.0
 """Faces turned by less than this, in degrees, are used unchanged."""
 PROFILE = 62.0
 """Faces turned further show too little of their other half."""
-CLEAR = 0.5
-"""Cosine to the painter's direction from which on a place is taken as he painted it."""
+CLEAR = 0.5  # Cosine to the painter's direction from which on a place is taken as he painted it.
 FULL = 0.85
 """The same from which on its mirror image is not thought of: the seam lies between the two."""
 ALIKE = 0.85
 """A place is taken as he painted it, too, if it is at least this clear over its mirror image: the
 seam does not lie on the axis itself, where it would be seen in the middle of the lips."""
-CUT = 160.0
-"""Pixels a unit of the head in the pictures that the seam is looked for in."""
-FEATURE = 0.22
-"""The same for eyes and brows, which would else look like a mirror's."""
+CUT = 160.0  # Pixels a unit of the head in the pictures that the seam is looked for in.
+FEATURE = 0.22  # The same for eyes and brows, which would else look like a mirror's.
 BASE = 0.45
 """The same for the base of the nose, whose shade lies on one side: mirrored it is a dark bar."""
-SURE = 0.15
-"""The same for telling its light from that of its mirror image."""
+SURE = 0.15  # The same for telling its light from that of its mirror image.
 OUTLINE = 0.015
 """Paint so near to a cheek's outline, in units of the head, is mixed with what lies behind."""
-COARSE = 6
-"""The maps are computed every Nth pixel."""
+COARSE = 6  # The maps are computed every Nth pixel.
 
 
 @dataclass(frozen=True)
@@ -416,8 +410,7 @@ def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
                                 borderMode=cv2.BORDER_REFLECT_101), np.float32)
 
 
-_SPACING = 0.07
-"""Distance of the mesh's lines in the head's units: a dozen across the face."""
+_SPACING = 0.07  # Distance of the mesh's lines in the head's units: a dozen across the face.
 
 
 def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
@@ -444,12 +437,9 @@ def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
 
 RAMP = 10.0
 """Degrees over which a turning head's guide goes over to what is seen of the generic head."""
-SPACING = 0.03
-"""Distance of the grid's points, in the generic head's units."""
-EVERY = 2
-"""A control point every Nth of them."""
-BEHIND = 0.08
-"""Cosine to the camera from which on a landmark is seen."""
+SPACING = 0.03  # Distance of the grid's points, in the generic head's units.
+EVERY = 2  # A control point every Nth of them.
+BEHIND = 0.08  # Cosine to the camera from which on a landmark is seen.
 SLIGHT = 0.01
 """The nose's place between the eyes' corners (`face_yaw`) changes by 0.02 a degree: where it has
 not changed by this for each degree of the limit, no pose is asked for."""

@@ -19,17 +19,13 @@ import numpy as np
 from ..arrays import Float32
 from .guides.filters import smaller
 
-DARK = 24.0
-"""Added to values before their logarithm: the darkest paint is no blacker than that."""
-UNLIKE = 0.6
-"""Difference of logarithms, mean of the channels, that is hardly one of light alone."""
-SMALL = 8
-"""Light changes slowly: it is looked at in pictures of this fraction of the size."""
+DARK = 24.0  # Added to values before their logarithm: the darkest paint is no blacker than that.
+UNLIKE = 0.6  # Difference of logarithms, mean of the channels, that is hardly one of light alone.
+SMALL = 8  # Light changes slowly: it is looked at in pictures of this fraction of the size.
 BROAD, ALONG = 0.04, 0.06
 """Blurs, in units of the head, in which light is looked at, and how wide a seam is."""
 FURTHEST = 0.4
-REACHES = FURTHEST, 0.2, 0.1, 0.05
-"""Units of the head over which light is carried on."""
+REACHES = FURTHEST, 0.2, 0.1, 0.05  # Units of the head over which light is carried on.
 ENOUGH, FAR = 0.2, 0.08
 """So much of all that could be known within a reach is enough for it; and within the furthest."""
 UTMOST = 0.05
@@ -44,8 +40,7 @@ brightness, and wholly is."""
 KNOTS, ALIKE, STEPS = 33, 0.08, 1000
 """Knots of the curve from brightness to hue; it is smoothed by this width, in logarithms; and steps
 in which it is looked up for each pixel."""
-THIRDS = np.full((1, 3), 1 / 3, np.float32)
-"""The mean of the channels."""
+THIRDS = np.full((1, 3), 1 / 3, np.float32)  # The mean of the channels.
 FEW = 0.02
 """A brightness that is so much rarer than the commonest takes its hue from its neighbours."""
 

@@ -34,23 +34,18 @@ from .exemplar import Exemplar
 from .frontal import FRONTAL
 from .guides.regions import polygon
 
-WIDTH = 64
-"""Pixels between the corners of an eye in the picture of it that is looked at."""
-HALF = 56, 36
-"""Half the width and height of that picture."""
+WIDTH = 64  # Pixels between the corners of an eye in the picture of it that is looked at.
+HALF = 56, 36  # Half the width and height of that picture.
 RADII = (0.16, 0.18, 0.2, 0.22, 0.24, 0.26)
 """Of an iris, over the width of its eye: people have 0.19 to 0.2."""
 PLACES = 0.3, 0.04
 """How far from the middle of an eye's opening an iris may lie, to the side and up or down, over its
 width."""
-BESIDE = 1.1, 1.6
-"""What lies beside a disc, in its radii; above and below are lids and lashes."""
-BLUR = 0.03
-"""Sigma, over the width of an eye: single strokes and glints are no irises."""
+BESIDE = 1.1, 1.6  # What lies beside a disc, in its radii; above and below are lids and lashes.
+BLUR = 0.03  # Sigma, over the width of an eye: single strokes and glints are no irises.
 OPEN = 1.15
 """The outline of landmarks lies on the lids' edges or within: it is taken this much larger."""
-SHOWN = 0.45
-"""Share of an iris that shows between the lids, at least."""
+SHOWN = 0.45  # Share of an iris that shows between the lids, at least.
 LEAST = 0.9
 """Contrast of a disc and what is beside it, over the spread of an eye's tones and times the share
 of the disc that shows, from which on discs are irises: mean of both eyes, half of it in each."""
@@ -180,8 +175,7 @@ the discs it is 0.4 to 0.9."""
 LITTLE, MOST = 2.0, 10.0
 """Eyes less apart than this stay, as people's own seem to be; more apart than that, an iris was not
 seen right."""
-CLOSED = 0.12
-"""An eye less open than this, height over width, shows too little of its iris."""
+CLOSED = 0.12  # An eye less open than this, height over width, shows too little of its iris.
 REACH = 0.33, 0.25
 """The iris and what is moved with it: half its width and height, over the width of the eye."""
 SIDE, ROOM = 768, 1.56
@@ -298,32 +292,25 @@ def _moved(image: UInt8, eye: Float64, iris: Float64, degrees: float,
     return out
 
 
-EYE_LANDMARKS = slice(36, 42), slice(42, 48)
-"""Landmarks of the eyes, the picture's left one first."""
-TWIN = np.array([3, 2, 1, 0, 5, 4])
-"""The landmarks of an eye's mirror image."""
+EYE_LANDMARKS = slice(36, 42), slice(42, 48)  # Landmarks of the eyes, the picture's left one first.
+TWIN = np.array([3, 2, 1, 0, 5, 4])  # The landmarks of an eye's mirror image.
 EVEN = 0.57
 """An eye with less of the other's contrast than this is not made out. On eight old masters those
 had 0.33 to 0.55 that one sees as smears, all others 0.74 or more; of fourteen frontal exemplars the
 least has 0.58."""
-SEEN = 0.12
-"""An eye with less contrast than this is no better."""
-LIGHT, DARK = 0.85, 0.12
-"""Quantiles of the tones between the lids that stand for white and iris."""
-WITHIN = 0.92
-"""What is looked at is this much smaller than the lids' outline: not the lashes."""
+SEEN = 0.12  # An eye with less contrast than this is no better.
+LIGHT, DARK = 0.85, 0.12  # Quantiles of the tones between the lids that stand for white and iris.
+WITHIN = 0.92  # What is looked at is this much smaller than the lids' outline: not the lashes.
 LEAST_OPENING = 0.06
 """Lids that leave less open than this, over the square of an eye's width, are closed."""
-FINE = 0.03
-"""Blur of what is looked at, over an eye's width: finer strokes are the painter's hand."""
+FINE = 0.03  # Blur of what is looked at, over an eye's width: finer strokes are the painter's hand.
 REPLACED = 0.72, 0.40, 0.46
 """Half width of what is painted, and its heights above and below an eye's middle, over the eye's
 width: lids and bags, but no brow."""
 SOFT, RING = 0.12, 1.3
 """Blur of its edge, over the eye's width; and how far around it light and color are read, over its
 size."""
-LIFTED = 0.3
-"""Share of the light around that reaches an eye's middle."""
+LIFTED = 0.3  # Share of the light around that reaches an eye's middle.
 
 
 def with_even_eyes(exemplar: Exemplar) -> Exemplar:

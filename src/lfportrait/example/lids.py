@@ -28,8 +28,7 @@ SHUT, DOUBTFUL, OPEN = 0.17, 0.27, 0.23
 """Height over width of eyes that are shut (closed lids keep a little of it, as landmarks of the
 upper lid stay above its edge); of those that only the picture tells from narrow ones; and of open
 eyes."""
-SHUT_IN_SPACE = 0.12
-"""The same of shut eyes of a head: landmarks from many views keep less of it."""
+SHUT_IN_SPACE = 0.12  # The same of shut eyes of a head: landmarks from many views keep less of it.
 IRIS = 0.25
 """An eye whose middle differs from the skin above it in a channel by this share of the skin's
 light shows its iris."""
@@ -43,8 +42,7 @@ LINE, LINE_SHARE, DARKEST = 0.05, 0.6, 0.15
 drawn down; and the share of an open eye, its darkest, whose color the line has."""
 SOUGHT = -0.02, 0.12
 """Where the upper lid's edge is sought above its landmarks, over the eye's width."""
-NEAR = 0.25
-"""The same as a share of the way to the brow, at most."""
+NEAR = 0.25  # The same as a share of the way to the brow, at most.
 BROAD, NEARBY, LIKE, FEW = 0.08, 0.2, 4.0, 8
 """Sigma of the blur for a lid's broad colors, and for those of the skin around that go on over it,
 over the eye's width; how far apart both may be, of 255; and pixels that say enough."""
@@ -57,10 +55,8 @@ than this share: it bulges into the light that falls there, whatever the shade o
 SLACK = 0.5
 """How much less the upper lid is stretched at the brow than it is on average, and how much more at
 its edge: its crease stays in its upper half."""
-BROW = 0.65
-"""Share of the way from the upper lid to the brow that is drawn down."""
-BELOW = 0.25
-"""So far below the lower lid, over the eye's width, nothing moves."""
+BROW = 0.65  # Share of the way from the upper lid to the brow that is drawn down.
+BELOW = 0.25  # So far below the lower lid, over the eye's width, nothing moves.
 
 
 def eye_openings(points: Points) -> tuple[float, float]:

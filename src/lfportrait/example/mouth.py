@@ -28,17 +28,14 @@ one is so much less; and from which on a painted one shows what is in it, and is
 UPPER, LOWER = (60, 61, 62, 63, 64), (60, 67, 66, 65, 64)
 TOP, BOTTOM = (48, 49, 50, 51, 52, 53, 54), (48, 59, 58, 57, 56, 55, 54)
 """Landmarks of the lips' inner and outer edges from corner to corner."""
-LINE = 0.4
-"""Share of a painted lip next to the other that is the line between them."""
-STEPS = 200
-"""Places that a curve is sampled at."""
+LINE = 0.4  # Share of a painted lip next to the other that is the line between them.
+STEPS = 200  # Places that a curve is sampled at.
 EDGE, GROWN = 0.02, 0.012
 """Half of the width in which lips go over into what is between them, and how far it is moved into
 the lips, where the painter's line between them would be left; over the mouth's width."""
 CHEEKS = (0.1, 0.5), (-0.9, -0.2)
 """Cheeks lie so far aside of the corners, and so far below the mouth; over its width."""
-WHITE, BLACK = 0.9, 0.05
-"""Quantiles of light between the lips: teeth, and the dark behind them."""
+WHITE, BLACK = 0.9, 0.05  # Quantiles of light between the lips: teeth, and the dark behind them.
 DULL, DEEP = 0.85, 0.35
 """The gap's white is no less bright than so much of the cheeks, as it may show no teeth, and its
 dark no lighter than that."""
@@ -46,12 +43,10 @@ LIGHT, DARK = 0.75, 0.1
 """Quantiles of light in the painted eyes and between the painted lips: the white and the dark."""
 BRIGHTER = 1.3
 """White is that much brighter than the painted cheeks, at most; or as bright as the eyes."""
-FLESH = 0.7
-"""What is as red as the lips stays as it is painted by so much: gums, a tongue."""
+FLESH = 0.7  # What is as red as the lips stays as it is painted by so much: gums, a tongue.
 SOON = 0.03
 """So much further open, over the mouth's width, it is painted in full: in a film nothing jumps."""
-FEW = 12
-"""Fewer pixels say nothing."""
+FEW = 12  # Fewer pixels say nothing.
 
 
 def parts_lips(exemplar: Exemplar, points: Points) -> bool:

@@ -40,8 +40,7 @@ from .kernels.patches import (
 
 _LARGE = 1 << 22
 """Pixels of a target whose planes are worth giving back before the search has ended."""
-SCALE = 4.0
-"""Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""
+SCALE = 4.0  # Colors and guides are in 1 / SCALE grey levels, times the root of a weight.
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ from .kernels.guides import distances, snap
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words
 
-FAR = 250.0
-"""Distances are known up to so many cells."""
+FAR = 250.0  # Distances are known up to so many cells.
 
 
 def signed_distance(mask: Float32, cell: int = 4) -> Float32:
@@ -109,15 +108,13 @@ class EdgeMatch:
             nodes[..., c] = before[..., c] + gaussian_blur(moved, 1.0)
 
 
-LINES = 12
-"""Lines across neck and body on which the edges are looked for."""
+LINES = 12  # Lines across neck and body on which the edges are looked for.
 BELOW = 1.02, 1.27
 """Depths below the brows (the chin is 1) between which the face gives way to the body."""
 
 UNDER_CHIN, LOWEST_NECK = 0.015, 0.1
 """The neck's plainest strip begins so far below the chin, over the face's height."""
-STRIP = 0.15
-"""Its height over what the exemplar shows below it."""
+STRIP = 0.15  # Its height over what the exemplar shows below it.
 
 
 def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
@@ -225,8 +222,7 @@ KEEP = 8.0
 """What is further from the outline stays on its side of the exemplar's by so much, in units."""
 TURNED = 0.5
 """Heads turned this much against the exemplar (`FaceFrame.turn`) hide or show other parts."""
-GRID = 4
-"""The guide is evaluated every Nth pixel and bilinear between: it changes slowly."""
+GRID = 4  # The guide is evaluated every Nth pixel and bilinear between: it changes slowly.
 
 
 class FlatGuide:

@@ -31,8 +31,7 @@ from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.table import extract_indices, scatter_pixels, sweep_linear, sweep_squared
 from .kernels.vote import elect, pack, vote
 
-FIXED = 64.0
-"""Costs are whole numbers of 1 / FIXED."""
+FIXED = 64.0  # Costs are whole numbers of 1 / FIXED.
 
 
 @dataclass(frozen=True)
@@ -107,10 +106,8 @@ def build_table(appearance: Float32, config: TableConfig, unit: float) -> LookUp
     return LookUpTable(indices, config.cell, low, step)
 
 
-BACKGROUND_LEVELS = 8
-"""Coarsest level where appearance has little weight (background, clothes)."""
-LANES = 16
-"""Pixels that the kernels work on at once."""
+BACKGROUND_LEVELS = 8  # Coarsest level where appearance has little weight (background, clothes).
+LANES = 16  # Pixels that the kernels work on at once.
 
 
 @dataclass(frozen=True)

@@ -31,26 +31,22 @@ from .guides.position import fold_inside, mls_similarity
 from .guides.regions import Regions
 from .kernels.seeds import nearest_sites, seed_points
 
-HAIR, NECK = 0, 1
-"""Materials of the pieces; -1 stands for a place that the exemplar shows."""
+HAIR, NECK = 0, 1  # Materials of the pieces; -1 stands for a place that the exemplar shows.
 CROWN = np.radians(75.0)
 """Angle from the forward direction from which the head above the brows is patchwork."""
 BEHIND_EARS = np.radians(125.0)
 """And below the brows: the jaw's ends lie at 90 degrees, ears up to 115, a cell reaches 8."""
-NAPE = np.radians(100.0)
-"""And below the ears."""
+NAPE = np.radians(100.0)  # And below the ears.
 SPREAD = 0.35
 """Pieces come from places up to this far from the guided one, over the exemplar's face size."""
-SIDE = 0.3
-"""Side of a cell over the exemplar's face size."""
+SIDE = 0.3  # Side of a cell over the exemplar's face size.
 ALIKE = 0.35
 """Share of the places that pieces of the neck come from: the plainest, most like the rest."""
 SHOULDER = np.radians(50.0)
 """Angle from which what an exemplar without shoulders does not show is patchwork."""
 EDGE = 0.35
 """Clothes are what lies further inside the person than this, over the exemplar's face size."""
-SHORT = 1.4
-"""An exemplar that ends less deep than this (brows 0, chin 1) shows no shoulders."""
+SHORT = 1.4  # An exemplar that ends less deep than this (brows 0, chin 1) shows no shoulders.
 
 
 @dataclass
@@ -152,10 +148,8 @@ def _everywhere(shape: tuple[int, ...]) -> Float32:
     return np.asarray(np.moveaxis(np.indices(shape[:2]), 0, -1)[..., ::-1] + 0.5, np.float32)
 
 
-CHEEK = np.radians(60.0)
-"""Angles up to this one from the forward direction are not squeezed."""
-LIMIT = np.radians(92.0)
-"""Squeezed angles stay below this one."""
+CHEEK = np.radians(60.0)  # Angles up to this one from the forward direction are not squeezed.
+LIMIT = np.radians(92.0)  # Squeezed angles stay below this one.
 
 
 def squeeze(angle: NDArray[np.floating]) -> Float64:

@@ -188,12 +188,9 @@ def _region_shares(photo: UInt8, landmarks: NDArray[np.floating],
         (name,) if name in found else members(name, LABELS))), np.float32) for name in names}
 
 
-FIRM = 2.0
-"""Factor of the labels' weight in a video, where a stretched position asks for less."""
-BLUR = 0.06
-"""Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
-LABEL_WEIGHT = 40.0
-"""Error of copying from a wrong region (hair for skin, lips for skin, ...)."""
+FIRM = 2.0  # Factor of the labels' weight in a video, where a stretched position asks for less.
+BLUR = 0.06  # Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`).
+LABEL_WEIGHT = 40.0  # Error of copying from a wrong region (hair for skin, lips for skin, ...).
 VIEW_GAIN = 10.0
 """Factor of `BlitConfig.min_improvement` where the target is no photo but a place on a surface:
 strokes must not jump between views."""
@@ -204,10 +201,8 @@ BACKGROUND = np.array([0.4, 0.05], np.float32)
 those below."""
 HAIR, BODY = np.array([1.0, 0.1], np.float32), np.array([0.5, 0.1], np.float32)
 """The same in the hair, and on neck and clothes."""
-SKIN_LOOK = np.float32(0.1)
-"""Weight of the appearance on forehead and ears."""
-CALM = 0.25
-"""Share of the face's weight of the appearance below which it hardly counts."""
+SKIN_LOOK = np.float32(0.1)  # Weight of the appearance on forehead and ears.
+CALM = 0.25  # Share of the face's weight of the appearance below which it hardly counts.
 
 
 class Transfer:
@@ -521,8 +516,7 @@ def face_landmarks(image: NDArray[np.generic]) -> Float64:
 GROUP = "lfportrait.transfer_methods"
 """Entry points of the methods of other packages; the fields of their parameters are options of the
 command line: ``--NAME.FIELD``."""
-OWN = "styleblit"
-"""The method of this stage."""
+OWN = "styleblit"  # The method of this stage.
 
 Method = Annotated[str, Choice(GROUP, OWN)]
 

@@ -126,12 +126,9 @@ def in_turn(make: Callable[[Item], Made], items: Iterator[Item], threads: int,
                 close()
 
 
-DISAGREE = 1.5
-"""Largest difference of the flow there and back in pixels."""
-LARGE = 200
-"""Pictures whose shorter side has at least so many pixels are reduced to half of it."""
-CUT = 0.3
-"""Share of trusted places below which two frames have nothing to do with each other."""
+DISAGREE = 1.5  # Largest difference of the flow there and back in pixels.
+LARGE = 200  # Pictures whose shorter side has at least so many pixels are reduced to half of it.
+CUT = 0.3  # Share of trusted places below which two frames have nothing to do with each other.
 
 
 @dataclass(frozen=True)
@@ -268,22 +265,15 @@ def paint_onward(prepared: Transfer, frame: UInt8, landmarks: Float64,
                    synthesis=replace(before.synthesis, image=image, shift=inside))
 
 
-FRESH = 0.25
-"""Share of the detected landmarks in the carried ones."""
-TORN = (0.6, 1.7)
-"""Range of the anchor plane's stretch against a new one."""
-DETECT = 4
-"""Landmarks are detected in every Nth frame."""
-SEGMENT = 8
-"""And person and hair segmented."""
-PAINT = 3
-"""Every Nth frame is painted from scratch; those between are carried onward."""
-KEPT = 0.85
-"""Share of carried anchors below which a frame is always painted from scratch."""
+FRESH = 0.25  # Share of the detected landmarks in the carried ones.
+TORN = (0.6, 1.7)  # Range of the anchor plane's stretch against a new one.
+DETECT = 4  # Landmarks are detected in every Nth frame.
+SEGMENT = 8  # And person and hair segmented.
+PAINT = 3  # Every Nth frame is painted from scratch; those between are carried onward.
+KEPT = 0.85  # Share of carried anchors below which a frame is always painted from scratch.
 MOST_PAINTERS = 4
 """More frames are not painted at a time: one thread can't follow the motion faster."""
-FRESH_MASKS = 0.5
-"""Share of the segmented masks in the carried ones."""
+FRESH_MASKS = 0.5  # Share of the segmented masks in the carried ones.
 
 
 def _similarity(source: Float64, target: Float64) -> NDArray[np.complex128]:

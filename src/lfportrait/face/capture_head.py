@@ -25,26 +25,19 @@ from ..field.closing import FittedHead
 from .head_fit import EXPRESSION, MOST_DEVIATIONS
 from .head_prior import EYES, SOCKETS, HeadPrior, head_prior, with_normals
 
-METRES = 0.207
-"""Of a unit of the portrait frame."""
-_LANDMARK, _SURFACE = 0.003 / METRES, 0.0025 / METRES
-"""Deviations of a landmark and of a surface."""
-_BROWS = 0.15
-"""Weight of the brows' landmarks: they are where one has hair."""
+METRES = 0.207  # Of a unit of the portrait frame.
+_LANDMARK, _SURFACE = 0.003 / METRES, 0.0025 / METRES  # Deviations of a landmark and of a surface.
+_BROWS = 0.15  # Weight of the brows' landmarks: they are where one has hair.
 _COUNT = 150.0
 """The surface's places, which err alike where they are neighbours, count together as so many."""
 _REACH = (0.030 / METRES, 0.010 / METRES)
 """How far a vertex looks for the surface, at first and at last."""
-_ALIKE = 0.6
-"""Cosine between the normals of a vertex and of the surface that it may be drawn to."""
-_APART = 0.006
-"""Metres between the vertices that are drawn."""
-_HAIRY = 0.1
-"""Weight of a surface before the skull where hair may be."""
+_ALIKE = 0.6  # Cosine between the normals of a vertex and of the surface that it may be drawn to.
+_APART = 0.006  # Metres between the vertices that are drawn.
+_HAIRY = 0.1  # Weight of a surface before the skull where hair may be.
 _HIGH, _BEHIND, _NAPE = 0.075, 0.010, -0.04
 """Heights and depth in the model, metres, beyond which hair grows."""
-_LOWEST = -0.105
-"""Height in the model below which a neck is not looked at."""
+_LOWEST = -0.105  # Height in the model below which a neck is not looked at.
 _EAR = ((0.060, 0.120), (-0.0225, 0.0365), (-0.0185, 0.0175))
 """Where ICT-FaceKit's mean head has its ears: |x|, y and z in metres."""
 LONG = 1.27

@@ -27,8 +27,7 @@ from .landmarks import FROM_MEDIAPIPE, centred
 from .segmentation import made, picture
 
 _AROUND = 1.5
-_MANY = 8
-"""Faces that are looked for in a picture."""
+_MANY = 8  # Faces that are looked for in a picture.
 
 
 def detectors_key() -> str:

@@ -37,20 +37,16 @@ from .detect import detect_landmarks
 from .landmarks import EGG, GENERIC_LANDMARKS
 from .segmentation import person_matte
 
-_OWN = 0.06
-"""How far a person's landmarks lie from the generic head's, portrait units."""
-_JAW = 0.25
-"""Weight of the jaw's landmarks: on a turned face they slide along the outline."""
+_OWN = 0.06  # How far a person's landmarks lie from the generic head's, portrait units.
+_JAW = 0.25  # Weight of the jaw's landmarks: on a turned face they slide along the outline.
 _HIDDEN = 0.3
 """Cosine between a landmark's normal and the way to the camera below which it is guessed."""
 _BETTER = 0.6
 """Part of the photos with a face that features of the head must place, to be believed."""
-_NOISE = 0.015
-"""A detector's error, over the face's extent in the photo."""
+_NOISE = 0.015  # A detector's error, over the face's extent in the photo.
 _LOOSE, _NOTED = 0.25, 0.03
 """Logarithm by which focal lengths differ from the usual one, and from noted ones."""
-_FEW = 24
-"""Photos, at most, of which each is looked at thoroughly."""
+_FEW = 24  # Photos, at most, of which each is looked at thoroughly.
 _FAR = 4.0
 """A photo whose landmarks are off by more than this many times the noise is of another face."""
 

@@ -29,40 +29,28 @@ from .rims import (
     upright,
 )
 
-SURE = 0.46
-"""Product of the three measures from which on a pair of rings is a pair of rims."""
+SURE = 0.46  # Product of the three measures from which on a pair of rings is a pair of rims.
 IN_PHOTOS = 0.42
 """The same in photos, in which fewer lines mislead: of 59 faces without spectacles none has more
 than 0.38, of 53 with some 31 have more."""
-DARK = 0.45
-"""Light below an eye over that of the cheek, both linear, below which a lens is dark."""
-TRIED = 3
-"""Pairs of curves that are followed, of each tone."""
+DARK = 0.45  # Light below an eye over that of the cheek, both linear, below which a lens is dark.
+TRIED = 3  # Pairs of curves that are followed, of each tone.
 MOST_TURNED = 65.0
 """Yaw in degrees; of faces turned further the far rim isn't seen."""
-ACROSS = np.linspace(-6, 6, 25)
-"""Pixels from a line, where its cross-section is read."""
-LINE = np.exp(-((ACROSS / 4) ** 2))
-"""What of it is the line, rather than what lies beside it."""
-GRAIN = 0.01
-"""Cross-sections with less contrast than this, of 1, are alike by chance."""
+ACROSS = np.linspace(-6, 6, 25)  # Pixels from a line, where its cross-section is read.
+LINE = np.exp(-((ACROSS / 4) ** 2))  # What of it is the line, rather than what lies beside it.
+GRAIN = 0.01  # Cross-sections with less contrast than this, of 1, are alike by chance.
 BESIDE, UNSURE = 1.0, 0.01
 """Width of the highlight and the shadow beside a line, in its own widths, on either side; and how
 far off a line that was found may be, in the head's units."""
-LEAST_WIDTH = 0.01
-"""Of a line, in the head's units."""
-BRIDGE = 0.6
-"""Least mean answer of the line of a bridge."""
+LEAST_WIDTH = 0.01  # Of a line, in the head's units.
+BRIDGE = 0.6  # Least mean answer of the line of a bridge.
 RISES = (-0.01, 0.0, 0.01, 0.02), (0.03, 0.04, 0.05), (0.06, 0.075, 0.09, 0.105, 0.12)
 """Heights of bars, of arcs and of the springs of pince-nez over their ends, in the head's units."""
-OUTSIDE = 0.15, 0.4, 0.5
-"""Least shares of them that lie outside of the rims."""
-TEMPLE = 0.7
-"""The same of a temple; hair and wrinkles make short lines, too."""
-SHORT = 0.13
-"""Temples that are seen for less than this, in the head's units, are wrinkles."""
-STEPS = 32
-"""Points of a bridge and of a temple."""
+OUTSIDE = 0.15, 0.4, 0.5  # Least shares of them that lie outside of the rims.
+TEMPLE = 0.7  # The same of a temple; hair and wrinkles make short lines, too.
+SHORT = 0.13  # Temples that are seen for less than this, in the head's units, are wrinkles.
+STEPS = 32  # Points of a bridge and of a temple.
 
 
 @dataclass(frozen=True)

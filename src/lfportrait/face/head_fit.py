@@ -22,14 +22,12 @@ from .detect import face_yaw
 from .head_prior import EYES, HeadPrior, with_normals
 from .landmarks import MOST_TURNED
 
-SMALLEST = 150.0
-"""Pixels of a face's width, ear to ear, that it must have."""
+SMALLEST = 150.0  # Pixels of a face's width, ear to ear, that it must have.
 BROAD = 1.2
 """That width over the height from between the eyes to the chin, of a face that is not turned."""
 DISTANCES = (0.45, 0.6, 0.8, 1.05, 1.4)
 """Metres between camera and face that are tried where no focal length is noted."""
-LIKELY, SPREAD = 0.8, 0.15
-"""The likeliest distance, and the deviation of its logarithm."""
+LIKELY, SPREAD = 0.8, 0.15  # The likeliest distance, and the deviation of its logarithm.
 NOISE = 0.02
 """Deviation of a landmark in the picture, over the distance of the outer corners of the eyes."""
 JAW, NEAR_JAW = 2.0, 8.0
@@ -39,12 +37,9 @@ were seen turned by a tenth too little, and 1.7 instead of 1.0 degrees off."""
 VAGUE = {tuple(range(17, 27)): 3.0, (27, 28, 29): 4.0}
 """How many times less exact landmarks are along the face: brows, whose edges people see unlike,
 and the bridge, which has no marks."""
-HUBER = 2.0
-"""Deviations from which on an error counts linearly."""
-EXPRESSION = 0.35
-"""Deviation of the expressions."""
-OUTLINE = 0.008
-"""Deviation of the matte's outline, over the distance of the eyes."""
+HUBER = 2.0  # Deviations from which on an error counts linearly.
+EXPRESSION = 0.35  # Deviation of the expressions.
+OUTLINE = 0.008  # Deviation of the matte's outline, over the distance of the eyes.
 ROUNDS = 14
 PLACED, SURFACE, ALIKE = 0.006, 0.003, 40.0
 """Deviation of a place that is found again in another photo, over the distance of the eyes; of the
@@ -54,24 +49,19 @@ TURNED = 10.0
 """Landmarks and outline of a photo in which places are found are so many times less exact:
 detectors see a turned face as turned less, and its outline is of ears and skull, which modes know
 less."""
-MOST_DEVIATIONS = 3.0
-"""No coefficient of identity goes further."""
+MOST_DEVIATIONS = 3.0  # No coefficient of identity goes further.
 WORST = 0.09
 """Root mean square of the inner landmarks' errors, over the distance of the eyes' outer corners,
 above which the head fits no face."""
 STRAINED = 0.05, 2.0
 """The same, and times what it was without the outline, above which that is of something else."""
-VAGUE_HAIR = 4.0
-"""Where hair is the outline, it says so many times less of the skull."""
-HAIR = 0.008
-"""Metres that hair is thick at least where it is the outline."""
-_FLIP = np.diag([1.0, -1.0, -1.0])
-"""From a head to a camera that looks at it from the front."""
+VAGUE_HAIR = 4.0  # Where hair is the outline, it says so many times less of the skull.
+HAIR = 0.008  # Metres that hair is thick at least where it is the outline.
+_FLIP = np.diag([1.0, -1.0, -1.0])  # From a head to a camera that looks at it from the front.
 ALIKE_ENOUGH = 0.7
 """Cosine of the angle between the model's outline and the matte's from which on these may be the
 same."""
-BACKWARDS = 110.0
-"""Degrees by which no face that was found is turned."""
+BACKWARDS = 110.0  # Degrees by which no face that was found is turned.
 _WATCHED = 0.15
 """Outlines further from the matte's than this, over the eyes' distance, are of something else."""
 

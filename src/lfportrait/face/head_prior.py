@@ -49,8 +49,7 @@ the face), as triangulated from several sides, where a landmark slides over the 
 each pair. Medians over 16 random heads of that model (6 for depth), drawn with brows, lips and
 irises. Uncorrected, a nose's tip seen 2 mm too low tilts the whole head by five degrees.
 """
-BELIEVED = 0.5
-"""Share of the lean in the picture that is corrected."""
+BELIEVED = 0.5  # Share of the lean in the picture that is corrected.
 _USED = ("browDown_L", "browDown_R", "browInnerUp_L", "browInnerUp_R", "browOuterUp_L",
          "browOuterUp_R", "cheekPuff_L", "cheekPuff_R", "eyeBlink_L", "eyeBlink_R", "eyeWide_L",
          "eyeWide_R", "jawLeft", "jawRight", "jawOpen", "mouthClose", "mouthFrown_L",
@@ -249,18 +248,12 @@ def generic_prior() -> HeadPrior:
                      landmarks, identity, np.zeros((0, len(mean), 3), np.float32), ())
 
 
-UNIT = 0.207
-"""Metres of a unit of the portrait frame, about."""
-CELL = 0.012
-"""Distance of the surface's rows, portrait units."""
-LOWEST = -0.95
-"""Height at which the generic head's neck ends, portrait units."""
-CHIN = -0.56
-"""Height at which its chin ends, portrait units."""
-SMOOTH = 1e-3
-"""Smoothing of the plate."""
-RADIUS = 0.08
-"""Metres that a radian around the head counts as."""
+UNIT = 0.207  # Metres of a unit of the portrait frame, about.
+CELL = 0.012  # Distance of the surface's rows, portrait units.
+LOWEST = -0.95  # Height at which the generic head's neck ends, portrait units.
+CHIN = -0.56  # Height at which its chin ends, portrait units.
+SMOOTH = 1e-3  # Smoothing of the plate.
+RADIUS = 0.08  # Metres that a radian around the head counts as.
 
 _LANDMARKS = {
     0: (-72, 0, 4), 1: (-72, -16, 8), 2: (-71, -34, 13), 3: (-68, -52, 20), 4: (-62, -70, 31),
@@ -297,8 +290,7 @@ _PLACES = np.array([
     (40, 0, -82), (66, 0, -50), (0, -40, -80), (55, -40, -50), (0, 75, -85), (0, 112, -10),
 ], np.float64)
 """Further places of the surface, likewise, of the sitter's left."""
-_NECK = (-0.75, -0.85, -0.95)
-"""Heights at which the bust's neck stays as it is, portrait units."""
+_NECK = (-0.75, -0.85, -0.95)  # Heights at which the bust's neck stays as it is, portrait units.
 
 # Ears stand out from the head: middle of the flap (up, out of the face), half its height, its ends
 # in front and behind, and how far it stands out there; millimetres.

@@ -135,10 +135,8 @@ MIRRORED = np.array([
 """Number of each landmark's mirror image."""
 
 _SKULL = np.array([0.0, 0.12, 0.0])
-EGG = np.array([0.47, 0.68, 0.52])
-"""Half axes of the egg for skull and hair."""
-_BEHIND = -0.05
-"""Depth of what lies around the head."""
+EGG = np.array([0.47, 0.68, 0.52])  # Half axes of the egg for skull and hair.
+_BEHIND = -0.05  # Depth of what lies around the head.
 
 
 def generic_depth(x: Float64, y: Float64, landmarks: Float64 = GENERIC_LANDMARKS) -> Float64:
@@ -165,10 +163,8 @@ def generic_depth(x: Float64, y: Float64, landmarks: Float64 = GENERIC_LANDMARKS
     return np.asarray(share * face + (1 - share) * np.maximum(skull, _BEHIND), np.float64)
 
 
-_JAW = 0.5
-"""Weight of the jaw's landmarks: on a turned face they slide along the outline."""
-_STEP = float(np.finfo(np.float64).eps ** 0.5)
-"""Step for slopes, of each value."""
+_JAW = 0.5  # Weight of the jaw's landmarks: on a turned face they slide along the outline.
+_STEP = float(np.finfo(np.float64).eps ** 0.5)  # Step for slopes, of each value.
 
 
 @dataclass(frozen=True)
@@ -257,8 +253,7 @@ def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
     return FacePose(pose.rotation, pose.scale, pose.shift, residual)
 
 
-JAW = 17
-"""The first landmarks are the jaw's."""
+JAW = 17  # The first landmarks are the jaw's.
 HELD = 0.1
 """How inexact landmarks are in the picture, over how far a face's depth is from the generic
 head's."""
@@ -296,8 +291,7 @@ PORTRAIT_CONE = 40.0
 """Degrees in all."""
 MOST_TURNED = 35.0
 """Degrees that a face may be turned in its photo."""
-FIT = "head_fit"
-"""Key of a capture's figures under which the fit of a head is kept."""
+FIT = "head_fit"  # Key of a capture's figures under which the fit of a head is kept.
 
 
 def is_portrait(capture: Any) -> bool:

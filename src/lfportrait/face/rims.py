@@ -24,24 +24,16 @@ from .landmarks import FacePose
 
 UNIT = 200.0
 """Pixels a unit of the generic head, whose eyes are 0.36 apart: a rim is 2 to 6 pixels wide."""
-SHAPE = 170, 260
-"""Height and width of the upright picture."""
-ORIGIN = np.array([130.0, 62.0])
-"""Where the middle between the eyes lies in it, (x, y)."""
-DIRECTIONS = 16
-"""Of lines, over half a turn."""
+SHAPE = 170, 260  # Height and width of the upright picture.
+ORIGIN = np.array([130.0, 62.0])  # Where the middle between the eyes lies in it, (x, y).
+DIRECTIONS = 16  # Of lines, over half a turn.
 WIDTHS = ((2.6, 0.8), (4.5, 1.3))
 """Pixels from a line to what lies beside it, and the blur before they are compared."""
-AROUND = 14.0
-"""Sigma in pixels of the neighbourhood whose lines a line is compared with."""
-STANDS_OUT = 2.5
-"""A line that is this many times stronger than its neighbourhood answers in full."""
-FAINT = 0.012
-"""Lines of less contrast than this, of 1, are the grain of canvas and paper."""
-LIDS = 0.022
-"""Lines nearer to an eye than this, in the head's units, may be its lids."""
-UNKNOWN = 0.5
-"""What a place that may be a lid answers."""
+AROUND = 14.0  # Sigma in pixels of the neighbourhood whose lines a line is compared with.
+STANDS_OUT = 2.5  # A line that is this many times stronger than its neighbourhood answers in full.
+FAINT = 0.012  # Lines of less contrast than this, of 1, are the grain of canvas and paper.
+LIDS = 0.022  # Lines nearer to an eye than this, in the head's units, may be its lids.
+UNKNOWN = 0.5  # What a place that may be a lid answers.
 
 
 @dataclass(frozen=True)
@@ -155,22 +147,16 @@ EYE = 0.13, 0.1
 an eye that is not larger is no rim."""
 TURNED = 12.0
 """Yaw in degrees from which on the far rim may be narrower: lenses are bent round the face."""
-STRIDE = 2
-"""Votes are counted at every Nth pixel."""
+STRIDE = 2  # Votes are counted at every Nth pixel.
 BOX = slice(38, 126), slice(46, 216)
 """Rows and columns of the upright picture where a rim's middle may lie."""
-POINTS = 40
-"""Of a curve, for votes."""
-SECTORS = 8
-"""Of a curve: lines in all of them count more than many in one."""
-FINE = 96
-"""Points of a curve that is followed."""
+POINTS = 40  # Of a curve, for votes.
+SECTORS = 8  # Of a curve: lines in all of them count more than many in one.
+FINE = 96  # Points of a curve that is followed.
 ROOM = np.linspace(0.84, 1.16, 21)
 """How far a rim may be from the curve: times its distance from the middle."""
-NARROW = np.linspace(0.9, 1.1, 17)
-"""The same once it is known better."""
-STIFF = 0.15
-"""What a step of ``ROOM`` costs, against 1 for a full answer of a line."""
+NARROW = np.linspace(0.9, 1.1, 17)  # The same once it is known better.
+STIFF = 0.15  # What a step of ``ROOM`` costs, against 1 for a full answer of a line.
 
 
 @dataclass(frozen=True)

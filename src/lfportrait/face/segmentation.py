@@ -249,10 +249,8 @@ def picture(image: UInt8) -> Any:
     return mediapipe.Image(image_format=kind, data=np.ascontiguousarray(image))
 
 
-FINE = 160
-"""Minimum width of the face in blocks of pixels."""
-SOFTNESS = 0.02
-"""Width of a face's edge (sigma) over the face's width."""
+FINE = 160  # Minimum width of the face in blocks of pixels.
+SOFTNESS = 0.02  # Width of a face's edge (sigma) over the face's width.
 
 
 def _chroma(image: NDArray[Any]) -> Float32:

@@ -17,14 +17,10 @@ from ..progress import Progress, note
 from .detect import detect_landmarks, face_yaw
 from .segmentation import quarter_turns
 
-_SPREAD = 24
-"""Views tried first, spread over the capture."""
-_WANTED = 20
-"""Views about the front of the face that are searched."""
-_ENOUGH = 3
-"""Views with a face that landmarks in space are found from, at least."""
-_MOST_TURNED = 0.9
-"""`face_yaw` beyond which a view says little about the hidden half of the face."""
+_SPREAD = 24  # Views tried first, spread over the capture.
+_WANTED = 20  # Views about the front of the face that are searched.
+_ENOUGH = 3  # Views with a face that landmarks in space are found from, at least.
+_MOST_TURNED = 0.9  # `face_yaw` beyond which a view says little about the hidden half of the face.
 
 
 def _across(cameras: Camera, points: Float64) -> tuple[Float64, Float64]:

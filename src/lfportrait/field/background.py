@@ -12,8 +12,7 @@ from ..arrays import Float32, Float64, Int32, UInt8
 from ..capture import Camera
 from .kernels.shells import shells_backward, shells_forward, shells_mark, shells_step
 
-SOLID = 10.0
-"""Density from which a voxel stops light within about a twentieth of a head."""
+SOLID = 10.0  # Density from which a voxel stops light within about a twentieth of a head.
 
 
 class _Solid(Protocol):

@@ -10,8 +10,7 @@ import tyro
 
 from ..errors import UserError
 
-_LEAST = 0.4
-"""Share of a coarse level's usual rays that it has however short the time is."""
+_LEAST = 0.4  # Share of a coarse level's usual rays that it has however short the time is.
 
 
 def lattice_points(pixel: float) -> int:

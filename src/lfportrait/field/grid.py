@@ -101,8 +101,7 @@ def surface_points(cameras: Camera, view: int, depth: Float32) -> Float64:
     return points.reshape(height, width, 3)
 
 
-_PIXELS = 1 << 15
-"""Pixels whose weights are found together."""
+_PIXELS = 1 << 15  # Pixels whose weights are found together.
 
 
 @dataclass(frozen=True)

@@ -291,8 +291,7 @@ def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, floa
     return figures
 
 
-_CASTS = 8
-"""Batches that are cast for these figures."""
+_CASTS = 8  # Batches that are cast for these figures.
 _Cast = Callable[[Int32, Int64], dict[str, float]]
 """From a batch's tiles and blocks: ``seconds``, ``samples`` and ``records``."""
 

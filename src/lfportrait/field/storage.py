@@ -72,8 +72,7 @@ Loaded = tuple[Int32, Float32, Float32, Float64,
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts",
              "backdrop_picture", "hair", "clothes")
 """The arrays of a file that are worth compressing."""
-_NOISY = ("density_data", "sh_data")
-"""Those in which no string comes again."""
+_NOISY = ("density_data", "sh_data")  # Those in which no string comes again.
 
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
@@ -304,14 +303,10 @@ def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | Non
                       np.ascontiguousarray(data, np.float32))
 
 
-_PIECE = 1 << 20
-"""Bytes that are deflated together: as many on any machine, for the same file."""
-_FIELD = 0x666C
-"""The kind of our extra field."""
-_MOST = 0xFFFF
-"""Bytes that an extra field may have."""
-_HEADER = 30
-"""Bytes of a member's header without its name and its extra fields."""
+_PIECE = 1 << 20  # Bytes that are deflated together: as many on any machine, for the same file.
+_FIELD = 0x666C  # The kind of our extra field.
+_MOST = 0xFFFF  # Bytes that an extra field may have.
+_HEADER = 30  # Bytes of a member's header without its name and its extra fields.
 
 
 class _Piece(NamedTuple):

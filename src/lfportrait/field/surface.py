@@ -215,16 +215,12 @@ def _seen(field: VoxelField, points: Float64, normals: Float64, voxel: float) ->
     return color[:, :3]
 
 
-REACH = 1.8
-"""Cells whose middles are nearer than this many sides are neighbors."""
+REACH = 1.8  # Cells whose middles are nearer than this many sides are neighbors.
 CONTRAST = 0.08
 """Distance of colors (sRGB in [0, 1]) across which a walker goes 0.6 times as easily."""
-LEAST = 0.01
-"""So easily it goes across any edge."""
-LOOSE = 1e-6
-"""Weight of the mean of all votes, which holds cells that nothing hangs together with."""
-ACCURACY = 1e-4
-"""Relative, of the solution."""
+LEAST = 0.01  # So easily it goes across any edge.
+LOOSE = 1e-6  # Weight of the mean of all votes, which holds cells that nothing hangs together with.
+ACCURACY = 1e-4  # Relative, of the solution.
 
 
 @dataclass(frozen=True)

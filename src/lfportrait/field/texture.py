@@ -28,10 +28,8 @@ from ..arrays import Float32, Float64, Int32, UInt8
 from .kernels.bricks import Bricks
 from .kernels.texture import NONE, cell_charts, halve
 
-OCTAVES = 6
-"""Octaves of the pyramid; at the last one a texel is as large as eight lattice points."""
-STEPS = 4
-"""Levels in each octave."""
+OCTAVES = 6  # Octaves of the pyramid; at the last one a texel is as large as eight lattice points.
+STEPS = 4  # Levels in each octave.
 FULL = 254.0
 """Texels per full scale: differences up to one half either way are kept exactly enough."""
 

@@ -25,46 +25,36 @@ from ..capture import Camera, Capture
 from .grid import Cut, VoxelField, surface_points
 from .training.lattice import dilated, labelled
 
-SIDES = 72
-"""Directions around the body in which its lower end is looked for."""
-OPAQUE = 8.0
-"""Density per voxel from which on a point is surface."""
+SIDES = 72  # Directions around the body in which its lower end is looked for.
+OPAQUE = 8.0  # Density per voxel from which on a point is surface.
 FRAYED = 2.5
 """Voxels by which the ends' heights deviate from a plane (standard deviation) in a frayed bust."""
-CLEAN = 92.0
-"""Per cent of the ends that lie below the cut."""
+CLEAN = 92.0  # Per cent of the ends that lie below the cut.
 SHOWN, SHOWN_SURELY = 0.4, 0.2
 """Share of the photos that still show the body where it is cut; the same with mattes that were
 given: a network's take some of the floor for the person."""
-ASKED = 0.25
-"""Places that a smaller share of all photos than this could show are ignored."""
+ASKED = 0.25  # Places that a smaller share of all photos than this could show are ignored.
 UNSEEN = 0.01
 """Where a smaller share of the surface than this lies lower, the photos' end is not the body's."""
-SAMPLES = 20_000
-"""Points of the surface, at most, that are looked up in all photos."""
+SAMPLES = 20_000  # Points of the surface, at most, that are looked up in all photos.
 CHIN = 0.35
 """The cut stays further below the chin than this part of the face's height (brows to chin)."""
-STEEP = 8.0
-"""Optical depth of a voxel one voxel above the cut, at most."""
+STEEP = 8.0  # Optical depth of a voxel one voxel above the cut, at most.
 FIRM = 3.0
 """Factor of the densities at the cut, where rays end in a wedge thinner than the surface."""
-NEAR = 4.0
-"""Voxels above the cut from which on all is as it was."""
+NEAR = 4.0  # Voxels above the cut from which on all is as it was.
 FAINT, NEXT, LOST = 0.02, 3, 0.2
 """Opacity from which on a pixel shows matter, pixels from it that are next to it, and what a pixel
 loses of its opacity if what it shows is gone."""
-HANGS = 0.12
-"""Portrait units above the cut up to which what nothing holds from above goes."""
-CRUMB = 0.02
-"""Pieces smaller than this part of the largest are crumbs."""
+HANGS = 0.12  # Portrait units above the cut up to which what nothing holds from above goes.
+CRUMB = 0.02  # Pieces smaller than this part of the largest are crumbs.
 WALL_PHOTOS, WALL_PIXEL = 12, 2.0
 """Photos, at most, that are asked whether a bust ends in a wall, and the width of their pixels in
 voxels."""
 SHOULDERS = 0.8
 """What lies less far below the chin than this part of the face's height is the body: no collar
 and no neckline is taken for a bust's end."""
-SHADES = 16
-"""Levels of red, of green and of blue that colors of wall and body are counted in."""
+SHADES = 16  # Levels of red, of green and of blue that colors of wall and body are counted in.
 RATHER, SELDOM_SHADE = 20.0, 1e-5
 """A color that is so many times as frequent on the wall as on the body is the wall's; and the share
 of the body that any color has."""
@@ -73,8 +63,7 @@ MUCH_WALL, LITTLE_WALL = 0.5, 0.1
 STRIP, HEM = 99.0, 0.1
 """Per cent of a strip that lie below the cut; it rises for that by this part of the face's height
 above most ends at most."""
-LEFT = 0.25
-"""Share of what has the wall's colors that a cut may leave."""
+LEFT = 0.25  # Share of what has the wall's colors that a cut may leave.
 
 
 def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera,

@@ -182,10 +182,8 @@ the card has, and code then fails on a smaller one."""
 
 BINDING = LIMITS["max-storage-buffer-binding-size"]
 """Bytes of a buffer that a shader can see at once."""
-_STAGED = 32 << 20
-"""Bytes that are read back at once."""
-_DISPATCH = 0.05
-"""Seconds that one dispatch should take: some systems reset a driver after two."""
+_STAGED = 32 << 20  # Bytes that are read back at once.
+_DISPATCH = 0.05  # Seconds that one dispatch should take: some systems reset a driver after two.
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from typing import Any, TypeVar
 from ..runner import Child, Pipe
 from .device import Adapter, Device
 
-_TIMEOUT = 120.0
-"""Seconds after which a call is taken to hang."""
+_TIMEOUT = 120.0  # Seconds after which a call is taken to hang.
 
 
 class GpuLostError(RuntimeError):

@@ -114,20 +114,15 @@ class ViewMask:
 # In the portrait frame the eyes lie at y = 0 and z = 0.4 (`lfportrait.capture.camera`), the tip of
 # the nose at z = 0.6; from the front a head is seen back to its widest place, at z = 0.
 _FACE, _NOSE, _OUTLINE = 0.4, 0.6, 0.0
-_EYES = 0.2
-"""Half the distance of the eyes' outer corners, rounded up."""
-_TOP = 0.86
-"""Place of the crown in half panel heights, where all else allows it."""
-_LOW = -1.06
-"""The bust ends here or below, in half panel heights: just beneath the lower edge."""
+_EYES = 0.2  # Half the distance of the eyes' outer corners, rounded up.
+_TOP = 0.86  # Place of the crown in half panel heights, where all else allows it.
+_LOW = -1.06  # The bust ends here or below, in half panel heights: just beneath the lower edge.
 _HIGHEST = 0.24
 """Eyes are at most so high or low, in half panel heights: well within the middle third."""
-_SIZES = 0.6, 1.2
-"""Half panel heights per world unit, at least and at most."""
+_SIZES = 0.6, 1.2  # Half panel heights per world unit, at least and at most.
 _WIDE = 0.86
 """Share of a panel's width that a head's own may take up: hair and outer views need the rest."""
-_FLATTEST = 0.5
-"""Of its depth a head keeps so much at least: a flatter one looks like a relief."""
+_FLATTEST = 0.5  # Of its depth a head keeps so much at least: a flatter one looks like a relief.
 
 
 def composed(field: VoxelField, display: Display, config: EncodeConfig) -> EncodeConfig:
@@ -181,14 +176,11 @@ def _kept_depth(display: Display, scale: float) -> float:
             stacklevel=4)
     return float(max(wanted, _FLATTEST))
 
-_APART = math.radians(3.0)
-"""Angle between neighbouring eyes that colors are evaluated for."""
-_LAYERS = 16
-"""Most such eyes."""
+_APART = math.radians(3.0)  # Angle between neighbouring eyes that colors are evaluated for.
+_LAYERS = 16  # Most such eyes.
 _STEEP = 0.77
 """Cosine between a camera's axis and the lattice's from which planes lie close enough."""
-_MEMORY = 512 << 20
-"""Bytes that their colors may take."""
+_MEMORY = 512 << 20  # Bytes that their colors may take.
 
 
 def viewpoints(field: VoxelField, eyes: Float64, distance: float, height: float,

@@ -27,20 +27,14 @@ from .display import Display
 from .kernels.ground import fill_ground, shade_ground, view_ground
 from .placement import EncodeConfig, Placement
 
-_LIGHT = np.array([-0.5, 0.55, 1.0])
-"""Where the light comes from, where no painting says so."""
+_LIGHT = np.array([-0.5, 0.55, 1.0])  # Where the light comes from, where no painting says so.
 _HIGH = 3.6
 """Height of a picture that is taken for the ground, in world units: all that most panels see."""
-_CELL = 0.04
-"""Width of a cell of the shadow in half panel heights."""
-_CLOSED = 0.05
-"""Sigma of the blur that joins the places of the head, in half panel heights."""
-_PENUMBRA = 0.22
-"""Width of a shadow's soft edge over the distance of what throws it."""
-_PART = 0.8
-"""Width of a blurred ground's texels over the sigma of its blur."""
-_BACK = 0.005
-"""So few of the head's places lie farther back than its back."""
+_CELL = 0.04  # Width of a cell of the shadow in half panel heights.
+_CLOSED = 0.05  # Sigma of the blur that joins the places of the head, in half panel heights.
+_PENUMBRA = 0.22  # Width of a shadow's soft edge over the distance of what throws it.
+_PART = 0.8  # Width of a blurred ground's texels over the sigma of its blur.
+_BACK = 0.005  # So few of the head's places lie farther back than its back.
 
 
 @dataclass(frozen=True)

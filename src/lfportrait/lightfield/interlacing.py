@@ -185,8 +185,7 @@ def interlace(views: UInt8, display: Display, config: InterlaceConfig | None = N
     return image
 
 
-_MEMORY = 400_000_000
-"""Bytes that the sums of one pass may take."""
+_MEMORY = 400_000_000  # Bytes that the sums of one pass may take.
 
 
 def deinterlace(image: UInt8, display: Display, view: int) -> tuple[UInt8, Bool]:

@@ -33,8 +33,7 @@ from ..errors import UserError
 from .display import Display
 from .placement import DepthReport
 
-_ROWS = 128
-"""Rows of the panel that are worked on at once."""
+_ROWS = 128  # Rows of the panel that are worked on at once.
 
 Paint = Callable[[Int64, Float64, Float64, int], NDArray[np.floating[Any]]]
 """Color in [0, 1] from the view, x, y (half panel heights, y up) and the channel."""

@@ -27,10 +27,8 @@ from .display import Display
 
 # Case differs, the aspect may be missing, and some languages write a comma in it.
 _QUILT = re.compile(r"_qs(?:(\d+)x(\d+)(?:a(\d*[.,]?\d+))?|(?![a-z0-9]))", re.IGNORECASE)
-_SAME = 0.01
-"""Names give the aspect in a few digits."""
-_SQUEEZED = 2.0
-"""Tiles may be squeezed: customary quilts do it by up to 1.6."""
+_SAME = 0.01  # Names give the aspect in a few digits.
+_SQUEEZED = 2.0  # Tiles may be squeezed: customary quilts do it by up to 1.6.
 
 
 def quilt_part(name: str) -> re.Match[str] | None:

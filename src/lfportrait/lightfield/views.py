@@ -32,16 +32,13 @@ from .kernels.slices import view_kernel
 from .placement import EncodeConfig
 from .quilts import QuiltLayout
 
-_FAINTEST = 2e-4
-"""Slices leave out samples that hold back less light than this."""
+_FAINTEST = 2e-4  # Slices leave out samples that hold back less light than this.
 _STOP = 4e-3
 """Transmittance at which a ray ends; the rest, a level of 8 bits, is taken to have its color."""
-_TOGETHER = 64 << 20
-"""Bytes of pictures that are rendered at once."""
+_TOGETHER = 64 << 20  # Bytes of pictures that are rendered at once.
 _STEEPEST = 50.0
 """Degrees between a ray and the normal of the planes, at most: there is one sample a plane."""
-_LEVEL = 1e-9
-"""What a camera's axes may lie off the horizon, as a sine."""
+_LEVEL = 1e-9  # What a camera's axes may lie off the horizon, as a sine.
 
 
 def eight_bit(color: Float32) -> UInt8:

@@ -30,8 +30,7 @@ from PIL import Image, ImageOps
 from ..arrays import Float32, Float64, UInt8
 from ..color import BT2020, SRGB, linear_light, primaries_to_srgb, srgb_values, tone_mapped
 
-_PROFILED = ("L", "RGB", "CMYK", "LAB")
-"""Pillow's modes that LittleCMS converts."""
+_PROFILED = ("L", "RGB", "CMYK", "LAB")  # Pillow's modes that LittleCMS converts.
 _D65, _DCI_WHITE, _C = (0.3127, 0.3290), (0.314, 0.351), (0.310, 0.316)
 _P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060)
 _ADOBE = (0.640, 0.330, 0.210, 0.710, 0.150, 0.060, *_D65)
@@ -44,8 +43,7 @@ _NAMES = {1: "BT.709", 4: "BT.470 M", 8: "film", 9: "BT.2020", 11: "DCI-P3", 12:
 _CURVES = {1: "bt709", 4: "2.2", 5: "2.8", 6: "bt709", 8: "1", 14: "bt709", 15: "bt709",
            16: "pq", 17: "2.6", 18: "hlg"}
 """By the number of H.273's transfers; others are taken for sRGB's."""
-_UNSAID = 2
-"""H.273's number of what a file does not say."""
+_UNSAID = 2  # H.273's number of what a file does not say.
 
 
 @dataclass(frozen=True)

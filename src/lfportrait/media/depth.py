@@ -310,8 +310,7 @@ def _pixel_format(text: str) -> bytes:
 
 
 _BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
-_LARGEST = 1 << 26
-"""Pixels of a depth map beyond which it is none."""
+_LARGEST = 1 << 26  # Pixels of a depth map beyond which it is none.
 _SOURCE = "heic"
 _ORIENTATION = 0x0112
 

@@ -26,8 +26,7 @@ from typing import Any
 from ..files import own_output
 from .kinds import PHOTOS, RAW, UNREAD, VIDEOS, kind_of
 
-RAW_PHOTOS = "raw photos are not read"
-"""The reason why raw photos are left out of a listing."""
+RAW_PHOTOS = "raw photos are not read"  # The reason why raw photos are left out of a listing.
 _JUNK = {"@eadir", "__macosx", "#recycle", "#snapshot", "$recycle.bin", "lost+found",
          "system volume information", "thumbs.db", "ehthumbs.db", "desktop.ini", "icon\r"}
 _EDITED = re.compile(

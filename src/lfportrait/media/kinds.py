@@ -28,8 +28,7 @@ from typing import Literal
 Kind = Literal["picture", "raw", "unread", "video", "other"]
 """``unread``: a picture of a kind that is not read; ``other``: neither picture nor video."""
 
-HEIC = {".heic", ".heif", ".hif"}
-"""Endings of what phones write; read by pillow-heif."""
+HEIC = {".heic", ".heif", ".hif"}  # Endings of what phones write; read by pillow-heif.
 PHOTOS = {".jpg", ".jpeg", ".jpe", ".jfif", ".pjpeg", ".pjp", ".png", ".webp", ".tif", ".tiff",
           ".bmp", ".gif", ".avif"} | HEIC
 """Endings of pictures that are read, by every reader."""
@@ -127,8 +126,7 @@ def kind_of(path: Path) -> Kind:
             else "unread" if suffix in UNREAD else "other")
 
 
-_ZEROS, _ONES = 256, 64
-"""Bytes of a run that is looked at."""
+_ZEROS, _ONES = 256, 64  # Bytes of a run that is looked at.
 _REST = re.compile(rb"\0+|\xff+")
 _LONG = re.compile(rb"\0{4096,}")
 _FRAMES = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
@@ -164,8 +162,7 @@ def _in_boxes(data: mmap.mmap) -> int | None:
 
 _MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")
 """Neither a stuffed byte (FF 00) nor a restart (FF D0 to D7)."""
-SCAN, END = 0xDA, 0xD9
-"""Markers of a JPEG."""
+SCAN, END = 0xDA, 0xD9  # Markers of a JPEG.
 
 
 def jpeg_segments(data: mmap.mmap, at: int = 2, *, scans: bool = True,

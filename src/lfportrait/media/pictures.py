@@ -216,8 +216,7 @@ def sizes_of(picture: Image.Image) -> tuple[tuple[int, int], tuple[int, int]]:
     # Pillow turns a TIFF itself when it decodes it, and says so in its size.
     return (found[::-1], found) if picture.format == "TIFF" else (found, found[::-1])
 
-_SMALLEST = 64
-"""Of a JPEG that is decoded to see whether that succeeds, an eighth is enough."""
+_SMALLEST = 64  # Of a JPEG that is decoded to see whether that succeeds, an eighth is enough.
 UNREADABLE = (OSError, ValueError, SyntaxError, RuntimeError, MemoryError, EOFError, struct.error)
 """What decoders raise for damaged pictures."""
 
@@ -275,10 +274,8 @@ def _boxes_fit(data: mmap.mmap) -> bool:
     return at == len(data)
 
 
-_LABELS = 64
-"""More values than programs have labels, fewer than soft edges have gray values."""
-_BRIGHT = 128
-"""A mask whose person is darker than this is none, or is of labels."""
+_LABELS = 64  # More values than programs have labels, fewer than soft edges have gray values.
+_BRIGHT = 128  # A mask whose person is darker than this is none, or is of labels.
 
 
 def read_mask(path: Path) -> UInt8:

@@ -56,8 +56,7 @@ from numba.core.typing.templates import infer_global
 from ..files import lock
 from .repeats import replace_in_numba
 
-_LOCK = "kernels.lock"
-"""A file beside compiled code, locked while some is added."""
+_LOCK = "kernels.lock"  # A file beside compiled code, locked while some is added.
 _PATIENCE = 2.0
 """Seconds to wait for another process: one that is paused just then must not hold up all others."""
 
@@ -249,8 +248,7 @@ def _compiler(**options: Any) -> Callable[..., Any]:
     return decorate
 
 
-kernel = _compiler(pipeline_class=_KernelCompiler)
-"""Compile a function that Python calls."""
+kernel = _compiler(pipeline_class=_KernelCompiler)  # Compile a function that Python calls.
 lean_kernel = _compiler(_nrt=False, pipeline_class=_KernelCompiler)
 """Compile a function that Python calls and that makes no arrays."""
 _part = _compiler(no_cpython_wrapper=True, pipeline_class=_IngredientCompiler)

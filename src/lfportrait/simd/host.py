@@ -21,8 +21,7 @@ _settings: Any = numba.config
 _UNITS = (("avx512f", "AVX-512", 16), ("avx2", "AVX2", 8), ("avx", "AVX", 8), ("sve", "SVE", 4),
           ("neon", "NEON", 4), ("sse2", "SSE2", 4))
 """LLVM's feature, its name, and how many floats an instruction takes at least."""
-_HALF_WRITTEN = 3600.0
-"""Seconds after which nobody goes on with a file of compiled code."""
+_HALF_WRITTEN = 3600.0  # Seconds after which nobody goes on with a file of compiled code.
 
 
 class KernelCache(NamedTuple):

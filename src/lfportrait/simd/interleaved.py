@@ -315,8 +315,7 @@ def make_look_up(way: str | None = None) -> Callable[..., Any]:
     return look_up
 
 
-NEAR = 15
-"""Greatest index of `make_near_look_up`."""
+NEAR = 15  # Greatest index of `make_near_look_up`.
 
 
 def make_near_look_up() -> Callable[..., Any]:

@@ -26,8 +26,7 @@ from numba.core import analysis, base, errors, ir, typeinfer, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.typing import context as typing_context
 
-TESTED = "0.68."
-"""The versions of Numba whose private parts these are."""
+TESTED = "0.68."  # The versions of Numba whose private parts these are.
 
 _Replaced = Callable[[Any], Callable[..., Any]]
 

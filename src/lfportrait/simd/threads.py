@@ -58,8 +58,7 @@ from .decorators import identified, lean
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
-_PIECES = 4
-"""Pieces a thread, so that the threads end together where lines take unlike times."""
+_PIECES = 4  # Pieces a thread, so that the threads end together where lines take unlike times.
 
 
 @functools.cache
@@ -145,8 +144,7 @@ def shared(over: str, per: int = 1) -> Callable[[Any], Callable[..., None]]:
     return decorate
 
 
-_SPINS = 2000
-"""Looks at the bell, a few nanoseconds each, before the core is let go."""
+_SPINS = 2000  # Looks at the bell, a few nanoseconds each, before the core is let go.
 _ARRIVED, _OVER = 0, 16
 """Places in the bell, on cache lines of their own: how often a thread has arrived; whether to go
 home."""

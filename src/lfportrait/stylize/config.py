@@ -27,10 +27,8 @@ if TYPE_CHECKING:
     from ..field import VoxelField
     from ..progress import Progress
 
-GROUP = "lfportrait.field_methods"
-"""Entry points of the methods of other packages."""
-OWN = ("skin", "paper")
-"""Methods of this stage."""
+GROUP = "lfportrait.field_methods"  # Entry points of the methods of other packages.
+OWN = ("skin", "paper")  # Methods of this stage.
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,7 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
     return StyleView(content, example, rendering.alpha, facing(points, camera.position[0]),
                      field.sample_weights(camera, 0), result=result)
 
-_TOGETHER = 8192
-"""Rows whose moments are added up together: they fit into the cache."""
+_TOGETHER = 8192  # Rows whose moments are added up together: they fit into the cache.
 
 
 class ColorModel:

@@ -169,10 +169,8 @@ def embedded_features(weights: Weights) -> FeatureNetwork:
 _BUILDERS: dict[str, Callable[[Weights], FeatureNetwork]] = {
     "vgg16": _vgg16, "resnet50": _resnet50, "vgg19-se": _vgg19_se,
     "vgg19-se-deep": _vgg19_se_deep}
-_HALVED = "vgg16", "resnet50"
-"""Networks that are large enough for it to matter."""
-_SHARED = {"vgg19-se-deep": "vgg19-se"}
-"""Networks whose weights are those of another."""
+_HALVED = "vgg16", "resnet50"  # Networks that are large enough for it to matter.
+_SHARED = {"vgg19-se-deep": "vgg19-se"}  # Networks whose weights are those of another.
 
 
 def _normalised(network: FeatureNetwork, place: str = "cpu") -> FeatureNetwork:

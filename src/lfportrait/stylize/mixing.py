@@ -99,10 +99,8 @@ def colored(light: Float32, chroma: Float32) -> Float32:
     share = np.minimum((1 - light) / np.maximum(up, least), light / np.maximum(-down, least))
     return np.clip(light + np.minimum(share, np.float32(1)) * chroma, 0, 1)
 
-BLOCK = 4
-"""Texels across a block, which takes its shares in a mix from one lattice row."""
-_BAND = 32
-"""Rows of blocks mixed at a time."""
+BLOCK = 4  # Texels across a block, which takes its shares in a mix from one lattice row.
+_BAND = 32  # Rows of blocks mixed at a time.
 
 
 def mixed_texels(texels: NDArray[np.int8], rows: Int32, amounts: Mapping[int, Any],

@@ -50,8 +50,7 @@ from .skin import chart_views, look_up_rows, show_painting, surface_texture
 
 Constants = dict[tuple[int, str], torch.Tensor]
 
-_LARGE = 224
-"""Pixels from which on a picture is reduced for the content: the networks' own size."""
+_LARGE = 224  # Pixels from which on a picture is reduced for the content: the networks' own size.
 
 
 class Refinement:

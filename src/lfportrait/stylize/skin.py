@@ -71,8 +71,7 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     return skin
 
 
-ASIDE = 0.02
-"""Weight in the fit of what a chart shows but does not own."""
+ASIDE = 0.02  # Weight in the fit of what a chart shows but does not own.
 SMOOTH = 0.75
 """Sigma of the blur, in lattice spacings, of what the lattice shows below a texture. A point that
 takes the paint at its place has strokes in it that no lattice can show. In the chart the texture
@@ -182,12 +181,10 @@ def _shown(picture: Float32, alpha: Float32, background: float) -> Float32:
     opacity = alpha[..., None]
     return np.asarray(opacity * picture + (1 - opacity) * np.float32(background), np.float32)
 
-PREVIEW = 2
-"""Pixels of the skin per painted pixel in a preview."""
+PREVIEW = 2  # Pixels of the skin per painted pixel in a preview.
 MARGIN = 12
 """Pixels kept around what a chart owns, so that cells at a border find theirs in either chart."""
-HEADS = 4
-"""So many heads' maps for previews, 50 MB each, stay in the user's cache."""
+HEADS = 4  # So many heads' maps for previews, 50 MB each, stay in the user's cache.
 SOLID = 0.9
 """Where a chart's own view is clearer than this, nothing is known of the surface's color."""
 

@@ -63,8 +63,7 @@ from .vignette import vignetted
 
 RELAXATION = 0.35
 """Share of each update of the fit that is taken: more gets sharper, but less alike in all views."""
-FINER = 2.0
-"""Pixels of an exemplar, at most, per pixel of the skin."""
+FINER = 2.0  # Pixels of an exemplar, at most, per pixel of the skin.
 PREVIEWED, LEAST, STEPS = 1.0, 48.0, 16
 """The same per painted pixel of a preview; the size of a face, in pixels, that is always enough to
 find a painting's materials; and the steps from one size of such a picture to half of it."""

@@ -21,12 +21,9 @@ from ..arrays import Bool, Float32, Float64, Int32, Int64
 from ..capture import Capture
 from ..field import VoxelField, median_plane
 
-OPAQUE = 8.0
-"""Density from which on a point is surface."""
-SAMPLES, BINS = 40_000, 72
-"""Points that are looked at, at most; directions about an end's middle."""
-STUB = 0.3
-"""Faces' heights from a side's end up to which it is looked at."""
+OPAQUE = 8.0  # Density from which on a point is surface.
+SAMPLES, BINS = 40_000, 72  # Points that are looked at, at most; directions about an end's middle.
+STUB = 0.3  # Faces' heights from a side's end up to which it is looked at.
 BEFORE, BEYOND = 0.35, 0.12
 """Faces' heights before an end at which photos must show it, and beyond it, where they are asked
 what they show."""
@@ -34,40 +31,30 @@ ASLANT = 0.6
 """Cosine between the way out at an end and the way to a photo up to which that is asked."""
 CUT, MOST = 0.5, 0.75
 """Share of the photos that do not see a place's end, and of such places, in a cut."""
-VIEWS = 10
-"""Photos that are asked, at most."""
+VIEWS = 10  # Photos that are asked, at most.
 BELOW, BESIDE = 0.68, 0.4
 """Width of a vignette, in faces' heights, at the lower end and at the sides."""
 REST, LEAST = 0.6, 0.1
 """It takes at most this part of what lies between a cut and the face; the width, in faces' heights,
 below which there is none."""
-CLEAR = 0.2
-"""A side that reaches less far beyond the face, in faces' heights, is no shoulder."""
+CLEAR = 0.2  # A side that reaches less far beyond the face, in faces' heights, is no shoulder.
 THROAT = 0.45, 0.1
 """Faces' heights below the chin from which on it has its full effect, and where that begins."""
-BARE = 0.2
-"""Part of the width, next to the cut, where nothing is left."""
+BARE = 0.2  # Part of the width, next to the cut, where nothing is left.
 BEHIND, ROUND = 0.35, 0.35
 """The far side ends by so much of the width earlier, so that it is not seen between the strokes;
 depth, in faces' heights, over which that comes to its full."""
-STROKE = 0.5, 0.07
-"""Length and width of a stroke in faces' heights."""
-BRISTLE = 0.3
-"""Width of a bristle's trace over that of a stroke."""
-BROAD = 0.6
-"""Size in faces' heights of the places where strokes reach further or less far."""
-SHARES = 0.6, 0.7, 0.8
-"""What such places, strokes and bristles count."""
+STROKE = 0.5, 0.07  # Length and width of a stroke in faces' heights.
+BRISTLE = 0.3  # Width of a bristle's trace over that of a stroke.
+BROAD = 0.6  # Size in faces' heights of the places where strokes reach further or less far.
+SHARES = 0.6, 0.7, 0.8  # What such places, strokes and bristles count.
 SLANT, WAVE = 0.45, 0.05
 """How far strokes lean, sideways over upwards, and how far they are bent, in faces' heights."""
-SOFT = 0.5
-"""Softness of a stroke's edge, as part of the way from bare ground to paint."""
-LAYERS = 0.6
-"""Of the optical thickness of one surface: rays often pass two, or one aslant."""
+SOFT = 0.5  # Softness of a stroke's edge, as part of the way from bare ground to paint.
+LAYERS = 0.6  # Of the optical thickness of one surface: rays often pass two, or one aslant.
 NOISE, CELLS = 64, 2.0
 """Edge of the lattice of random numbers; its cells in the size of what they make."""
-SHEET = 9
-"""Lattice points along each axis in which a surface's thickness is measured."""
+SHEET = 9  # Lattice points along each axis in which a surface's thickness is measured.
 
 
 @dataclass(frozen=True)

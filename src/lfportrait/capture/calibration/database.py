@@ -30,19 +30,15 @@ from ...simd.threads import side_by_side
 from ..photos import Photo
 from .features import FEWEST, Features, Matches
 
-_ROUGH = 8.0
-"""Pixels that a match may lie off a rough geometry: more than it may in the end."""
+_ROUGH = 8.0  # Pixels that a match may lie off a rough geometry: more than it may in the end.
 _OFF = 3.0
 """Pixels that a match may lie off its geometry. By 4, as COLMAP has it, MAGSAC++ keeps a tenth more
 matches of real photos than COLMAP does, which are the worst ones."""
-_CONFIDENCE, _TRIALS = 0.9999, 2000
-"""Trials are enough for a third of right matches."""
+_CONFIDENCE, _TRIALS = 0.9999, 2000  # Trials are enough for a third of right matches.
 _FLAT = 0.8
 """Part of the epipolar geometry's matches which a homography explains if that is all there is."""
-_FITS = 0.95
-"""Part of them which known lenses explain, if they are as noted."""
-_SHARE = 0.25
-"""Part of a pair's matches that must be explained."""
+_FITS = 0.95  # Part of them which known lenses explain, if they are as noted.
+_SHARE = 0.25  # Part of a pair's matches that must be explained.
 
 @functools.cache
 def colmap() -> Any:

@@ -36,8 +36,7 @@ _FEATURES, _CONTRAST = 2048, 0.006
 """Features of a head at most, and contrast of the weakest: low, as skin has few."""
 _RIM = 0.01
 """Part of a photo's longer side within a matte's edge where features are of what is behind, too."""
-_RADIUS = 0.8
-"""Of a ball about the head's middle that holds crown and chin, and no shoulders."""
+_RADIUS = 0.8  # Of a ball about the head's middle that holds crown and chin, and no shoulders.
 _MOVED, _PIXELS = 2.0, 0.5
 """A head has moved whose matches lie this many times as far off as by their own two cameras, and
 this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels. A head that moves

@@ -36,16 +36,14 @@ from ...arrays import Float64, Int64
 from ..formats.colmap import lens_of
 from .database import USUAL_FOCAL, Scene, colmap
 
-_FEWEST_POINTS = 15
-"""A photo that sees fewer points of the model has no sure place."""
+_FEWEST_POINTS = 15  # A photo that sees fewer points of the model has no sure place.
 _SUPPORT = 0.25
 """Nor has one for which a smaller part of its matched features are points of the model: all photos
 at once may be laid out wrongly so that each still fits a few matches."""
 _MOST, _IN_VAIN = 0.7, 2
 """Where this part of the photos is placed, so many tries in a row that place no more are the last:
 of 66 photos of a shiny head 52 were placed in 210 s, and five more ways brought none in 300 s."""
-_GROWN = 1.3
-"""All cameras are adjusted whenever the model has grown by this factor."""
+_GROWN = 1.3  # All cameras are adjusted whenever the model has grown by this factor.
 _FOCALS = (0.75, 2.4, 3.8)
 """Focal lengths over the longer side that are tried besides the usual one: 27, 86, 137 mm."""
 
@@ -191,19 +189,14 @@ TERMS = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
 
 _STARTING = {"PINHOLE": "SIMPLE_PINHOLE", "SIMPLE_PINHOLE": "SIMPLE_PINHOLE",
              "OPENCV_FISHEYE": "SIMPLE_RADIAL_FISHEYE"}
-_EARNED = 0.01
-"""Part of the robust squared error by which more terms have to lessen it."""
-_BENT = 0.25
-"""Part of the distance from the axis by which a lens may move a point of the picture."""
+_EARNED = 0.01  # Part of the robust squared error by which more terms have to lessen it.
+_BENT = 0.25  # Part of the distance from the axis by which a lens may move a point of the picture.
 _DENSE = 200
 """Photos up to which the adjustment's equations are solved as a dense matrix: most photos of a head
 share points with most others, and a sparse solver takes a tenth longer."""
-_ENOUGH = 10
-"""Photos of a lens from which on its centre can be estimated."""
-_DEVIATIONS = (0.1, 1.0)
-"""Pixels: the least and the greatest deviation of right matches."""
-_SURE = 0.25
-"""Part of a head's matches that are right, surely: a quarter and more are wrong."""
+_ENOUGH = 10  # Photos of a lens from which on its centre can be estimated.
+_DEVIATIONS = (0.1, 1.0)  # Pixels: the least and the greatest deviation of right matches.
+_SURE = 0.25  # Part of a head's matches that are right, surely: a quarter and more are wrong.
 
 
 def starting_model(wanted: str) -> str:

@@ -28,8 +28,7 @@ from .transforms import Own, Transforms
 __all__ = ["CaptureFormat", "DataSet", "Shot", "Views", "capture_formats", "find_views",
            "held_out_views", "is_calibrated", "load_views", "save_views", "written_views"]
 
-FORMATS = "lfportrait.formats"
-"""Group of entry points with classes above `CaptureFormat`."""
+FORMATS = "lfportrait.formats"  # Group of entry points with classes above `CaptureFormat`.
 _OWN: tuple[type[CaptureFormat], ...] = (
     Own, Transforms, Colmap, Llff, Nsvf, Polycam, Record3d, Metashape, Bundler, VisualSfm, Meshroom,
     OpenMvg, CameraTable)

@@ -48,8 +48,7 @@ from ...media.kinds import PHOTOS
 from ..lenses import Lens
 from .assembly import FLIP, CaptureFormat, DataSet, Shot
 
-_UNFOUND = Path()
-"""The picture's file until `_Program` has looked for it."""
+_UNFOUND = Path()  # The picture's file until `_Program` has looked for it.
 
 
 def resizable(lens: Lens) -> tuple[Callable[[int, int], Lens], tuple[int, int]]:

@@ -98,14 +98,10 @@ def _minimum_cut(image: Float32, unary: Float32, smoothness: float) -> Bool:
     return inside[:source].reshape(height, width)
 
 
-SIZE = 128
-"""Longer side of the picture that is cut."""
-SURE = 0.02
-"""Probabilities below this and above 1 - this are final."""
-ROUNDS = 3
-"""Times that colors and labels are estimated in turn."""
-REACH = 2.5
-"""Largest log likelihood ratio that a color may have."""
+SIZE = 128  # Longer side of the picture that is cut.
+SURE = 0.02  # Probabilities below this and above 1 - this are final.
+ROUNDS = 3  # Times that colors and labels are estimated in turn.
+REACH = 2.5  # Largest log likelihood ratio that a color may have.
 
 
 def separate(image: Float32, prior: Float32, *, smoothness: float = 3.0,

@@ -499,24 +499,16 @@ SIZE, LARGE = 384, 512
 """Side of the picture that the network of the hair sees, and where the face is small in it."""
 SMALL = 80.0
 """Pixels from the brows to the chin, in the picture that the network sees, of a small face."""
-DENIED = 0.1
-"""Where the network finds less hair than this, there is none, whatever colors say."""
+DENIED = 0.1  # Where the network finds less hair than this, there is none, whatever colors say.
 NARROW = 0.11
 """What hangs on the person by no more than twice this, over that height, is no part of it."""
-FACE = 100.0
-"""Pixels from the brows to the chin in the picture that is looked at."""
-FINE = 0.02
-"""What is finer than this over that height is texture."""
-SMOOTH = 1.0
-"""Hair of skin's colors is rougher than this times skin."""
-LIKE = 0.6
-"""Overlap of its colors with the skin's: smooth hair shares less."""
-SURE = 0.2
-"""Share of what may be hair that is hair rather than not; a head of hair has more of it."""
-SHADE = 0.5
-"""A scalp in the shade is not darker than this over the face's skin."""
-LEAST = 30
-"""Pixels that suffice for a decision."""
+FACE = 100.0  # Pixels from the brows to the chin in the picture that is looked at.
+FINE = 0.02  # What is finer than this over that height is texture.
+SMOOTH = 1.0  # Hair of skin's colors is rougher than this times skin.
+LIKE = 0.6  # Overlap of its colors with the skin's: smooth hair shares less.
+SURE = 0.2  # Share of what may be hair that is hair rather than not; a head of hair has more of it.
+SHADE = 0.5  # A scalp in the shade is not darker than this over the face's skin.
+LEAST = 30  # Pixels that suffice for a decision.
 
 
 def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],

@@ -24,8 +24,7 @@ from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES, round_even
 from .seeds import seed_correction
 
-AHEAD = 48
-"""Pixels that the reading of exemplar and table is asked for in advance."""
+AHEAD = 48  # Pixels that the reading of exemplar and table is asked for in advance.
 _floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
 _load, _store, _bits = LANES.load, LANES.store, LANES.bits
 _floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
@@ -180,8 +179,7 @@ def look_up(since, until, position, appearance, anchor, weights, words, weight_l
                 flat_shift[start + k] = flat_shift[plane + start + k] = unknown
 
 
-TILE = 8
-"""Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near."""
+TILE = 8  # Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near.
 _MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
 
 

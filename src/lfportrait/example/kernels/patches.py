@@ -34,8 +34,7 @@ CHANNELS = 8
 MARGIN = 2
 """Pixels around a target picture, repeated from its border; also the largest radius of a patch."""
 BAND = 32
-CELL = 4
-"""Uses of exemplar pixels are counted in cells of this side."""
+CELL = 4  # Uses of exemplar pixels are counted in cells of this side.
 
 _floats, _load, _load_half, _total = LANES.floats, LANES.load, LANES.load_half, LANES.total
 

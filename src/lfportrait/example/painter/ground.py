@@ -30,8 +30,7 @@ from ..kernels.patches import ACTIVE, MARGIN, finer_places, vote_patches
 from ..patches import SCALE, PatchSearch, PatchSource, PatchTarget, halved, synthesise_patches
 from .picture_materials import EARS, GROUND, SKIN, known_shares
 
-PART = 8
-"""Above and below a background goes on as this part of its height does."""
+PART = 8  # Above and below a background goes on as this part of its height does.
 
 
 def first_places(there: Bool, inside: Bool, middle: Float64, shape: tuple[int, int],
@@ -113,30 +112,22 @@ def _pieces(rows: Int64, columns: Int64, level: Int64,
     return (columns[one] + aside % side - side // 2, rows[one] + y % side - side // 2)
 
 
-MOST = 30
-"""Grounds that are kept: six megabytes each."""
-SURE = 0.97
-"""Share of background from which a place is background."""
+MOST = 30  # Grounds that are kept: six megabytes each.
+SURE = 0.97  # Share of background from which a place is background.
 AWAY = 0.15
 """Background begins so far away from the person, over the face's size: hair ends in single strands,
 and painters draw outlines."""
-LEAST = 0.02
-"""Less of a picture than this is too little to lay patches from."""
-NARROW = 6
-"""A background must be so many pixels wide somewhere, on each level of the patches."""
+LEAST = 0.02  # Less of a picture than this is too little to lay patches from.
+NARROW = 6  # A background must be so many pixels wide somewhere, on each level of the patches.
 STRAY = 0.1
 """So far around a stroke of the person's, over the face's size, is no background either."""
 USUAL, MUCH, LEAST_STRAY = 0.9, 4.0, 0.12
 """A stroke is so many times farther off the background's colors than this share of it, and at least
 so far."""
-FORBIDDEN = 8 * 255 * SCALE
-"""Guide of what is not background: no agreement of colors outweighs it."""
-FACE = 0.3
-"""Size of a usual face (`face_size`) in world units: all sitters get one ground."""
-BLOCK = 0.4
-"""Side in world units of the pieces that the search begins from."""
-TURN = 1.5
-"""Slope of the light per share by which one side of a face is lighter than the other."""
+FORBIDDEN = 8 * 255 * SCALE  # Guide of what is not background: no agreement of colors outweighs it.
+FACE = 0.3  # Size of a usual face (`face_size`) in world units: all sitters get one ground.
+BLOCK = 0.4  # Side in world units of the pieces that the search begins from.
+TURN = 1.5  # Slope of the light per share by which one side of a face is lighter than the other.
 
 TONE, HEIGHT = 1.0, 0.5
 """Weights of the background's lights and darks, and of staying at one's height, in the search."""

@@ -23,10 +23,8 @@ from scipy.ndimage import (
 
 from ...arrays import Bool, Float32, Float64
 
-CELL = 0.03
-"""Side of the cells that light is extrapolated in, over the face's height."""
-BLUR, REACH = 1.5, 12.0
-"""Sigma of its blur, and how far it reaches, in cells."""
+CELL = 0.03  # Side of the cells that light is extrapolated in, over the face's height.
+BLUR, REACH = 1.5, 12.0  # Sigma of its blur, and how far it reaches, in cells.
 
 MEET, SEAM, FADES = 0.15, 1.0, 12.0
 """A cell lies at the border of two parts if each has this share of what is around it; sigma of the

@@ -27,8 +27,7 @@ from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
 
 BLUR = 0.06
 """Sigma of the blur that separates detail from light, over the face's size (`face_size`)."""
-CONTOUR = 0.016
-"""Detail of this strength (root mean square of luma) counts half."""
+CONTOUR = 0.016  # Detail of this strength (root mean square of luma) counts half.
 
 
 def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
@@ -54,14 +53,10 @@ ROAM = 25.0
 """Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 DEPTH = 0.2
 """Well inside is this far from the edge, over the face's size, or most of the way there is."""
-LEAST = 0.004
-"""A material that covers less of the exemplar than this is not there."""
-LEAST_HAIR = 0.25
-"""But so much hair, over the face's squared size, is there."""
-LEAST_CLOTHES = 0.012
-"""Clothes that cover less than this are too little to dress a body."""
-FEW = 100
-"""Fewer places than this say nothing of how tones are distributed."""
+LEAST = 0.004  # A material that covers less of the exemplar than this is not there.
+LEAST_HAIR = 0.25  # But so much hair, over the face's squared size, is there.
+LEAST_CLOTHES = 0.012  # Clothes that cover less than this are too little to dress a body.
+FEW = 100  # Fewer places than this say nothing of how tones are distributed.
 SPREAD = 2.0
 """Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
 exemplar's white collar on a dark coat."""
@@ -328,8 +323,7 @@ class Placement:
         return Placement(material, wanted, guide_agreement(guided, wanted, unit))
 
 
-PIECE = 0.3
-"""Side of the pieces that the search begins with, over the exemplar's face size."""
+PIECE = 0.3  # Side of the pieces that the search begins with, over the exemplar's face size.
 PLACES, R2 = 16, (0.7548776662, 0.5698402910)
 """So many places are tried for a piece, one after the other of this sequence."""
 FAR, AWAY = 2.0, 0.05

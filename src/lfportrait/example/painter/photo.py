@@ -64,12 +64,9 @@ CONTRAST = 0.45
 """Contrast of the photo (of log odds of luma) that painted clothes have at the least."""
 FINE, BROAD = 0.012, 0.03
 """Blurs of the photo and of its paint before they are compared, over the face's size."""
-UTMOST_ODDS = 1.6
-"""Nothing becomes lighter or darker by more than this, in log odds."""
-LEAST = 0.03
-"""Black and white are this far from 0 and 1."""
-FEW = 100
-"""Fewer pixels are no clothes."""
+UTMOST_ODDS = 1.6  # Nothing becomes lighter or darker by more than this, in log odds.
+LEAST = 0.03  # Black and white are this far from 0 and 1.
+FEW = 100  # Fewer pixels are no clothes.
 
 
 def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Float32:
@@ -112,8 +109,7 @@ LARGEST = 1.7e6
 """Photos of more pixels than this are refined at a smaller size and enlarged, but for the face."""
 ENLARGED = 1.2
 """So are those in which the exemplar would be enlarged by more than this: it gets no finer."""
-CELL = 8
-"""The guide's rigidity is measured every Nth pixel."""
+CELL = 8  # The guide's rigidity is measured every Nth pixel.
 BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
 EVEN = np.array([1, 1, 1, 2, 2, 1, 1], np.float32)
@@ -124,18 +120,14 @@ much over the face's size."""
 COVERED, SHADED = (0.15, 0.03), (0.05, 0.05)
 """Share of hair in the exemplar's face, blurred by so much over the face's size, from which on it
 is not copied onto a bare one; and from which on it shades a forehead."""
-UNDER = 0.02
-"""Trust in the photo's tones and detail under a strand that is left out."""
-EDGE = 0.03
-"""Blur that finds the edge of what is painted so, over the face's size."""
-UTMOST = 0.2
-"""Tones are carried by no more than this: beyond it is a cast shadow, not light."""
+UNDER = 0.02  # Trust in the photo's tones and detail under a strand that is left out.
+EDGE = 0.03  # Blur that finds the edge of what is painted so, over the face's size.
+UTMOST = 0.2  # Tones are carried by no more than this: beyond it is a cast shadow, not light.
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
 WEIGHTS = GuideWeights(tone=0.3, detail=1.0, material=1.5)
 """Half of a head's: a photo's guides are sharp, and its face is painted already."""
-CHUNK = 1.0
-"""Weight of staying with StyleBlit's chunks where those are of like material."""
+CHUNK = 1.0  # Weight of staying with StyleBlit's chunks where those are of like material.
 
 
 class PhotoPatches:

@@ -28,18 +28,15 @@ from .picture_materials import (
     picture_shares,
 )
 
-FACE = 60.0
-"""Pixels from the brows to the chin in the picture that is looked at."""
+FACE = 60.0  # Pixels from the brows to the chin in the picture that is looked at.
 CHEEKS, CHIN, REACH = (0.12, 0.45), (0.78, 0.98), (0.3, 2.2)
 """Cheeks, a chin and all of a beard lie between these (brows 0, chin 1)."""
-ASIDE = 0.75, 0.4, 1.25
-"""And so far from the middle, over half the face's width."""
+ASIDE = 0.75, 0.4, 1.25  # And so far from the middle, over half the face's width.
 BARE = 2.3
 """A chin nearer to the cheeks' colors than this, in standard deviations, is bare, or in shade."""
 NEARER = 0.6
 """A beard's distance from the colors of the hair is no more than this share of that from skin's."""
-FEW = 30
-"""Fewer pixels than this have no color."""
+FEW = 30  # Fewer pixels than this have no color.
 
 
 def grow_beard(photo: UInt8, regions: Regions, labels: UInt8, shares: Float32) -> None:
@@ -78,8 +75,7 @@ def grow_beard(photo: UInt8, regions: Regions, labels: UInt8, shares: Float32) -
         give(shares, shares[..., material] * whole, material, HAIR)
 
 
-ODD = 3.5
-"""On the head above the brows, what is no hair and further from the skin's color is worn."""
+ODD = 3.5  # On the head above the brows, what is no hair and further from the skin's color is worn.
 SETTLED = 60.0
 """Pixels from the brows to the chin in the picture in which pieces of a body are found."""
 PIECE = 0.18
@@ -93,12 +89,10 @@ FOREHEAD = 0.82, 0.42
 brows, over the face's height; round, as hairlines are."""
 GROUND_TRUST = 4.0, 0.05
 """Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
-LEAST_TRUST = 0.5
-"""The same where the photo is plain: borders of paint follow its shading."""
+LEAST_TRUST = 0.5  # The same where the photo is plain: borders of paint follow its shading.
 DARKEST = 0.05
 """Skin and neck are not darker than all but this share of the exemplar's: crumbs of its outline."""
-HAIR_TRUST = 0.4
-"""The same of tone and detail in the hair: its strokes are the exemplar's."""
+HAIR_TRUST = 0.4  # The same of tone and detail in the hair: its strokes are the exemplar's.
 
 
 def photo_shares(photo: UInt8, regions: Regions, labels: UInt8,

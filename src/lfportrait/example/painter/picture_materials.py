@@ -28,10 +28,8 @@ from ..guides.regions import Regions, soft_face
 SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES, EARS = range(7)
 PLAIN = 0.08
 """A background whose colors deviate by no more than this (standard deviation) is plain."""
-CHEEKS = 0.15, 0.6
-"""The skin that a neck is compared with lies between these (brows 0, chin 1)."""
-LIKE_PLAIN = ((0.025, 1.5),)
-"""The same for a plain background."""
+CHEEKS = 0.15, 0.6  # The skin that a neck is compared with lies between these (brows 0, chin 1).
+LIKE_PLAIN = ((0.025, 1.5),)  # The same for a plain background.
 PURER, LEAST_CHROMA = 1.1, 10.0
 """So many times the chroma of the face's purest tenth, or of greys, is a collar's, no neck's."""
 LOOKED_AT = 30.0
@@ -159,21 +157,17 @@ def near_to(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
 
 
-FEW_WORN = 60
-"""Fewer pixels than this have no color."""
-BLUR = 0.03
-"""Colors are compared blurred by so much over the face's size."""
+FEW_WORN = 60  # Fewer pixels than this have no color.
+BLUR = 0.03  # Colors are compared blurred by so much over the face's size.
 TWO_HUES = 26.0
 """Hair whose two most frequent colors are further apart than this in a and b is a cap."""
 BESIDE, LITTLE = 0.2, 0.2
 """The cap's color is what lies so near to the face, over its size; the other has so little there,
 over what that has."""
-EDGED = 1.3
-"""A cap's paint is no further from its color than this times what is usual."""
+EDGED = 1.3  # A cap's paint is no further from its color than this times what is usual.
 COLORS, APART = (2, 3), 15.0
 """A background is divided into so many colors; a hat before it differs by this from the others."""
-MEETING = 0.08
-"""Head and background meet within this of each other, over the face's size."""
+MEETING = 0.08  # Head and background meet within this of each other, over the face's size.
 TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
 """A hat covers so much of the line where head and background meet, above the chin. Of the picture's
 border, which is so broad over its size, it covers little: over that share, no more than this times
@@ -277,20 +271,16 @@ def _nowhere(small: SmallPicture, shares: Float32, material: int, part: Bool) ->
     give(shares, shares[..., material] * soft, material, FEATURES)
 
 
-BARE = 1.12
-"""Down to here (brows 0, chin 1) it may be neck in the chin's shadow."""
-LIKE_HAIR = ((0.015, 2.5),)
-"""The same for hair."""
-FAR = 0.3
-"""Far from the jaw it must be nearer by this share."""
+BARE = 1.12  # Down to here (brows 0, chin 1) it may be neck in the chin's shadow.
+LIKE_HAIR = ((0.015, 2.5),)  # The same for hair.
+FAR = 0.3  # Far from the jaw it must be nearer by this share.
 BEARD = 0.7, 1.0
 """Chin and lip so far from the cheeks' hue, over its spread, begin to be bearded, and are."""
 MOUSTACHE = 0.4, 0.7
 """The same of the lip's way to the chin, over the way to the cheeks: it is, and it is not."""
 EAR, EAR_BEGINS = (-0.15, 0.75), 0.9
 """Ears lie between these (brows 0, chin 1), and this far from the middle, over half the width."""
-FEW = 30
-"""Fewer pixels than this have no color."""
+FEW = 30  # Fewer pixels than this have no color.
 CLOTH, LEAST_CLOTH = (1.5, 4.0), 0.5
 """Most clothes lie so near to their middle color; what is so far from most is none of them, if no
 more than the other part is."""
@@ -298,8 +288,7 @@ SAME, COMPARED = 6.0, 2000
 """Colors (Lab) that are so near are the same; and how many of each material are compared."""
 BARED, OTHER_HUE = (0.05, 0.7), 12.0
 """So much of the clothes is bare skin, if that is so far from the rest in hue and chroma (Lab)."""
-STROKES = 0.06
-"""Clothes and background are compared blurred by so much over the face's size."""
+STROKES = 0.06  # Clothes and background are compared blurred by so much over the face's size.
 BROAD, HUES_APART = 0.1, 12.0
 """Parts of hair and clothes are compared blurred by so much over the face's size; hues so far apart
 (a and b of Lab) are two. Of 25 exemplars the halves of the clothes are no further apart than 11.7,
@@ -611,8 +600,7 @@ def _like_part(small: SmallPicture, shares: Float32, material: int, colors: Floa
     _nowhere(small, shares, material, to_other < to_own)
 
 
-MOST_KEPT = 30
-"""Paintings that are kept: six megabytes for one of 768 x 1024."""
+MOST_KEPT = 30  # Paintings that are kept: six megabytes for one of 768 x 1024.
 HAT_EDGE, OWN_HAIR = 0.05, 0.25
 """Hair beside a hat lies so far from its outline, over the face's size, where they are not mixed;
 and less of it than this, over that squared, is no example of hair."""

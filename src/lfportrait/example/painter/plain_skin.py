@@ -29,27 +29,18 @@ from ..guides.filters import broad_blur, disk, gaussian_blur, grey, skin_distanc
 from ..guides.regions import FaceFrame, Regions, soft_face
 from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN, give
 
-LINES_FACE = 110.0
-"""Size of the face in the picture that is looked at."""
-THIN = 0.03
-"""Strands are no broader than twice this, over the face's size."""
-DARKER = 0.08
-"""So much darker than what is beside it is a line."""
-LONG = 0.12
-"""Shorter lines, over the face's size, are none."""
-UNLIKE = 2.0
-"""A strand is so far from the cheek's colors, in standard deviations."""
-NEAR = 0.2
-"""It comes from hair that is no further away than this, over the face's size."""
+LINES_FACE = 110.0  # Size of the face in the picture that is looked at.
+THIN = 0.03  # Strands are no broader than twice this, over the face's size.
+DARKER = 0.08  # So much darker than what is beside it is a line.
+LONG = 0.12  # Shorter lines, over the face's size, are none.
+UNLIKE = 2.0  # A strand is so far from the cheek's colors, in standard deviations.
+NEAR = 0.2  # It comes from hair that is no further away than this, over the face's size.
 INSIDE, FOREHEAD = 0.95, 0.4
 """An outline lies where less than this is face (a soft mask); a forehead, so high over the face's
 height, has none."""
-BESIDE = 0.08
-"""Blur that carries the colors of the face to its outline, over the face's size."""
-OFF = 0.1
-"""Paint that is so far from them, root mean square of its colors, is outline."""
-MOST_LINES = 0.06
-"""More of a face than this in such lines is a drawing's manner."""
+BESIDE = 0.08  # Blur that carries the colors of the face to its outline, over the face's size.
+OFF = 0.1  # Paint that is so far from them, root mean square of its colors, is outline.
+MOST_LINES = 0.06  # More of a face than this in such lines is a drawing's manner.
 
 
 def strands(exemplar: Exemplar, hair: Float32, labels: UInt8) -> Float32:
@@ -139,46 +130,36 @@ Points = NDArray[np.floating]
 
 AROUND = 0.09
 """How far around a feature skin is not plain, over the face's size: about a patch's reach."""
-BAG = 0.45
-"""So far below an eye its bags reach, over its width."""
-SOFT = 0.03
-"""Blur of the edge, over the face's size."""
+BAG = 0.45  # So far below an eye its bags reach, over its width.
+SOFT = 0.03  # Blur of the edge, over the face's size.
 LEFT = 0.35, 0.5
 """If less of the skin than this would be left all stays; from the second on all of it is spared:
 a little skin, used again and again, is worse."""
-EVERY = 2
-"""Drawn at every Nth pixel."""
-FACE = 110.0
-"""Size of the face in the picture in which folds are looked for."""
+EVERY = 2  # Drawn at every Nth pixel.
+FACE = 110.0  # Size of the face in the picture in which folds are looked for.
 FINE, FOLD = 0.025, 0.12
 """Finer strokes, over the face's size, are the painter's hand; a fold is no broader than twice the
 second."""
-DARK = 0.1, 0.2
-"""What is so much darker than the skin beside it begins to be a fold, and is one."""
-LINES = 0.12
-"""More of the skin than this in such strokes is a drawing's manner."""
+DARK = 0.1, 0.2  # What is so much darker than the skin beside it begins to be a fold, and is one.
+LINES = 0.12  # More of the skin than this in such strokes is a drawing's manner.
 SMALL, STROKE = 60.0, 0.03
 """Size of the face in the picture in which colors are compared; blur that leaves out strokes, over
 the face's size."""
-UPPER = 0.6
-"""The painter's bare skin is that of his face down to here (brows 0, chin 1)."""
+UPPER = 0.6  # The painter's bare skin is that of his face down to here (brows 0, chin 1).
 SKIN_LIKE, OTHER, SURE = 8.0, 20.0, 4.0
 """Paint (Lab) no further than this from that skin is skin, and paint further than the second is
 none; between them other materials are to be nearer; and the width of the change."""
 COMMON, SAMPLES, FEW = 0.05, 800, 100
 """A color is a material's if this share of it is nearer; so many of each are compared, and fewer
 say nothing."""
-COVERED = 0.6
-"""If more of a neck than this is none, none of it is used: the rest is its seams."""
+COVERED = 0.6  # If more of a neck than this is none, none of it is used: the rest is its seams.
 SHOULDERS = 0.8, 0.8
 """A neck is this broad, over the face's height, to each side, and begins so far below the brows."""
 WHOLE, MOSTLY = 0.05, (0.4, 0.6)
 """Blur of what of a face is strange, over its size; so much of what is around begins to be enough,
 and is."""
-BEARDED = 0.35
-"""If so much of the lower face is strange it is a beard, else it is shade."""
-STRANGE = 0.5
-"""If more of a skin than this is strange it is his manner, and all of it is used."""
+BEARDED = 0.35  # If so much of the lower face is strange it is a beard, else it is shade.
+STRANGE = 0.5  # If more of a skin than this is strange it is his manner, and all of it is used.
 
 
 def plain_skin(shares: Float32, landmarks: Points, image: UInt8) -> tuple[Float32, Float32]:

@@ -37,20 +37,13 @@ from ..patches import settled
 DIRECTIONS = ((0.0, 5.0), (60.0, 5.0), (-60.0, 5.0), (120.0, 0.0), (-120.0, 0.0), (180.0, 0.0),
               (0.0, 72.0), (0.0, -48.0))
 """Yaw and pitch of the charts in degrees, 0 = from the front."""
-FRONT = 0.45
-"""Added to the cosine of the front chart: the face stays on it."""
-DISTANCE = 14.0
-"""Of the cameras from the middle, in units of the portrait frame."""
-MARGIN = 24
-"""Pixels around what a chart owns."""
-ALIGN = 16
-"""Charts begin at multiples of this many pixels, for the pyramids."""
-REACH = 1.6
-"""What lies further from the middle than this, in world units, is not looked at."""
-SPARSE = 3
-"""Normals of the large shape are computed at every Nth pixel."""
-CELL = 0.055
-"""Side of the cells in which normals are collected for the large shape, world units."""
+FRONT = 0.45  # Added to the cosine of the front chart: the face stays on it.
+DISTANCE = 14.0  # Of the cameras from the middle, in units of the portrait frame.
+MARGIN = 24  # Pixels around what a chart owns.
+ALIGN = 16  # Charts begin at multiples of this many pixels, for the pyramids.
+REACH = 1.6  # What lies further from the middle than this, in world units, is not looked at.
+SPARSE = 3  # Normals of the large shape are computed at every Nth pixel.
+CELL = 0.055  # Side of the cells in which normals are collected for the large shape, world units.
 
 
 @dataclass(frozen=True)

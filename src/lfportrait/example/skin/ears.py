@@ -22,16 +22,12 @@ CELL = 0.02
 """Side of the cells that heights above the head are looked at in, over the face's height."""
 STANDS_OUT = 0.035, 0.06
 """What stands out so far begins to be an ear, and is one, over the face's height."""
-HOLLOW = 4
-"""An ear's hollow is less than twice so many cells wide."""
+HOLLOW = 4  # An ear's hollow is less than twice so many cells wide.
 LEAST = 0.15
 """If no more of the ellipsoid stands out, there is hair over the ear, or its shape is not known."""
-DARKEST = 0.03
-"""Added to luma before its logarithm."""
-FORCE = 1.0, 2.5
-"""Bounds of how much stronger than the photos the painter models."""
-LIMIT = 0.6
-"""Bound of what is added to the logarithm."""
+DARKEST = 0.03  # Added to luma before its logarithm.
+FORCE = 1.0, 2.5  # Bounds of how much stronger than the photos the painter models.
+LIMIT = 0.6  # Bound of what is added to the logarithm.
 
 
 def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:

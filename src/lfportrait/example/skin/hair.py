@@ -27,17 +27,13 @@ ROOM, GROUND = 1.4, 0.35
 AGREED = 0.35
 """Share of its hair (intersection over union) that charts which show the same places must agree on.
 A real head's: 0.72; statues and shaven heads: 0.1 at most."""
-LOWEST = -0.75
-"""Hair hangs at least this far below the brows (up, in the face's heights)."""
+LOWEST = -0.75  # Hair hangs at least this far below the brows (up, in the face's heights).
 BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
 """Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
 of the crown's color; and how far down it is looked for then."""
-BEARD = -0.45, -1.5
-"""A beard lies between these (up, in the face's heights)."""
-OTHER = 2.3
-"""A crown of hair is further than this from the face's colors, in standard deviations."""
-GRAPH = 0.025
-"""Side of the cells that regions are decided in as a whole, over the face's height."""
+BEARD = -0.45, -1.5  # A beard lies between these (up, in the face's heights).
+OTHER = 2.3  # A crown of hair is further than this from the face's colors, in standard deviations.
+GRAPH = 0.025  # Side of the cells that regions are decided in as a whole, over the face's height.
 UNSURE = 0.01
 """Trust in what is said of places that no photo saw, over that in those that photos saw well."""
 HAIRLINE = 0.64, 88.0
@@ -52,12 +48,10 @@ STRAND, STRAND_CELL = 0.04, 0.01
 over the face's height."""
 CURL_CELL, CURL_BLUR = 0.02, 2.0
 """Side of the cells that roughness is measured in, over the face's height; its blur in cells."""
-CURLS = 0.08
-"""Gaps and specks less than twice so wide are none; over the face's height."""
+CURLS = 0.08  # Gaps and specks less than twice so wide are none; over the face's height.
 ROUGH, ROUGHER = 0.5, 1.6
 """A crown of curls has so strong contours, so many times those of forehead and cheeks."""
-ROUGH_LIMIT = 0.4
-"""What is rougher than this share of the way from skin to crown is hair."""
+ROUGH_LIMIT = 0.4  # What is rougher than this share of the way from skin to crown is hair.
 LOWEST_CURL = -1.1
 """Curls end here at the latest (up from the brows, in the face's heights): below the chin."""
 REACH = 20.0

@@ -36,18 +36,15 @@ BINS, STEPS, COLUMNS = 72, 100, 40
 its front is known."""
 LOWEST, HIGHEST = -0.6, 1.2
 """It lies between these heights above the brows, over the face's height."""
-SEEN = np.radians(75.0)
-"""The painter's edge is that within this angle from the forward direction."""
+SEEN = np.radians(75.0)  # The painter's edge is that within this angle from the forward direction.
 NEAR = 0.15
 """Its own outline is kept where it is no further from the smooth edge, over the face's height."""
-SMOOTH = 1.5
-"""Sigma of the smooth edge, in directions."""
+SMOOTH = 1.5  # Sigma of the smooth edge, in directions.
 EDGE, SHADE = 0.012, 0.07
 """Breadth of its soft edge, and sigma of the shade below it, over the face's height."""
 COPIED, REPEATED = 8.0, 0.15
 """Weight of the place where it is as the painter saw it, and where it goes on around the back."""
-PERIOD = np.radians(100.0)
-"""There its middle part, so broad, is repeated."""
+PERIOD = np.radians(100.0)  # There its middle part, so broad, is repeated.
 NAPE = -1.0
 """Hair that grows on a head ends above this, over the face's height (brows 0); below it hangs."""
 OWN_HAIR, BESIDE = 0.05, 0.12

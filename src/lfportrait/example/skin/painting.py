@@ -72,12 +72,10 @@ from .hat import HatPainter
 from .sitter import Canvas, Skin, canvas_of
 from .wires import painted_wires, wires
 
-MIDDLING = 0.25, 0.75
-"""Hair that no photo saw has tones between these quantiles of what they saw."""
+MIDDLING = 0.25, 0.75  # Hair that no photo saw has tones between these quantiles of what they saw.
 JAW = 0.7
 """Below this (brows 0, chin 1) what hangs beside a head leaves a neck bare, above it a cheek."""
-SHARP = 8.0
-"""How much narrower skin's way into neck is than the guide makes it."""
+SHARP = 8.0  # How much narrower skin's way into neck is than the guide makes it.
 SHOWN = 0.4
 """Cosine to the best photo from which on a place counts in the distribution of the sitter's
 tones."""
@@ -86,12 +84,9 @@ DARKEST = 0.12
 shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
 UNDER_JAW, JAW_EDGE = 1.0, 0.2
 """Below the first (brows 0, chin 1) lies the underside of a jaw, and a softly fading edge above."""
-HARDLY = 0.6
-"""Ears that no photo saw better have so much of their light and shade."""
-BEARD = 0.15, 0.4
-"""Where the guide leads to so much of a beard, it begins to be painted, and is."""
-EITHER = 0.51
-"""Share of ears in what a sitter's ears are painted of; the rest is skin."""
+HARDLY = 0.6  # Ears that no photo saw better have so much of their light and shade.
+BEARD = 0.15, 0.4  # Where the guide leads to so much of a beard, it begins to be painted, and is.
+EITHER = 0.51  # Share of ears in what a sitter's ears are painted of; the rest is skin.
 
 
 def sitter_shares(skin: Skin, labels: UInt8, present: Bool) -> Float32:
@@ -180,8 +175,7 @@ def extrapolated_light(skin: Skin, canvas: Canvas, core: Bool, color: Float32,
                         core & skin.outwards & plain)
 
 
-NODES = 0.03
-"""Nodes of the guide are so far apart, over the exemplar's face size."""
+NODES = 0.03  # Nodes of the guide are so far apart, over the exemplar's face size.
 NAPE, THROAT = 0.7, 1.2
 """Where a nape begins, over half a turn; how far below the brows the throat lies, over the face's
 height."""
@@ -190,8 +184,7 @@ UNSEEN = 0.5
 NEARBY, UNMOVED, EYES = 0.15, 0.03, slice(36, 48)
 """Landmarks are a little beside others if they are no further away than this over the face's size,
 and those of the eyes than that: their lids and irises are painted over by them."""
-ALMOST = 0.02
-"""Paint is as large as it was before if it is so by this share."""
+ALMOST = 0.02  # Paint is as large as it was before if it is so by this share.
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 

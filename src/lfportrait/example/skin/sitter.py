@@ -53,8 +53,7 @@ from .hair import (
     settled_hair,
 )
 
-SIDE = 512
-"""Side in pixels of the picture that the features are drawn in."""
+SIDE = 512  # Side in pixels of the picture that the features are drawn in.
 RAISED, SIDES = 0.6, (0.42, 0.50)
 """Shoulders beside the head reach higher than the chin by so much; farther to the side than ears,
 in portrait units."""

@@ -160,12 +160,9 @@ _READ: dict[str, Callable[[Arrays], Any]] = {
 """What reads each part of a skin that is always needed; what takes longest comes first."""
 
 
-MOST = 0.75
-"""A plane of bytes that is not deflated to less than this share is stored as it is."""
-_WORD = 4
-"""Bytes of the header's length and of the sum over all."""
-_BARE = -zlib.MAX_WBITS
-"""zlib's name for a stream without a sum of its own."""
+MOST = 0.75  # A plane of bytes that is not deflated to less than this share is stored as it is.
+_WORD = 4  # Bytes of the header's length and of the sum over all.
+_BARE = -zlib.MAX_WBITS  # zlib's name for a stream without a sum of its own.
 
 Words = NDArray[np.unsignedinteger[Any]]
 

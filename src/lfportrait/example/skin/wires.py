@@ -13,14 +13,10 @@ from ...arrays import Float32
 from ..mouth import Palette
 from .sitter import Skin
 
-THIN = 0.045
-"""A line before the face is thinner than this, over the height from brows to chin."""
-BEFORE = 0.015, 0.035
-"""What stands out so far begins to be a wire, and is one; likewise."""
-HEIGHTS = -0.15, 0.5
-"""Wires are between these (brows 0, chin 1)."""
-LEAST = 0.01
-"""Less than this share of a face is dust; over the square of that height."""
+THIN = 0.045  # A line before the face is thinner than this, over the height from brows to chin.
+BEFORE = 0.015, 0.035  # What stands out so far begins to be a wire, and is one; likewise.
+HEIGHTS = -0.15, 0.5  # Wires are between these (brows 0, chin 1).
+LEAST = 0.01  # Less than this share of a face is dust; over the square of that height.
 SKIN = 0.2, 0.7, 0.5
 """Cheeks are between these heights (brows 0, chin 1), and so far aside at most (radians)."""
 

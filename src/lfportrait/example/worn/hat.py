@@ -36,28 +36,22 @@ from ..painter.picture_materials import SmallPicture, has_two_hues
 HAIRLINE, TEMPLE, ROUND = 0.54, 0.86, 2.0
 """A forehead ends this far above the brows (chin -1), and this far from its middle over half the
 face's width, in a superellipse of this power."""
-HIGH = 0.64
-"""The same height of a forehead that is hidden."""
+HIGH = 0.64  # The same height of a forehead that is hidden.
 HIDES = 0.3
 """A forehead is hidden if no less than this share of it is covered by something else than hair."""
 HEAD = 1.15, 0.95, 0.0
 """A head ends this far from its middle over half the face's width, and this far above the brows;
 hair that a hat covers begins above this."""
-BROWS = 0.03
-"""It begins this far above the brows' middle: what lies lower is brows and lids."""
-LAB_BLUR = 0.02
-"""Colors are compared blurred by so much over the face's size."""
-LIGHT = 0.4
-"""How much light counts against hue and chroma."""
-FEW, MOST = 50, 1500
-"""A smaller sample of skin says nothing; of a larger one a part will do."""
+BROWS = 0.03  # It begins this far above the brows' middle: what lies lower is brows and lids.
+LAB_BLUR = 0.02  # Colors are compared blurred by so much over the face's size.
+LIGHT = 0.4  # How much light counts against hue and chroma.
+FEW, MOST = 50, 1500  # A smaller sample of skin says nothing; of a larger one a part will do.
 NEAR, USUAL = 0.02, 0.95
 """A color's distance is that to the nearest of the sample, this share of it left out; so far apart
 are the sample's own, but for the rest."""
 OTHER, LEAST_OTHER = 1.2, 0.5
 """What is further than this times that, and a little more in Lab, is no skin."""
-THICK = 0.04
-"""What is narrower, over the face's height, is a wrinkle."""
+THICK = 0.04  # What is narrower, over the face's height, is a wrinkle.
 STRIP = 0.2
 """Skin below a hat, down to the brows, that is no higher than this over the face's height: the edge
 of a shade runs through it."""
@@ -176,23 +170,17 @@ Wear = Literal["hat", "spectacles"]
 COVERS, REACHES = 0.3, 2.0
 """A hat covers at least the first share of the forehead, by what is no hair to the network, and
 reaches so far from the face's middle, over half its width, or is unlike the hair below it."""
-FACE = 45.0
-"""Size of the face (`face_size`) in the picture that is cut."""
+FACE = 45.0  # Size of the face (`face_size`) in the picture that is cut.
 ROOM = 2.4, 2.6, 2.3
 """It lies no further than this beside, above and below the brows' middle (chin 1)."""
-BLUR = 0.02
-"""Colors are compared blurred by so much over the face's size."""
+BLUR = 0.02  # Colors are compared blurred by so much over the face's size.
 LIKE = 2.5
 """What is no further from the crown's colors, in standard deviations, may be a veil's hanging
 part, on shoulders, too."""
-NECK = 1.05
-"""The body begins so far below the brows."""
-PERSON = 0.3
-"""The crown is where the network sees a person, if that is at least this share of it."""
-TURNS = 6
-"""Of the cut."""
-SAMPLE = 0.01
-"""Less of a color than this, over the face's squared height, says nothing."""
+NECK = 1.05  # The body begins so far below the brows.
+PERSON = 0.3  # The crown is where the network sees a person, if that is at least this share of it.
+TURNS = 6  # Of the cut.
+SAMPLE = 0.01  # Less of a color than this, over the face's squared height, says nothing.
 HAIRY, GREY = 0.02, 8.0
 """What hangs beside a face below the brows is hair, not a veil, unless the crown is lighter than
 the cheeks, or it is by the first (luma), or is of no hue that hair has: bluer than yellow by the
@@ -202,22 +190,18 @@ BRIM = 1.8, 0.35
 BESIDE, SURELY = 1.3, 1.5
 """Within the first, over half the face's width, what is no further from the cheeks' colors than
 the second, in standard deviations, is skin."""
-UNLIKE = 2.6
-"""Skin is no further from the colors of the cheeks, in standard deviations."""
+UNLIKE = 2.6  # Skin is no further from the colors of the cheeks, in standard deviations.
 UNLIKE_CROWN, BROW = 3.0, 0.6
 """What is further than the first from the crown's colors is none of it, up to so far above the
 brows; higher up there may be a feather or a ribbon."""
-CHIN = 0.9
-"""Nothing that is worn on a head lies below a face from here on."""
+CHIN = 0.9  # Nothing that is worn on a head lies below a face from here on.
 ALL_AROUND = 0.5
 """What covers more than this of the picture's border above the brows was not told apart from the
 background."""
 GAP, CRUMB = 0.05, 0.03
 """Gaps and crumbs up to this, over the face's height, are closed and left out."""
-EDGE = 0.006
-"""Its edge is soft over so much of the face's height."""
-LEAST = 0.25
-"""A thing smaller than this, over the face's squared height, is none."""
+EDGE = 0.006  # Its edge is soft over so much of the face's height.
+LEAST = 0.25  # A thing smaller than this, over the face's squared height, is none.
 
 
 def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | None:
@@ -445,8 +429,7 @@ def _filled(one: Bool, face: Bool) -> Bool:
 
 CROWN, ABOVE_HEAD = 0.85, 0.06
 """A head without its hair ends this far above the brows (chin -1) at most, a hat so far above."""
-HIGHER = 1.5
-"""A hat is made higher by this factor at most."""
+HIGHER = 1.5  # A hat is made higher by this factor at most.
 JOINED = 0.3
 """The map below the brows goes over into the one above them within so much of the face's height."""
 SHADE, DEEPEST = 0.12, 0.45
@@ -454,10 +437,8 @@ SHADE, DEEPEST = 0.12, 0.45
 the light."""
 LIGHT_REACHES = 0.05, 0.15, 0.4, 1.2
 """Background is carried in under removed hair from as far as this, over the face's height."""
-SOFT = 0.015
-"""Removed hair ends softly over so much of the face's height."""
-FINER = 1.2
-"""A hat with so many of its pixels per pixel of the photo is made smaller first."""
+SOFT = 0.015  # Removed hair ends softly over so much of the face's height.
+FINER = 1.2  # A hat with so many of its pixels per pixel of the photo is made smaller first.
 
 
 @dataclass(frozen=True)

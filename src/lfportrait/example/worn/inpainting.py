@@ -31,26 +31,20 @@ from .hat import HIDES, covered_forehead, hat_beside_hair
 MOST = 0.8
 """A forehead is bared if something else than hair hides it (`HIDES`), or if more than this share of
 it is covered by anything."""
-FRINGE = 0.45
-"""The same share for a sitter whose own forehead is bare."""
-NEARLY = 20.0
-"""Foreheads of faces turned by more degrees are not looked at."""
+FRINGE = 0.45  # The same share for a sitter whose own forehead is bare.
+NEARLY = 20.0  # Foreheads of faces turned by more degrees are not looked at.
 GROWN, SOFT = 0.035, 0.012
 """The hole is larger than the cover by so much, and ends softly over so much, over the face's
 height: paint at a cover's edge is of both."""
 BROW, EDGE = 0.04, 0.02
 """Brows are darker than skin by this, and not so near to the cover, over the face's height."""
-AROUND = 0.1
-"""So much around the hole the patches agree with, over the face's height."""
-CENTRAL = 0.6
-"""Skin counts by how near it is to the middle: sigma over half the face's width."""
+AROUND = 0.1  # So much around the hole the patches agree with, over the face's height.
+CENTRAL = 0.6  # Skin counts by how near it is to the middle: sigma over half the face's width.
 BROAD, REACHES = 0.07, (1.2, 0.6, 0.3, 0.15, 0.08)
 """Colors broader than the first number come from the skin around the hole, which is looked for as
 far away as the others, from broad to narrow; over the face's height."""
-BESIDE_RIMS, RIMS = 0.02, (0.2, 0.1, 0.05, 0.03)
-"""The same beside the rims of spectacles."""
-SMALL = 4
-"""Broad colors are computed every Nth pixel."""
+BESIDE_RIMS, RIMS = 0.02, (0.2, 0.1, 0.05, 0.03)  # The same beside the rims of spectacles.
+SMALL = 4  # Broad colors are computed every Nth pixel.
 RIM, SHADE, THROUGH = 0.15, 0.02, np.float32(0.1)
 """What is so surely a rim is filled; rims have a shade and glints of this breadth, over the face's
 height, which are filled beside the nose; and the weight of what is seen through a lens."""

@@ -22,11 +22,9 @@ from .piece import METRES, Piece, filled, outside
 __all__ = ["BEARD", "Beard", "beard_of", "beard_piece", "beneath"]
 
 
-BEARD = 4
-"""What a place of the surface belongs to, beside those of `solid`."""
+BEARD = 4  # What a place of the surface belongs to, beside those of `solid`.
 
-FACE = 160.0
-"""Pixels that a face is wide, at most, where a beard is looked for."""
+FACE = 160.0  # Pixels that a face is wide, at most, where a beard is looked for.
 UNLIKE = 14.0
 """Difference in CIELAB from a cheek's skin, lightness counted by `LIGHTNESS`, of a beard."""
 LIGHTNESS = 0.3
@@ -50,37 +48,26 @@ EVEN_LIGHT = 0.8
 SHADE, GRAY, FINER = 0.1, 0.55, 0.3
 """Weights of a skin's lightness, of how much less red hairs are than others, and of how much finer.
 """
-NEITHER = 8.0
-"""Square of deviations from which on something is neither skin nor beard."""
+NEITHER = 8.0  # Square of deviations from which on something is neither skin nor beard.
 TURN, EDGE, TALL, BESIDE = 0.8, 5.0, 0.5, 0.5
 """In steps: what it costs a beard's outline to change by a step from one way to the next, and what
 it is worth to run along an edge of the photo; what steps cost at the far end, and beside the chin.
 """
-WHISKERS = 0.15
-"""How far whiskers stand out beside a jaw, over the height of a face."""
-FRINGE = 1.0
-"""The last of its steps are hairs before what lies below."""
-CONTRAST = np.array([0.8, 0.25, 0.1])
-"""Differences of the three that make an edge."""
+WHISKERS = 0.15  # How far whiskers stand out beside a jaw, over the height of a face.
+FRINGE = 1.0  # The last of its steps are hairs before what lies below.
+CONTRAST = np.array([0.8, 0.25, 0.1])  # Differences of the three that make an edge.
 
 MIXED = 0.003 / METRES
 """How far up from its end a beard's colors are mixed with what lies below, portrait units."""
 LIP = 0.008 / METRES
 """A beard's front begins at the foremost depth of the lowest so much of a jaw, portrait units."""
-INTO = 0.02 / METRES
-"""It goes on so far up within the head."""
-UNDER = 0.0015 / METRES
-"""And lies so far within it there."""
-EVEN = 0.004 / METRES
-"""Over how much its front is even, portrait units."""
-SLOPE = 0.12
-"""How far back it falls of its way down."""
-AHEAD, BEHIND = 0.012 / METRES, 0.035 / METRES
-"""Its thickness before and behind its middle."""
-ROUND = 0.012 / METRES
-"""How far from its outline it is thinner."""
-BEFORE = 0.008 / METRES
-"""How far before the chest it lies at least."""
+INTO = 0.02 / METRES  # It goes on so far up within the head.
+UNDER = 0.0015 / METRES  # And lies so far within it there.
+EVEN = 0.004 / METRES  # Over how much its front is even, portrait units.
+SLOPE = 0.12  # How far back it falls of its way down.
+AHEAD, BEHIND = 0.012 / METRES, 0.035 / METRES  # Its thickness before and behind its middle.
+ROUND = 0.012 / METRES  # How far from its outline it is thinner.
+BEFORE = 0.008 / METRES  # How far before the chest it lies at least.
 
 
 class Beard(NamedTuple):

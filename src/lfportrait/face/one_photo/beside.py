@@ -28,24 +28,20 @@ from ..segmentation import person_matte
 
 __all__ = ["faces_of_people", "in_one_piece", "seen_from_near", "sitter_alone"]
 
-FINE = 90.0
-"""Pixels of a face's width where a matte is parted."""
-MOST = 4e5
-"""Pixels of that picture, at most: of a large photo with a small face it is coarser."""
+FINE = 90.0  # Pixels of a face's width where a matte is parted.
+MOST = 4e5  # Pixels of that picture, at most: of a large photo with a small face it is coarser.
 REACH = np.array([(-1.4, 0.0, 0.4), (-1.2, 0.0, 0.5), (-0.6, 0.45, 0.8), (0.0, 0.62, 1.0),
                   (0.6, 0.6, 1.05), (0.8, 0.75, 1.7), (1.2, 1.2, 2.2), (2.2, 1.5, 2.4)])
 """By how far below the eyes, how far to either side many sitters reach, and few do; in widths of a
 face, of 49 photos of one person each."""
-SHOULDERS = 0.9
-"""From so far below the eyes on people differ, widths of a face."""
+SHOULDERS = 0.9  # From so far below the eyes on people differ, widths of a face.
 LOOKS, ABOVE = (4.0, 2.6), 1.3
 """Widths of what a second look shows, and how much of it lies above the eyes, in widths of a face.
 """
 UNSEEN, OTHERS = 0.15, 0.03
 """Squares of a face's width that belong to somebody else at least: of what a second look does not
 show, and of what is apart or lies where no sitter reaches."""
-BLURRED = 0.3
-"""How sharp out of focus is, at most, beside the sitter's face."""
+BLURRED = 0.3  # How sharp out of focus is, at most, beside the sitter's face.
 EDGES, LEAK = 0.1, 1e-4
 """How much a squared difference in CIELAB stops the walker, and what passes in any case."""
 DRIFT, SOFT, SURE = 0.004, 0.015, 0.3
@@ -54,12 +50,9 @@ somebody else's, beside what a pixel's neighbors are."""
 WEAK, STEEP = 0.25, 0.35
 """An edge counts that is so strong beside those of the sitter's face; blurred is what is seen of
 it in fine by less than this part of what is seen in rough."""
-PATCH = 0.3
-"""Of a patch without edges that much at least is somebody else's, or nothing."""
-SEED = 1e3
-"""The same for what is known."""
-NOBODY = 0.3
-"""A face of which a matte of people shows less is none."""
+PATCH = 0.3  # Of a patch without edges that much at least is somebody else's, or nothing.
+SEED = 1e3  # The same for what is known.
+NOBODY = 0.3  # A face of which a matte of people shows less is none.
 UNSURE, HAIR = (0.05, 0.95), 0.3
 """Between which a network does not know who is there; hair of more than this is known by another.
 """

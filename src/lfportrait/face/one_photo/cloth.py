@@ -30,54 +30,41 @@ from .skin import CHIN, features_of, nearest_samples
 __all__ = ["clothes_of"]
 
 
-CELL = 0.0088
-"""Width of a cell at the head, portrait units: a face is 90 wide."""
+CELL = 0.0088  # Width of a cell at the head, portrait units: a face is 90 wide.
 ASIDE, LOWER = 1.8, 1.8
 """How far beside the neck and below the chin clothes are looked for, portrait units: a bust ends
 before."""
 RAISED, SHOULDER, HIGHEST = 0.22, 0.42, 0.6
 """How far above the chin a collar may stand; how far beside the neck, and at most how high, raised
 shoulders are; portrait units."""
-DARK = 0.008
-"""Added to light before its logarithm."""
+DARK = 0.008  # Added to light before its logarithm.
 SHARES = (0.02, 0.15, 0.3, 0.5, 0.7, 0.85, 0.98)
 """Quantiles of a face's lightness between which its hue is known."""
-HUE = 0.12
-"""Least deviation of a hue, octaves."""
+HUE = 0.12  # Least deviation of a hue, octaves.
 BRIGHTER, DARKER, SHADE = 0.35, 0.8, 1.0
 """Deviations of lightness beyond that of the face, octaves; and how much darker skin may be."""
-REDDER, DEEP = 0.5, 2.0
-"""How much less a redder hue counts in shade so deep, octaves."""
+REDDER, DEEP = 0.5, 2.0  # How much less a redder hue counts in shade so deep, octaves.
 UNLIKE, STEEP = 3.0, 1.4
 """Deviation from skin at which a color says nothing, and what one more says (in logits)."""
-SAYS = -4.0, 6.0
-"""Least and most that colors say."""
-COLORFUL = 0.4
-"""Octaves from grey at which the hue of skin says so much."""
+SAYS = -4.0, 6.0  # Least and most that colors say.
+COLORFUL = 0.4  # Octaves from grey at which the hue of skin says so much.
 AT_NECK, DOWN, OUT = -0.84, (1.4, 0.79), (1.05, 0.32, 0.4)
 """What the place below a chin says; how much more one so far (portrait units) below does; and one
 beside that, from the second on, over the third."""
-OF_NECK = -0.35
-"""What a place on the fitted neck says at most."""
+OF_NECK = -0.35  # What a place on the fitted neck says at most.
 TRUST = 0.03, 0.1
 """Weight of what places say, and of the face that they touch, over that of their neighbours."""
-ACCURACY = 3e-3
-"""Relative, of what is found."""
-LIGHTNESS = 0.6
-"""Weight of lightness in an edge."""
+ACCURACY = 3e-3  # Relative, of what is found.
+LIGHTNESS = 0.6  # Weight of lightness in an edge.
 FAINTEST, PASSES = 4.0, 1e-3
 """Square of a difference in CIELAB that is no edge, and what is left where there is one."""
-CLOSE = 0.28, 0.36
-"""Down and beside so far from a chin skin is a neck's, portrait units."""
+CLOSE = 0.28, 0.36  # Down and beside so far from a chin skin is a neck's, portrait units.
 SURE, FEW = 4.5, 0.3
 """Deviation from skin of what is clothes for sure; and how much of the clothes that must be to
 stand for them."""
-MODES, OF_FACE = 5, 0.35
-"""Colors of a part, and the weight of lightness among them."""
-SPREAD = np.array([0.15, 0.1, 0.1])
-"""Their least deviations."""
-LEAST = 50
-"""Cells of a part whose colors are known."""
+MODES, OF_FACE = 5, 0.35  # Colors of a part, and the weight of lightness among them.
+SPREAD = np.array([0.15, 0.1, 0.1])  # Their least deviations.
+LEAST = 50  # Cells of a part whose colors are known.
 ALONE, PLACE = 0.4, 0.6
 """What colors and places say still counts so much when those of both parts are known."""
 THIN, SMALL = 0.02, 0.02

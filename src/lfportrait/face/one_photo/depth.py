@@ -23,21 +23,16 @@ from .parts import Parts
 __all__ = ["Sensed", "hair_before", "hair_squares", "middle_behind", "sensed_depth"]
 
 
-RIM = 0.04
-"""Width along the outline, in portrait units, where depth maps mix person and ground."""
+RIM = 0.04  # Width along the outline, in portrait units, where depth maps mix person and ground.
 NECK = 0.2
 """Length, in portrait units, over which a body leaves the model's neck for the photo's depth."""
-SMOOTH = 0.02
-"""Depth is smoothed over so much, portrait units."""
-FACE = 0.55
-"""What of the model lies so far behind its nearest point is face, portrait units."""
+SMOOTH = 0.02  # Depth is smoothed over so much, portrait units.
+FACE = 0.55  # What of the model lies so far behind its nearest point is face, portrait units.
 OFF, FLAT = 0.06, 0.8
 """A depth that is further off in the face (median, portrait units) is none, nor is one that is
 further off than this part of the face's own relief (its median deviation)."""
-FAR = 4.0
-"""Median deviations from a line up to which a place agrees with it."""
-LEAST = 300
-"""Cells of the face, at least, that it must know."""
+FAR = 4.0  # Median deviations from a line up to which a place agrees with it.
+LEAST = 300  # Cells of the face, at least, that it must know.
 AHEAD, BEHIND = 0.6, 1.5
 """What lies further before or behind the nearest point of the face is none of the person."""
 

@@ -26,40 +26,29 @@ __all__ = ["Neck", "grown_out", "hair_piece", "with_rims"]
 
 CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
 """Hair stays so far outside of the skull, from so far behind the hairline on."""
-LOCK = 0.030 / METRES
-"""How far before neck and body hair lies at most."""
+LOCK = 0.030 / METRES  # How far before neck and body hair lies at most.
 JAW, END = 0.045, -0.015
 """Heights (metres, `HeadPrior.rest`) between which hair of the head becomes hair of the neck."""
 EARS = 0.095
 """Height (metres, `HeadPrior.rest`) below which a head says nothing of where hair hangs: the middle
 of its jaw lies in front of the skull's and of the neck's."""
-NAPE = -0.36
-"""Height below which hair that hangs down beside the neck hangs down behind, too."""
+NAPE = -0.36  # Height below which hair that hangs down beside the neck hangs down behind, too.
 RIM = 0.045
 """What is not hair beside the head, between strands or along their outline, and less than twice so
 wide is, portrait units."""
-GAP = 4
-"""Rows without hair that do not end a strand."""
-HANGING = 0.05 / METRES
-"""Bends of less than twice this height are bridged by hair that hangs down."""
-EVEN = 0.08
-"""Over how much hair behind the neck and the body is even, portrait units."""
-FALL = 0.45
-"""How much farther back, of the way down, hair hangs at most."""
-CURVE = 0.10
-"""How much farther down the middle hair behind ends than at the sides, portrait units."""
+GAP = 4  # Rows without hair that do not end a strand.
+HANGING = 0.05 / METRES  # Bends of less than twice this height are bridged by hair that hangs down.
+EVEN = 0.08  # Over how much hair behind the neck and the body is even, portrait units.
+FALL = 0.45  # How much farther back, of the way down, hair hangs at most.
+CURVE = 0.10  # How much farther down the middle hair behind ends than at the sides, portrait units.
 
 
-FRONT = 0.03
-"""What lies no farther behind the nearest place is in front, portrait units."""
-RISE = 0.2
-"""From so far behind its line on hair is as thick as it gets, portrait units."""
+FRONT = 0.03  # What lies no farther behind the nearest place is in front, portrait units.
+RISE = 0.2  # From so far behind its line on hair is as thick as it gets, portrait units.
 CROWN = 0.13
 """Height (metres, `HeadPrior.rest`) from which on hair is as thick as the outline says."""
-SECTORS, EVENLY = 36, 1.5
-"""Of the half circle above that; how many of them share a thickness."""
-MOST = 0.25
-"""Hair stands off the skull by no more, portrait units."""
+SECTORS, EVENLY = 36, 1.5  # Of the half circle above that; how many of them share a thickness.
+MOST = 0.25  # Hair stands off the skull by no more, portrait units.
 
 
 class Neck(NamedTuple):

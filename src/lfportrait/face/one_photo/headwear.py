@@ -21,37 +21,27 @@ __all__ = ["headwear", "skull_in"]
 FINE, AROUND = 120.0, 2.75
 """Pixels of a face's width where its extent is found, at most; how far around the face it is looked
 for, widths of a face."""
-LEVEL = 0.095
-"""Height of the ears' middles (metres, `HeadPrior.rest`)."""
-BESIDE = 0.04
-"""What lies no further outside of the skull may be the skull's, widths of a face."""
-THIN = 0.02
-"""What is twice so thin is a shred of the matte, widths of a face."""
-CROWN = 60.0
-"""Degrees to both sides of straight up that are above a head."""
+LEVEL = 0.095  # Height of the ears' middles (metres, `HeadPrior.rest`).
+BESIDE = 0.04  # What lies no further outside of the skull may be the skull's, widths of a face.
+THIN = 0.02  # What is twice so thin is a shred of the matte, widths of a face.
+CROWN = 60.0  # Degrees to both sides of straight up that are above a head.
 LEAST, ABOVE = 0.045, 0.25
 """Squares of a face's width that it covers there, at least, and which part of it lies there."""
 OF_GROUND, ACROSS = 10.0, 0.03
 """Difference in CIELAB between both sides of its outline, so far from it (widths of a face), up to
 which it is ground that a matte kept."""
-UNLIKE = 10.0
-"""Difference in CIELAB from the face up to which it is a tall skull's skin."""
+UNLIKE = 10.0  # Difference in CIELAB from the face up to which it is a tall skull's skin.
 COVERED, LIGHTNESS, BRIGHT = 18.0, 0.5, 0.3
 """Difference in CIELAB from the face from which on it is no skin in any shade; lightness counts by
 the second, by the third where it is more: foreheads shine."""
 BROW, HIGH, MOST = 0.3, 0.33, 0.5
 """So far above the brows a crown begins (heights of a face); its highest part; and so much of both
 is covered by what goes no further than the fitted skull."""
-SECTORS = 120
-"""Of the circle around a head's middle."""
-SURE = 0.85
-"""Hair that the network is so sure of says that what lies below it is none."""
-INNER = 0.85
-"""The part of a face's width that no cloth beside it covers."""
-CLOSE = 0.1
-"""What is left beside it, beyond the skull, is no farther from it, widths of a face."""
-ROUNDS, KINDS = 4, 5
-"""Of GrabCut; and of colors that a part has."""
+SECTORS = 120  # Of the circle around a head's middle.
+SURE = 0.85  # Hair that the network is so sure of says that what lies below it is none.
+INNER = 0.85  # The part of a face's width that no cloth beside it covers.
+CLOSE = 0.1  # What is left beside it, beyond the skull, is no farther from it, widths of a face.
+ROUNDS, KINDS = 4, 5  # Of GrabCut; and of colors that a part has.
 DOWN, CLOTHES = 0.25, 0.6
 """How far below the chin it may go on, and how far down clothes are looked at, widths of a face."""
 

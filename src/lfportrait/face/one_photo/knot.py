@@ -23,18 +23,12 @@ __all__ = ["Knot", "knot_of", "knot_piece", "without_knot"]
 
 NARROW = 0.3
 """Half of the width below which what stands above a head may be a knot, portrait units."""
-LEAST, MOST = 0.08, 0.26
-"""Radii of knots, portrait units."""
-STANDS = 0.4
-"""How far one stands out of the head's outline at least, over its radius."""
-ROUND = 0.2
-"""How far off a circle its outline is in the mean at most, over its radius."""
-ASIDE = 0.35
-"""How far from the middle of the head it may be, portrait units."""
-ROOT = 0.06
-"""How thick the hair is that it rests on, portrait units."""
-STEPS = 120
-"""Places behind the crown that are tried."""
+LEAST, MOST = 0.08, 0.26  # Radii of knots, portrait units.
+STANDS = 0.4  # How far one stands out of the head's outline at least, over its radius.
+ROUND = 0.2  # How far off a circle its outline is in the mean at most, over its radius.
+ASIDE = 0.35  # How far from the middle of the head it may be, portrait units.
+ROOT = 0.06  # How thick the hair is that it rests on, portrait units.
+STEPS = 120  # Places behind the crown that are tried.
 
 
 class Knot(NamedTuple):

@@ -22,30 +22,21 @@ __all__ = ["Shell", "shell_of"]
 
 Places = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
-OUTSIDE, INSIDE = 2.0, 4.0
-"""Voxels before and behind the surface that are kept."""
-DEEP = 2
-"""Points of the coarser lattices from free space, beyond which nothing is kept."""
-COARSE = 4
-"""Voxels to a step of the lattice that the surface is looked for on."""
-CLOSE = 3.5
-"""Voxels from the surface up to which distances are exact."""
+OUTSIDE, INSIDE = 2.0, 4.0  # Voxels before and behind the surface that are kept.
+DEEP = 2  # Points of the coarser lattices from free space, beyond which nothing is kept.
+COARSE = 4  # Voxels to a step of the lattice that the surface is looked for on.
+CLOSE = 3.5  # Voxels from the surface up to which distances are exact.
 DETAIL = 0.0045
 """Voxels from which on points between exact ones are looked at exactly, too, portrait units: what
 the solid is made of (`samples.STEP`, `parts.CELL`) has no detail between finer ones; what it wears
 has."""
-CRUMB = 0.01
-"""What is apart from all else and smaller than this part of it is no person."""
-APART = 4
-"""Points of that lattice between the two, at least."""
-BLADE = 0.03
-"""What of a body is thinner than twice this beside a neck is none, portrait units."""
+CRUMB = 0.01  # What is apart from all else and smaller than this part of it is no person.
+APART = 4  # Points of that lattice between the two, at least.
+BLADE = 0.03  # What of a body is thinner than twice this beside a neck is none, portrait units.
 BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
 """How far beside a neck, and below and above its end, a collar may stand, portrait units."""
-STEEP = 4.0
-"""Optical depth of a voxel one voxel below the surface; at most twice that."""
-CHIN = 0.01
-"""Height above the model's chin (metres) below which there is throat and neck."""
+STEEP = 4.0  # Optical depth of a voxel one voxel below the surface; at most twice that.
+CHIN = 0.01  # Height above the model's chin (metres) below which there is throat and neck.
 _MANY, _THREADS = 50_000, 4
 """Points from which on it pays to ask for them on another core, and how many cores are asked at
 most: each goes through the maps of all pieces."""

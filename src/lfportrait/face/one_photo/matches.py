@@ -24,17 +24,13 @@ Bytes = NDArray[np.uint8]
 
 EYES_WIDE = 130.0
 """Pixels that the outer corners of the eyes are apart where photos are compared, at most."""
-SQUARE = 0.3
-"""Cosine of incidence from which on a photo shows a vertex well enough."""
-BEHIND = 0.006
-"""Metres that a vertex may lie behind what is nearest to the camera."""
+SQUARE = 0.3  # Cosine of incidence from which on a photo shows a vertex well enough.
+BEHIND = 0.006  # Metres that a vertex may lie behind what is nearest to the camera.
 WINDOW, LIKE, TEXTURE = 15, 0.75, 0.02
 """Side of windows that are compared (pixels); correlation from which on they show the same; and
 deviation of their grey values from which on they show anything."""
-FURTHEST = 0.15
-"""A place is looked for so far away at most, over the distance of the eyes."""
-MOST = 160
-"""Places that are taken of a photo, at most."""
+FURTHEST = 0.15  # A place is looked for so far away at most, over the distance of the eyes.
+MOST = 160  # Places that are taken of a photo, at most.
 
 
 def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> list[list[Found]]:

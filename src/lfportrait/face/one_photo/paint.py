@@ -38,29 +38,20 @@ __all__ = ["WIDTHS", "Paint", "Shot", "painted", "strand_contrast", "strands"]
 LEAST, FULL = 0.25, 0.45
 """Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
 all."""
-CELL = 0.03
-"""Of the finest lattice that colors are spread on, portrait units."""
-UPWARDS = 1.8
-"""Colors come from the sides rather than from above or below."""
-HIDDEN = 0.3
-"""How little a photo shows of what it says little of."""
+CELL = 0.03  # Of the finest lattice that colors are spread on, portrait units.
+UPWARDS = 1.8  # Colors come from the sides rather than from above or below.
+HIDDEN = 0.3  # How little a photo shows of what it says little of.
 PURE = 0.02
 """Hair and skin mix so far on both sides of a hairline, portrait units: what lies there says
 nothing of what no photo shows."""
-MIRRORED = 0.25
-"""Weight of what the other side shows."""
-STRANDS = 0.15
-"""How far below the nape hair hangs that has strands in full, portrait units."""
-SQUARE = 6
-"""Power by which one of several photos that looks more squarely counts more."""
-WIDTHS = (0.016, 0.032, 0.064, 0.128)
-"""Widths of strands (3 to 26 mm), portrait units."""
-LENGTH = 12.0
-"""How long they are over their widths."""
+MIRRORED = 0.25  # Weight of what the other side shows.
+STRANDS = 0.15  # How far below the nape hair hangs that has strands in full, portrait units.
+SQUARE = 6  # Power by which one of several photos that looks more squarely counts more.
+WIDTHS = (0.016, 0.032, 0.064, 0.128)  # Widths of strands (3 to 26 mm), portrait units.
+LENGTH = 12.0  # How long they are over their widths.
 CROWN, AROUND = -0.25, 0.5
 """Where they start (depth, forward), and how far from there they are as wide as that."""
-DARKEST = 0.02
-"""Added to luminance before its logarithm."""
+DARKEST = 0.02  # Added to luminance before its logarithm.
 UNDER = 0.008 / METRES
 """How far under a chin a beard goes on beside what hangs down of it, portrait units."""
 BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES

@@ -20,23 +20,17 @@ __all__ = ["FUZZ", "Parts", "clean_colors", "clean_hair", "ground_in_hair", "ope
            "signed_distance", "thin"]
 
 
-CELL = 0.0075
-"""Width of a cell at the head, portrait units (1.6 mm)."""
-MARGIN = 0.12
-"""Of the grid around the photo, over its width."""
-ON_TOP = 0.11
-"""How thick hair lies on a crown that no photo shows, portrait units."""
+CELL = 0.0075  # Width of a cell at the head, portrait units (1.6 mm).
+MARGIN = 0.12  # Of the grid around the photo, over its width.
+ON_TOP = 0.11  # How thick hair lies on a crown that no photo shows, portrait units.
 TREND = 0.10
 """Below a photo's upper edge, how far an outline tells where it goes on, portrait units."""
 FLATTEST, ROUND = 0.2, (1.7, 2.8)
 """How tall at least what was cut off is, over half its width; powers of its outline: a parabola has
 2."""
-LEAST_HAIR = 0.06
-"""Hair covers at least this part of the area of a face, or there is none."""
-LINK = 0.06
-"""What hangs from hair by less than twice so much may be none, over a face's width."""
-OTHER_HAIR = 8.0
-"""Difference in CIELAB from which on that is not of the same hair."""
+LEAST_HAIR = 0.06  # Hair covers at least this part of the area of a face, or there is none.
+LINK = 0.06  # What hangs from hair by less than twice so much may be none, over a face's width.
+OTHER_HAIR = 8.0  # Difference in CIELAB from which on that is not of the same hair.
 UNLIKE = 14.0
 """Difference in CIELAB from which on what a network calls hair is not skin in the shade."""
 
@@ -46,8 +40,7 @@ at the outline."""
 LONG = 0.1
 """Short hair, of which less than this part lies further within, is not seen through: what it is
 like would be known from its hairline alone, where it is mixed with skin."""
-COARSER = 3.0
-"""Pixels by which colors are blurred at most before they are halved."""
+COARSER = 3.0  # Pixels by which colors are blurred at most before they are halved.
 FUZZ = 0.18
 """Hair is so thin up to here from the outline that ground may be seen through it, portrait units.
 """
@@ -143,8 +136,7 @@ def _patches(hair: Bool, person: Bool, lab: Float32, curls: Float32, skin: Float
     return out
 
 
-FACE = 240.0
-"""Pixels that a face is wide, at most, where earrings are looked for."""
+FACE = 240.0  # Pixels that a face is wide, at most, where earrings are looked for.
 
 
 def _hung_on(mask: NDArray[np.uint8], lab: NDArray[np.floating], landmarks: Float64,

@@ -22,14 +22,11 @@ from .parts import Parts
 __all__ = ["METRES", "Piece", "filled", "inflated", "outside"]
 
 
-METRES = 0.207
-"""Of a unit of the portrait frame."""
+METRES = 0.207  # Of a unit of the portrait frame.
 EDGE = 4
 """Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""
-BESIDE = 1.5
-"""Cells beyond its part of the picture up to which a piece goes on."""
-BROAD = 16.0
-"""Cells by which maps are blurred at most before they are halved."""
+BESIDE = 1.5  # Cells beyond its part of the picture up to which a piece goes on.
+BROAD = 16.0  # Cells by which maps are blurred at most before they are halved.
 
 
 @dataclass(frozen=True)

@@ -62,15 +62,13 @@ from .wires import Wires, wires_of, without_wires
 __all__ = ["head_from_photos", "portrait_capture", "portrait_field"]
 
 
-AGREED = 3
-"""How often several photos are compared and the head is fitted to what they share."""
+AGREED = 3  # How often several photos are compared and the head is fitted to what they share.
 ROUGH = 96
 """Points to two units of the lattice of a head that is looked at before it is made in full."""
 NEAR, FADE, MOST = 4.0, 0.3, 0.7
 """Hair is looked for from near, over so many widths of the face, which fades out over the second;
 not where these are most of a picture."""
-_GROUND = 153
-"""Grey level on which faces of matted photos are looked for."""
+_GROUND = 153  # Grey level on which faces of matted photos are looked for.
 
 
 Shown = str | Path | NDArray[np.uint8]

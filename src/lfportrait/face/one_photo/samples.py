@@ -17,8 +17,7 @@ from .parts import Parts
 __all__ = ["MeshSamples", "depth_maps"]
 
 
-STEP = 0.010
-"""Distance of samples, portrait units (2 mm)."""
+STEP = 0.010  # Distance of samples, portrait units (2 mm).
 
 OBLIQUE, AROUND = 0.7, 24
 """Cosine up to which the nearest sample does not say on which side a place lies; how many do then.
@@ -26,8 +25,7 @@ OBLIQUE, AROUND = 0.7, 24
 NEAR, OPPOSITE = 17, 0.0
 """How many samples around one are compared with it, itself among them, and the mean cosine of their
 normals below which it is turned over. On both sides of a thin sheet that is about zero."""
-BLOCK = 3
-"""Width of a cell, in steps, around which all of a sample's neighbours lie."""
+BLOCK = 3  # Width of a cell, in steps, around which all of a sample's neighbours lie.
 
 
 @dataclass(frozen=True)

@@ -21,23 +21,19 @@ from .solid import STANDS, standing_out
 __all__ = ["clothes", "features_of", "nearest_samples", "not_skin", "open_mouth"]
 
 
-CELL = 0.012
-"""Width of a cell at the head, portrait units (2.5 mm)."""
-SQUARE = 0.6
-"""Cosine of incidence from which on what lies before the ears is face for sure."""
+CELL = 0.012  # Width of a cell at the head, portrait units (2.5 mm).
+SQUARE = 0.6  # Cosine of incidence from which on what lies before the ears is face for sure.
 FRONT = 0.030
 """Depth (metres, `HeadPrior.rest`): what lies farther in front is face for sure, if the photo
 looks at it squarely."""
 SIDE, EYES = 0.068, 0.088
 """Depth and height (metres, `HeadPrior.rest`): what lies farther behind and lower may be hidden by
 something. Beside the eyes there are spectacles, and hair that is thin."""
-UNDER = 0.042
-"""How far from the middle (metres, `HeadPrior.rest`) no shadow of the chin lies."""
+UNDER = 0.042  # How far from the middle (metres, `HeadPrior.rest`) no shadow of the chin lies.
 LOWEST, CHIN, HIGHEST = -0.03, -0.004, 0.150
 """Heights (metres, `HeadPrior.rest`) between which the sides of a face and of the neck are, and
 where the neck begins. In front that may be clothed."""
-AROUND = 0.045
-"""How far around skin is compared, portrait units."""
+AROUND = 0.045  # How far around skin is compared, portrait units.
 UNLIKE = 10.0
 """Difference in CIELAB, its lightness by `LIGHTNESS`, from which on it is not the same skin."""
 LIGHTNESS = 0.6
@@ -47,12 +43,10 @@ makes it unlike it, its lightness by so much less."""
 BEARD, SHARE = 0.045, 0.2
 """Height (metres, `HeadPrior.rest`) below which a face may have a beard, which goes on along the
 jaw; of how much of it there one counts."""
-FACE = 120.0
-"""Pixels that a face is wide, at most, where clothes are looked for."""
+FACE = 120.0  # Pixels that a face is wide, at most, where clothes are looked for.
 PARTED = 0.05
 """Height of the gap between lips over the mouth's width from which on they are open."""
-BORDER = 0.024
-"""How wide the two mix in a photo, portrait units."""
+BORDER = 0.024  # How wide the two mix in a photo, portrait units.
 
 
 def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Float64,

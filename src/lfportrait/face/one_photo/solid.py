@@ -31,10 +31,8 @@ __all__ = ["BODY", "HAIR", "HEAD", "WORN", "Solid", "ear_light", "scalp",
 
 HEAD, HAIR, BODY, WORN = range(4)
 """What a place of the surface belongs to."""
-CHEST = 0.10 / METRES
-"""Half the thickness of a body at most."""
-BACK = 0.05
-"""How much farther behind than a scalp ears and a neck may lie, portrait units."""
+CHEST = 0.10 / METRES  # Half the thickness of a body at most.
+BACK = 0.05  # How much farther behind than a scalp ears and a neck may lie, portrait units.
 NECK_TOP, NECK_END = -0.006, -0.015
 """Heights above the model's chin (metres) between which its neck goes over into the body's."""
 JOINT, AROUND = 0.018, 0.25
@@ -43,21 +41,15 @@ this height of the joint's upper end, portrait units."""
 ALIKE = 0.10
 """How far apart, at most, the two are where one goes over into the other; what lies twice so far
 from the model's neck is no neck, but a collar or a shoulder beside it, portrait units."""
-SOFT_HAIR = 0.008
-"""Width of the joint of head and hair, portrait units."""
-SOFT_BEARD = 0.04
-"""And of head and beard."""
-WITHIN = 0.12
-"""How far within the outline of hair a body under it ends, portrait units."""
-BAND = 0.06
-"""How far from the outline the model says how thick the neck is, portrait units."""
+SOFT_HAIR = 0.008  # Width of the joint of head and hair, portrait units.
+SOFT_BEARD = 0.04  # And of head and beard.
+WITHIN = 0.12  # How far within the outline of hair a body under it ends, portrait units.
+BAND = 0.06  # How far from the outline the model says how thick the neck is, portrait units.
 SHOULDERS, SLOPE = 0.30, 0.35
 """How far behind the neck's middle the shoulders' lies, and how far from it it does, portrait
 units: a neck leans forward, and runs out to the shoulders behind."""
-BROAD = 0.07
-"""What is twice so broad beside a head is a shoulder, portrait units."""
-LOWEST = -1.35
-"""Nothing lies lower."""
+BROAD = 0.07  # What is twice so broad beside a head is a shoulder, portrait units.
+LOWEST = -1.35  # Nothing lies lower.
 HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.105),
                      (-0.04, 0.113), (-0.02, 0.113), (-0.005, 0.098), (0.004, 0.094),
                      (0.012, 0.110), (0.025, 0.150), (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
@@ -69,8 +61,7 @@ SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767),
 DARK, HOLLOW = 0.04, 17
 """Metres deep in an ear at which a third of the light is left; what is no wider than so many
 millimeters is hollow."""
-STANDS = 0.0025
-"""What stands out by more is ear, metres."""
+STANDS = 0.0025  # What stands out by more is ear, metres.
 
 
 @dataclass(frozen=True)

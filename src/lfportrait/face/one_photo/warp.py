@@ -29,10 +29,8 @@ from .solid import STANDS, standing_out
 __all__ = ["warped", "warped_together"]
 
 
-OUTLINES = 110
-"""Places of the outline, at most, that are moved to the matte's."""
-FARTHEST = 0.2
-"""They move at most this part of the distance of the eyes."""
+OUTLINES = 110  # Places of the outline, at most, that are moved to the matte's.
+FARTHEST = 0.2  # They move at most this part of the distance of the eyes.
 ALONG = 0.3
 """Cosine of the angle between the model's outline and the matte's from which on these are the same.
 """
@@ -42,21 +40,15 @@ EAR_MOVES = np.array([0.1, 0.1, 0.4, 0.4, 0.4, 0.4])
 """Deviations of how an ear moves, and of how it stands out at its middle and changes that up to its
 ends, over its length; along and across. The outline knows its own place to `EAR_OFF`."""
 EAR_OFF = 0.04
-FLAT = 0.4
-"""An ear is made no flatter than this."""
-AROUND = 0.02
-"""So far around an ear the head moves with it, metres."""
-SURE = 6
-"""Places of an outline that say as much about an ear as that the other one is like it."""
-CHIN = slice(5, 12)
-"""Landmarks of the chin."""
-NEAR = 0.1
-"""The matte knows the outline so near to it, over the eyes' distance."""
+FLAT = 0.4  # An ear is made no flatter than this.
+AROUND = 0.02  # So far around an ear the head moves with it, metres.
+SURE = 6  # Places of an outline that say as much about an ear as that the other one is like it.
+CHIN = slice(5, 12)  # Landmarks of the chin.
+NEAR = 0.1  # The matte knows the outline so near to it, over the eyes' distance.
 TURNS, HELD, LONGEST = 2, 0.05, 0.006
 """Rounds over all photos; how much a vertex that few photos see well is held; metres that it moves
 at most in a round."""
-SMOOTHED = 40
-"""How often vertices move as their neighbors do, or an ear would fold."""
+SMOOTHED = 40  # How often vertices move as their neighbors do, or an ear would fold.
 
 
 def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) -> Float64:

@@ -32,20 +32,13 @@ BEFORE, BENT = 0.013, 1.7
 depth to a square metre aside."""
 EAR = np.array([0.078, 0.118, -0.012])
 """Where a temple lies on the left ear (metres, `HeadPrior.rest`)."""
-CLEAR = 0.0008
-"""Metres between a wire and the skin at least."""
-ALIKE = 0.006
-"""Metres along a wire over which its color is a mean."""
-THIN, THICK = 0.0007, 0.003
-"""Radii of wires in metres, at least and at most."""
-HINGE = 25.0
-"""Degrees above the middle of a rim at which its temple begins."""
-LEAST = 0.85
-"""Voxels that a wire's radius has at least: a thinner one would have gaps."""
-TEMPLE = 0.009
-"""Metres that a temple may be high in a photo, from which it is taken off the skin."""
-OF_LINES = 0.08
-"""What is so surely a line is taken off the photo."""
+CLEAR = 0.0008  # Metres between a wire and the skin at least.
+ALIKE = 0.006  # Metres along a wire over which its color is a mean.
+THIN, THICK = 0.0007, 0.003  # Radii of wires in metres, at least and at most.
+HINGE = 25.0  # Degrees above the middle of a rim at which its temple begins.
+LEAST = 0.85  # Voxels that a wire's radius has at least: a thinner one would have gaps.
+TEMPLE = 0.009  # Metres that a temple may be high in a photo, from which it is taken off the skin.
+OF_LINES = 0.08  # What is so surely a line is taken off the photo.
 
 
 @dataclass(frozen=True)

@@ -50,16 +50,12 @@ from ..surface import SurfaceGraph
 BORDER = 1.5
 """Sigma, in cells, of the colors that the membrane hangs from: finer, each cell's noise would begin
 a streak; broader, the border would show as a step."""
-STRANDS = 3.0
-"""Sigma, in cells, of the colors that the detail of hair is what is left of."""
-GRAIN = 0.8
-"""Sigma, in cells, of what in that detail is noise."""
-_DARK = 0.05
-"""Lightness below which nothing tells how light falls."""
+STRANDS = 3.0  # Sigma, in cells, of the colors that the detail of hair is what is left of.
+GRAIN = 0.8  # Sigma, in cells, of what in that detail is noise.
+_DARK = 0.05  # Lightness below which nothing tells how light falls.
 _SHADE_PRICE = 1e-3
 """Of the square of what shade changes with a normal, over the mean square error."""
-_OTHER = 0.1
-"""Logarithm of lightness by which a cell is of another color, and counts half."""
+_OTHER = 0.1  # Logarithm of lightness by which a cell is of another color, and counts half.
 _EXTREME = 0.05
 """Share of the cells that are lighter, and that are darker, than any shade that is laid on."""
 _ROUNDS = 6
@@ -161,8 +157,7 @@ def _between(place: Int64, low: Int64 | int, high: Int64 | int) -> Int64:
     return np.asarray(low + np.where(way > width, 2 * width - way, way), np.int64)
 
 
-NAPE = -0.35
-"""Height at which hair usually ends behind, portrait units."""
+NAPE = -0.35  # Height at which hair usually ends behind, portrait units.
 _HAIRLINE = np.array([
     # height, degrees from the front
     (NAPE - 0.01, 181.0), (NAPE, 125.0), (-0.15, 108.0), (-0.02, 105.0), (0.05, 85.0), (0.20, 60.0),
@@ -172,14 +167,11 @@ _FACE = (-0.30, -0.02), np.radians(40.0)
 """Heights of the cheeks, and how far from the front they reach."""
 _EAR = (-0.30, 0.15, 78.0)
 """Heights of ears, and degrees from the front from which on they are looked at."""
-_CROWN = 0.12
-"""What lies so much higher than most hairlines shows the crown."""
+_CROWN = 0.12  # What lies so much higher than most hairlines shows the crown.
 _ALIKE = 2.0
 """Colors of crown and face are one if their middles are less far apart, over their spread."""
-_SPREAD = 0.03
-"""Of colors, at least (sRGB in [0, 1])."""
-_USUAL = 3e-3
-"""Trust in what most heads have, over that in colors of a cell that photos see."""
+_SPREAD = 0.03  # Of colors, at least (sRGB in [0, 1]).
+_USUAL = 3e-3  # Trust in what most heads have, over that in colors of a cell that photos see.
 _FEW = 20
 
 
@@ -261,10 +253,8 @@ def _away(colors: Float64, part: Bool) -> Float64:
 PRICE = 0.003
 """Of a coefficient's square, over the mean square error of the colors. At three times more,
 held-out photos inside the arc lost 0.1 to 0.3 dB."""
-PHOTOS = 40
-"""Photos, at most, whose directions are asked."""
-BLOCK = 16
-"""Lattice points along a side of a place that is treated alike."""
+PHOTOS = 40  # Photos, at most, whose directions are asked.
+BLOCK = 16  # Lattice points along a side of a place that is treated alike.
 FACING = 6.0
 """Photos from the side that a place faces count up to exp(2 x this) times those from behind."""
 FADES = 3.0

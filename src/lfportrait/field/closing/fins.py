@@ -30,8 +30,7 @@ from ..geometry.head_surface import HeadSurface
 from ..grid import VoxelField
 from ..trimming import OPAQUE
 
-NOSE, CHIN, CORNERS, MOUTH = 33, 8, [48, 54], slice(48, 68)
-"""Landmarks."""
+NOSE, CHIN, CORNERS, MOUTH = 33, 8, [48, 54], slice(48, 68)  # Landmarks.
 WIDE, DEEP = 0.7, 0.7
 """The part that is looked at reaches so far aside, over the mouth's width, and so far behind the
 lips, over the way from nose to chin."""
@@ -41,10 +40,8 @@ AROUND = (0.25, 0.15)
 """Height and width, over that way, of the surroundings that say where lips and chin lie."""
 OUT, ROOT = 1.5, 1.0
 """Voxels in front of them from which on a sheet goes, and with it what is next to it."""
-_PLACES = 40
-"""Places of a mouth along its width and its height."""
-EMPTY = -1.0
-"""Optical depth of a voxel that is emptied."""
+_PLACES = 40  # Places of a mouth along its width and its height.
+EMPTY = -1.0  # Optical depth of a voxel that is emptied.
 
 
 def without_fins(field: VoxelField, landmarks: NDArray[np.floating]) -> VoxelField:
@@ -93,15 +90,12 @@ def without_fins(field: VoxelField, landmarks: NDArray[np.floating]) -> VoxelFie
 
 SQUARELY = 0.3
 """Cosine from which on photos see a surface well enough that what stands out of it is known."""
-LEVEL = 3
-"""Rows of a chart (10 mm): what is lower than that is a sheet."""
+LEVEL = 3  # Rows of a chart (10 mm): what is lower than that is a sheet.
 HIGH = 0.0125
 """Portrait units (2.6 mm), a voxel at least, before the surface without sheets from which on they
 go."""
-_AROUND = 5
-"""Cells, at a side, that are known about a sheet."""
-_EVEN = 1.0
-"""Sigma, in cells, over which that surface is evened."""
+_AROUND = 5  # Cells, at a side, that are known about a sheet.
+_EVEN = 1.0  # Sigma, in cells, over which that surface is evened.
 _BETWEEN = (0.4, 0.6, 0.8)
 """Parts of the way from a sheet to the surface at which a gap is looked for."""
 APART = 0.08

@@ -24,8 +24,7 @@ from ...arrays import Bool, Float64, Int32, Int64
 from ..geometry.chart import Chart, fitted_plate
 from .photos import Photos
 
-STEP = 0.006
-"""Distance of a mesh's samples, portrait units."""
+STEP = 0.006  # Distance of a mesh's samples, portrait units.
 FACING = 0.2
 """Cosine between a chart's ray and a surface from which on that surface is what the ray meets."""
 LAYER = 0.04
@@ -127,28 +126,21 @@ def _local_rays(chart: Chart) -> Float64:
     return np.asarray(chart.rays @ chart.frame[:3, :3].T / chart.scale, np.float64)
 
 
-REACH = 0.05
-"""Portrait units from an ear's surface up to which its distance is known (1 cm)."""
-_NEAR = 0.035
-"""Photos' surface this near to the model's ear is the ear's, portrait units."""
+REACH = 0.05  # Portrait units from an ear's surface up to which its distance is known (1 cm).
+_NEAR = 0.035  # Photos' surface this near to the model's ear is the ear's, portrait units.
 _SHIFT, _TURN, _SIZE = 0.02, np.radians(8.0), 0.08
 """Deviations of an ear's place (portrait units), attitude and size (logarithm) on the model."""
 _NOISE, _COUNT = 0.008, 60.0
 """Deviation of the photos' surface, portrait units, and how many of its places count."""
-_LEAST = 60
-"""Places of the surface from which on an ear is moved."""
+_LEAST = 60  # Places of the surface from which on an ear is moved.
 _ROUNDS = 8
-_HIDDEN = 0.05
-"""Matter so far before an ear, portrait units, hides it."""
-_SHOWN = 0.3
-"""Share of an ear's places that photos must show for it to be there."""
+_HIDDEN = 0.05  # Matter so far before an ear, portrait units, hides it.
+_SHOWN = 0.3  # Share of an ear's places that photos must show for it to be there.
 _WHOLE = 0.3
 """Share of these places at which photos see a surface, of a whole ear: 0.45 to 0.9 in five films,
 0.03 and 0.17 where mattes had been riddled."""
-_MATTER = 0.7
-"""Share of the photos that see a place of an ear whose mattes must have matter there."""
-_FRONT = 0.25
-"""Cosine from which on photos see a place of an ear well."""
+_MATTER = 0.7  # Share of the photos that see a place of an ear whose mattes must have matter there.
+_FRONT = 0.25  # Cosine from which on photos see a place of an ear well.
 _VIEWS = 12
 
 

@@ -45,29 +45,24 @@ from .photos import Photos
 
 SQUARELY = 0.5
 """Cosine to the photos that see a place best from which on their colors stay as they are."""
-BARELY = 0.1, 0.2
-"""Cosines over which the photos themselves say what colors are."""
-BEST = 0.8
-"""Quantile of the cosines to the photos that counts."""
+BARELY = 0.1, 0.2  # Cosines over which the photos themselves say what colors are.
+BEST = 0.8  # Quantile of the cosines to the photos that counts.
 MEDIAN = (5, 7)
 """Rows and columns of the median. Photos are taken side by side: more columns than rows are
 foreshortened."""
-CHROMA, GRAIN = 3.0, 0.8
-"""Sigma, in cells, of chroma, and of all that the median leaves."""
+CHROMA, GRAIN = 3.0, 0.8  # Sigma, in cells, of chroma, and of all that the median leaves.
 SHOULDERS = (-0.95, -0.75)
 """Heights, portrait units, over which a body's colors begin to stay: clothes have patterns."""
 OUTER, INNER = 8.0, 9.0
 """Voxels outside and inside of the surface up to which lattice points belong to it."""
-ON = 4.0
-"""Voxels beside the surface up to which what a ray meets shows its color."""
+ON = 4.0  # Voxels beside the surface up to which what a ray meets shows its color.
 BESIDE = 3.0
 """Voxels around ears that belong to them: depth maps, not the chart, know where they face."""
 STANDS_OUT = 2.0, 20.0
 """Voxels by which what stands out of the surface, where rays may meet ears, is an ear's, too."""
 FACED, SURELY = 0.2, 4
 """An ear's colors stay where so many photos see a surface that faces them at such a cosine."""
-ALIKE = 24
-"""Places of an ear around one whose median tells its color."""
+ALIKE = 24  # Places of an ear around one whose median tells its color.
 WIDELY, TINT = 400, 0.045
 """Those whose median tells its tint (sRGB in [0, 1] without lightness), and how much of another
 tint it has if it is the wall's."""

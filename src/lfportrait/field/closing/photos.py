@@ -20,15 +20,13 @@ from ..geometry.chart import Chart
 from ..grid import VoxelField, surface_points
 from ..kernels.depth_maps import places_shown
 
-PHOTOS = 40
-"""Photos, at most, that are asked what they see."""
+PHOTOS = 40  # Photos, at most, that are asked what they see.
 GRAZED, SQUARE = 0.1, 0.6
 """Cosines to a surface from which on a photo says what color it has, and how bright the photo is
 over the others."""
 SHARPLY = 4.0
 """Power of a cosine, over that of the third best photo, that a photo's color counts with."""
-OUTLIER = 0.05
-"""A color so far from those of the other photos (sRGB in [0, 1]) counts half."""
+OUTLIER = 0.05  # A color so far from those of the other photos (sRGB in [0, 1]) counts half.
 EDGE, WITHIN = 3, 0.99
 """Pixels by which mattes are made smaller, wall and person being mixed beside their edges, and
 their least value within."""
@@ -310,12 +308,10 @@ def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bool, photos: Ph
     return out
 
 
-_APART = 10.0
-"""Degrees between directions that count as two."""
+_APART = 10.0  # Degrees between directions that count as two.
 _SHARE = 0.2
 """Cosine between normal and direction below which a photo sees next to nothing of a place."""
-_SMOOTH = 2.0
-"""Pixels over which normals are smoothed."""
+_SMOOTH = 2.0  # Pixels over which normals are smoothed.
 _PIXEL = 2.0
 """Width of the photos' pixels at the head, in voxels: what they show changes slowly over it."""
 _TURNS = (-75.0, -45.0, -15.0, 15.0, 45.0, 75.0)

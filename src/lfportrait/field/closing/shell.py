@@ -16,28 +16,24 @@ from ..training.lattice import dilated
 from .fitted_head import Ears
 from .photos import Photos
 
-SHELL = 5.0
-"""Voxels of the shell's thickness."""
+SHELL = 5.0  # Voxels of the shell's thickness.
 FRINGE = -2.0
 """Voxels outside of a guessed surface from which on what photos see along it is its fringe."""
 FRONT = np.radians(60.0)
 """Angle from the front up to which what photos see at grazing angles keeps its colors."""
 WELL, FAIRLY = 0.25, 0.2
 """Cosines to a surface from which on photos show where it lies, and which colors it has."""
-OUTWARDS = 2.0
-"""Voxels before the surface up to which lattice points are added."""
+OUTWARDS = 2.0  # Voxels before the surface up to which lattice points are added.
 _AROUND_EARS = 15
 """Cells a side around those of an ear's points in which lattice points may belong to it."""
-_PART = 1 << 17
-"""Lattice points that are looked up at a time."""
+_PART = 1 << 17  # Lattice points that are looked up at a time.
 FACED, SURELY = 0.5, 4
 """What stands out from a guessed surface stays where at least so many photos see a surface that
 faces them at such a cosine: an ear, but no fringe."""
 PAST = 0.2
 """Share of the photos that must see past a place for a fitted ear not to reach there: mattes of
 single photos lack parts of ears."""
-STEEP = 4.0
-"""Optical depth of a voxel one voxel below the new surface; at most twice that."""
+STEEP = 4.0  # Optical depth of a voxel one voxel below the new surface; at most twice that.
 
 
 @dataclass(frozen=True)

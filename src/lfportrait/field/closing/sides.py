@@ -38,16 +38,13 @@ from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
 from .shell import FRINGE, Shell, with_shell
 
-BEHIND = np.radians(75.0)
-"""Angle from the front from which on gaps are closed."""
+BEHIND = np.radians(75.0)  # Angle from the front from which on gaps are closed.
 AROUND = 100.0
 """Photos all around a head are nowhere further apart, in degrees about the vertical axis."""
 INSIDE = -0.3
 """Cosine between a chart's ray and the way to a photo below which that sees the other side."""
-KNOWN = 0.3
-"""Share of the chart that must be known for anything to be continued from it."""
-LEAST_BEHIND = 0.005
-"""Share of the surface that a gap has at least: an ear's shadow is none."""
+KNOWN = 0.3  # Share of the chart that must be known for anything to be continued from it.
+LEAST_BEHIND = 0.005  # Share of the surface that a gap has at least: an ear's shadow is none.
 
 
 @dataclass(frozen=True)
@@ -133,28 +130,19 @@ PHOTOS = 24
 """Photos of an arc, at most, that are asked what they see: with 40 a head is 0.1 dB better."""
 SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
-WELL = 0.35
-"""Cosine from which on they are believed wholly."""
-YIELDS = 0.7
-"""Confidence up to which what was trained yields to the new surface."""
-LITTLE = 0.3
-"""Confidence from which on a head is fitted to a surface."""
-SURE = 10.0
-"""Weight of a surface that photos see well."""
-RIM = 0.3
-"""Weight of a surface that photos look along, over one that they see well."""
-APART = 0.08
-"""A trained surface further than this from the one it started from is another thing."""
+WELL = 0.35  # Cosine from which on they are believed wholly.
+YIELDS = 0.7  # Confidence up to which what was trained yields to the new surface.
+LITTLE = 0.3  # Confidence from which on a head is fitted to a surface.
+SURE = 10.0  # Weight of a surface that photos see well.
+RIM = 0.3  # Weight of a surface that photos look along, over one that they see well.
+APART = 0.08  # A trained surface further than this from the one it started from is another thing.
 LOOSE, LAX, FOLLOWS = 1e-4, 2e-5, 3e-3
 """Pull towards a bust, a fitted head under hair, and its skin."""
 NECK = -0.75
 """Height above which a fitted head is followed, portrait units: below, shoulders begin."""
-SIDES = np.radians(100.0)
-"""Angle from the front up to which it is, where it has no hair."""
-UNLIKELY = 0.05
-"""What slanting rays saw so far from a fitted head's skin is not believed: 1 cm."""
-HIDDEN = -0.5
-"""Cosine below which photos do not see a surface at all."""
+SIDES = np.radians(100.0)  # Angle from the front up to which it is, where it has no hair.
+UNLIKELY = 0.05  # What slanting rays saw so far from a fitted head's skin is not believed: 1 cm.
+HIDDEN = -0.5  # Cosine below which photos do not see a surface at all.
 STANDS_OUT, EAR_STANDS_OUT = -2.0, -4.0
 """Voxels that what was trained may stand out from a fitted head's skin, and from its ears."""
 NARROW_FRINGE = -0.75
@@ -162,10 +150,8 @@ NARROW_FRINGE = -0.75
 ON, SURELY = 3.0, 0.5
 """Voxels beside the closed surface up to which what was trained is that surface, and the share of
 the photos' own colors from which on closed colors begin at them."""
-KNOT = 3
-"""Cells around a knot that are part of it."""
-LEAST = 0.003
-"""Share of the chart that a piece has at least, seen or not."""
+KNOT = 3  # Cells around a knot that are part of it.
+LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
 
 
 def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: Cut | None = None,

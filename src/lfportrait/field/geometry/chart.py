@@ -24,12 +24,9 @@ from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from ..kernels.surface import march_chart, mark_between, outside_chart, place_points
 
-CELL = 2.0
-"""Width of the chart's cells in voxels."""
-WITHIN = 5
-"""Voxels behind the half of the light within which nine tenths must be gone: a surface."""
-STEP = 2.5
-"""Cells that belong together are no further apart than this many of their widths."""
+CELL = 2.0  # Width of the chart's cells in voxels.
+WITHIN = 5  # Voxels behind the half of the light within which nine tenths must be gone: a surface.
+STEP = 2.5  # Cells that belong together are no further apart than this many of their widths.
 
 
 @dataclass(frozen=True)
@@ -238,16 +235,14 @@ def normals_of(chart: Chart, distance: Float64) -> Float64:
                                normal))
 
 
-TENSION = 0.02
-"""Weight of the slope against the bending, in cells."""
+TENSION = 0.02  # Weight of the slope against the bending, in cells.
 
 _RESIDUAL, _ITERATIONS = 1e-5, 60
 """Of what is left of a plate's equations, over their right side; five to ten iterations do."""
 _DAMPING, _COARSEST = 0.6, 2000
 """Of the Jacobi steps of a plate's grids; cells of the coarsest, which is solved exactly."""
 
-LEAK = 0.003
-"""How strongly a membrane holds together across a border, over elsewhere."""
+LEAK = 0.003  # How strongly a membrane holds together across a border, over elsewhere.
 
 
 def at_places(values: Float64, places: Float64) -> Float64:

@@ -27,12 +27,9 @@ from .head_surface import HeadSurface
 from .sweep import DepthMap
 
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
-_ALIKE = 0.02
-"""Photos whose gains differ by less, as a standard deviation, are exposed alike."""
-_FACED = 0.5
-"""Cosine to a photo from which on it shows a surface well."""
-_SMALL = 160
-"""Height or width of the small copies that photos with mattes are compared in."""
+_ALIKE = 0.02  # Photos whose gains differ by less, as a standard deviation, are exposed alike.
+_FACED = 0.5  # Cosine to a photo from which on it shows a surface well.
+_SMALL = 160  # Height or width of the small copies that photos with mattes are compared in.
 
 
 def exposure_gains(maps: list[DepthMap], others: list[DepthMap]) -> tuple[Float64, Float64]:

@@ -52,14 +52,10 @@ from .chart import (
 )
 from .sweep import stacked
 
-_BLOCKS = 200
-"""Of pixels in a row and in a column, at most, when what hides what is looked for."""
-BROWS = 0.10
-"""Height of the brows: above it lies the skull's ellipsoid."""
-CHIN = -0.60
-"""Height of the chin's lowest point."""
-LOWEST = -1.8
-"""Height at which the bust ends."""
+_BLOCKS = 200  # Of pixels in a row and in a column, at most, when what hides what is looked for.
+BROWS = 0.10  # Height of the brows: above it lies the skull's ellipsoid.
+CHIN = -0.60  # Height of the chin's lowest point.
+LOWEST = -1.8  # Height at which the bust ends.
 
 _SECTIONS = np.array([
     # height, half width, front, back
@@ -78,10 +74,8 @@ _SECTIONS = np.array([
     (0.00, 0.39, 0.44, -0.54),
     (0.10, 0.39, 0.46, -0.54),
 ])
-_CROWN = 0.57
-"""Height of the crown."""
-_ROUND, _SQUARE = 2.0, 2.6
-"""Exponents of the superellipses of a head and of a chest."""
+_CROWN = 0.57  # Height of the crown.
+_ROUND, _SQUARE = 2.0, 2.6  # Exponents of the superellipses of a head and of a chest.
 
 
 def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
@@ -207,21 +201,17 @@ _BESIDE = 0.015
 portrait units (3 mm)."""
 _MIDDLE, _REACH = np.array([0.0, 0.5, -0.15]), np.array([0.6, 0.8, 0.9])
 """Box in which it is looked for: its middle, and how far it reaches along the axes of the arc."""
-_LOW = 0.1
-"""Height from which on it is looked for: above the brows."""
+_LOW = 0.1  # Height from which on it is looked for: above the brows.
 _KNOT_CELL = 0.01
 _KNOT_TOLD, _AGAINST = 0.5, 0.1
 """Share of the photos that must show a place of it beside the surface, and that may show nothing
 there: some look at it over the crown's other side."""
-_MATTER = 63
-"""Value from which on a matte does not rule a place out."""
-_WIDEST = 0.8
-"""Share of the widest section from which on a section counts as that."""
+_MATTER = 63  # Value from which on a matte does not rule a place out.
+_WIDEST = 0.8  # Share of the widest section from which on a section counts as that.
 _LEAST, _KNOT_MOST = (0.06, 0.025), 0.52
 """Width and height, portrait units, from which on it is a knot: a tuft is none; and the largest
 width: a hat, and much hair, are none either."""
-_FLAT = 2.0
-"""How much larger a ball's radius may be than half of the width that is seen of it."""
+_FLAT = 2.0  # How much larger a ball's radius may be than half of the width that is seen of it.
 
 
 def knots_behind(chart: Chart, distance: Float64, limit: Float64, cameras: Camera,
@@ -356,18 +346,12 @@ WIDE = 140.0
 CLEARANCE, GRAZING = 0.06, 0.04
 """Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 8
 mm where they look along it or do not see it."""
-_RIM = 0.3
-"""Cosine from which on photos locate a surface better than the hull that touches it."""
-_TAPER = 1.012
-"""Most growth of a lower face from one row to the row below."""
-_TOLD = 0.5
-"""Trust from which on photos are believed that a face goes on below its chin."""
-_ALONG = 0.2
-"""Cosine up to which photos look along a surface."""
-_MOST = 0.3
-"""Logarithm of the ratio by which a face differs from the generic one at most."""
-_SLAB = 32
-"""Planes of a lattice whose distances are found together."""
+_RIM = 0.3  # Cosine from which on photos locate a surface better than the hull that touches it.
+_TAPER = 1.012  # Most growth of a lower face from one row to the row below.
+_TOLD = 0.5  # Trust from which on photos are believed that a face goes on below its chin.
+_ALONG = 0.2  # Cosine up to which photos look along a surface.
+_MOST = 0.3  # Logarithm of the ratio by which a face differs from the generic one at most.
+_SLAB = 32  # Planes of a lattice whose distances are found together.
 _CELL = 0.016
 _VIEWS = 16
 _SWEEPS = ((0.12, 25, 9, 1.0), (0.06, 21, 7, 0.3), (0.03, 17, 5, 0.1))

@@ -45,8 +45,7 @@ from .sweep import DepthMap, stacked, sweep_depth
 Plane = Float32
 
 _EMPTY = 12  # of a matte, 0 to 255: less is empty
-_AGREE = 0.8
-"""Overlap with a rough outline below which a photo's edges are not followed."""
+_AGREE = 0.8  # Overlap with a rough outline below which a photo's edges are not followed.
 
 
 def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:

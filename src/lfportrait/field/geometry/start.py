@@ -46,8 +46,7 @@ which it is carved away: mattes from a network err now and then."""
 _RULED_OUT = 0.08
 """The same of a fine lattice, where less than a quarter of the light is covered within half a
 voxel."""
-_SELDOM = 0.2
-"""Share of all views below which a point is hardly shown."""
+_SELDOM = 0.2  # Share of all views below which a point is hardly shown.
 
 
 def visual_hull(cameras: Camera, alphas: list[UInt8], shape: tuple[int, int, int], center: Float64,
@@ -109,8 +108,7 @@ def hull_box(cameras: Camera, alphas: list[UInt8]) -> tuple[Float64, Float64]:
 
 BACKGROUND_ROWS = 256
 """Rows of the spheres' maps at the last level; they have twice as many columns."""
-REACH = 3.0
-"""A room's lattice ends at most so far from the origin, in world units."""
+REACH = 3.0  # A room's lattice ends at most so far from the origin, in world units.
 
 
 @dataclass(frozen=True)
@@ -126,8 +124,7 @@ class Start:
     haze: bool = False
 
 
-_DENSE, _THIN = 2.0, 0.03
-"""Optical depth of a voxel inside of such a surface, and before it."""
+_DENSE, _THIN = 2.0, 0.03  # Optical depth of a voxel inside of such a surface, and before it.
 
 
 def start_person(capture: Capture, views: Int64, resolution: int, width: int,

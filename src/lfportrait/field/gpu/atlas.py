@@ -38,8 +38,7 @@ def shader(*files: str) -> str:
     return "\n".join(texts)
 
 
-_KEPT = 3
-"""Fields that stay on a device, and so many textures."""
+_KEPT = 3  # Fields that stay on a device, and so many textures.
 
 
 def _room(device: Device, kind: str, key: str) -> dict[str, Any]:
@@ -104,12 +103,9 @@ def picture_texture(device: Device, planes: Float32 | None) -> Any:
     return texture
 
 
-_LEAST = 1e-2
-"""Density from which a cell is looked at: the least threshold that casting uses."""
-_SIDE = 409
-"""Most bricks along a side of the atlas: 5 x 409 texels, under the limit of 2048."""
-_ACROSS = 32768
-"""Workgroups along x of a dispatch."""
+_LEAST = 1e-2  # Density from which a cell is looked at: the least threshold that casting uses.
+_SIDE = 409  # Most bricks along a side of the atlas: 5 x 409 texels, under the limit of 2048.
+_ACROSS = 32768  # Workgroups along x of a dispatch.
 
 
 @dataclass(frozen=True)
@@ -274,8 +270,7 @@ def upload(device: Device, key: str, parts: FieldParts, layers: int,
     return list(kept)
 
 
-_GROUP = 8
-"""Pixels along a side of a workgroup."""
+_GROUP = 8  # Pixels along a side of a workgroup.
 
 
 @dataclass(frozen=True)

@@ -37,10 +37,8 @@ from ...simd.interleaved import store_half
 from ...simd.threads import shared
 from ...simd.vectors import LANES
 
-_LINE = 1 << 14
-"""Numbers that one thread takes at a time."""
-_LARGEST = 6e4
-"""What is larger becomes this: half precision ends at 65504."""
+_LINE = 1 << 14  # Numbers that one thread takes at a time.
+_LARGEST = 6e4  # What is larger becomes this: half precision ends at 65504.
 
 _load, _load_half, _store, _floats = LANES.load, LANES.load_half, LANES.store, LANES.floats
 _minimum, _maximum = LANES.minimum, LANES.maximum
@@ -82,10 +80,8 @@ def floats_of(values: NDArray[np.float16]) -> Float32:
     return out.reshape(values.shape)
 
 
-BRICK = 4
-"""Cells along a brick's edge."""
-SLOTS = 128
-"""Lattice points that a brick has room for: 5^3 rounded up."""
+BRICK = 4  # Cells along a brick's edge.
+SLOTS = 128  # Lattice points that a brick has room for: 5^3 rounded up.
 
 
 def row_width(basis: int) -> int:

@@ -221,8 +221,7 @@ def outline_distance(  # type: ignore[no-untyped-def]
     return least
 
 
-_STEP = 4
-"""Pixels between the rays that are followed first."""
+_STEP = 4  # Pixels between the rays that are followed first.
 
 
 @lean
@@ -588,8 +587,7 @@ def _ruled_out(origin, ray, distance, cameras, mattes, sizes):
 
 _OUTSIDE = np.float32(-10.0)
 """In the place of a pixel that a picture does not show; pixels are in [0, 1]."""
-_BESIDE = 3
-"""Pixels from the middle of a window to its sides."""
+_BESIDE = 3  # Pixels from the middle of a window to its sides.
 _SHARE = np.float32(1.0 / (2 * _BESIDE + 1) ** 2)
 
 

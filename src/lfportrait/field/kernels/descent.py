@@ -28,8 +28,7 @@ _load, _store = LANES.load, LANES.store
 _FAINT = np.float32(0.02)
 """Weight of rays below which a color is not trusted: it takes up less of their error."""
 _TINY = np.float32(1e-8)
-_AHEAD = 6
-"""Records that rows are asked for ahead."""
+_AHEAD = 6  # Records that rows are asked for ahead.
 
 
 @lean

@@ -33,11 +33,9 @@ _load, _store, _total = LANES.load, LANES.store, LANES.total
 _one, _zero, _half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
 _POINT, _CELL = np.uint8(1), np.uint8(2)
 """Marks of a point that has its color, and of a cell (by its first corner) whose corners have."""
-OWNED = 64
-"""Rows side by side that belong to one worker: row / 64 modulo the number of workers."""
+OWNED = 64  # Rows side by side that belong to one worker: row / 64 modulo the number of workers.
 _HASH = 4096
-_AHEAD = 12
-"""Points that rows are asked for ahead."""
+_AHEAD = 12  # Points that rows are asked for ahead.
 
 
 def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...]:

@@ -102,8 +102,7 @@ def render_kernel(width: int) -> Callable[..., Any]:
     return with_kernel(render, render_lines)
 
 
-CAPACITY = 96
-"""Most rows that one pixel keeps; of a denser pixel the farthest are dropped."""
+CAPACITY = 96  # Most rows that one pixel keeps; of a denser pixel the farthest are dropped.
 
 
 @shared("wanted")

@@ -18,10 +18,8 @@ from ...simd.threads import share_out, shared
 from ...simd.vectors import LANES
 from .march import make_locate
 
-NONE = 255
-"""The chart of a row that none shows; a cell's is -1."""
-PROBES = 8
-"""Look-ups of a pixel, at most, where it sees a long piece of surface."""
+NONE = 255  # The chart of a row that none shows; a cell's is -1.
+PROBES = 8  # Look-ups of a pixel, at most, where it sees a long piece of surface.
 REACH = 1.7
 """Width of the detail along a pixel's piece of surface, over that piece; across it is `TEXEL` of
 `grid`. Squares of widths add up: what one look-up blurs counts, too."""

@@ -25,8 +25,7 @@ from .pixels import TrainingPixels
 from .stepping import DECAY, Plan, Taken, color_gains, variation_of
 
 _CALLS = "lfportrait.field.gpu.training.steps"
-_TOGETHER, _FIRST = 64, 4
-"""Steps of a call at most, and of the first one."""
+_TOGETHER, _FIRST = 64, 4  # Steps of a call at most, and of the first one.
 _LONG = 0.2
 """Seconds that a call should take at most, so that clocks are kept on slow devices, too."""
 

@@ -215,8 +215,7 @@ class Lattice:
         return Lattice(links, density, rows, self.center, self.radius)
 
 
-STATES = 50
-"""States that a whole level would give; neighbouring ones differ little."""
+STATES = 50  # States that a whole level would give; neighbouring ones differ little.
 
 
 class Average:

@@ -175,8 +175,7 @@ def outlook(config: Settings, seconds: float, count: int, laid: bool, used: int)
     return f"{text}, about {math.ceil(left / step) * step} s more"
 
 
-_TOGETHER = 8_000_000
-"""Pixels of views that are compared at a time: each takes some 200 bytes."""
+_TOGETHER = 8_000_000  # Pixels of views that are compared at a time: each takes some 200 bytes.
 
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,

@@ -12,12 +12,9 @@ from ...arrays import Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 
-IMPORTANCE = 0.7
-"""Share of rays sampled where the error is large (docs/reconstruction.md)."""
-_EDGE = -0.15
-"""Cosine to a surface from which on a photo may show it, or its outline."""
-_AROUND = 2
-"""Tiles around those that show a place which do, too: what was trained stood out there."""
+IMPORTANCE = 0.7  # Share of rays sampled where the error is large (docs/reconstruction.md).
+_EDGE = -0.15  # Cosine to a surface from which on a photo may show it, or its outline.
+_AROUND = 2  # Tiles around those that show a place which do, too: what was trained stood out there.
 
 
 class TrainingPixels:

@@ -35,8 +35,7 @@ _CORRELATED = 500.0
 """A field's errors are correlated within patches and views: so many pixels count as one independent
 sample."""
 _FEW = 200
-_LARGEST = 200
-"""Pixels on a picture's longer side at most."""
+_LARGEST = 200  # Pixels on a picture's longer side at most.
 
 
 @dataclass(frozen=True)

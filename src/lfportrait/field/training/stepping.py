@@ -23,8 +23,7 @@ from ..kernels.train import steps_kernel, train_kernel
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 
-DECAY = np.float32(0.95)
-"""Decay of RMSProp's running mean, for the density; svox2's."""
+DECAY = np.float32(0.95)  # Decay of RMSProp's running mean, for the density; svox2's.
 _BANDS = (0.7, 0.15, 0.15)
 """Share of a ray's error that each band of harmonics takes up: mostly the color that all
 directions share, so that highlights do not settle where matter is still wrong."""

@@ -48,10 +48,8 @@ from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
 from .stepping import Caster, CpuSteps, Plan, Steps, falling
 
-INIT_OPACITY = 0.1
-"""Initial opacity of a voxel in the visual hull of the mattes."""
-STOP = 1e-2
-"""Rays stop where their transmittance falls below this."""
+INIT_OPACITY = 0.1  # Initial opacity of a voxel in the visual hull of the mattes.
+STOP = 1e-2  # Rays stop where their transmittance falls below this.
 LAMBDA_ALPHA, LAMBDA_SPARSITY = 0.3, 0.0
 """Weights of the squared opacity error, for photos with mattes, and of the Cauchy sparsity loss
 log(1 + 2 sigma^2) on the samples, which is not used."""
@@ -533,8 +531,7 @@ LR_SH = 2.5
 LR_SIGMA_BG, LR_COLOR_BG = 3.0, 0.1
 """Learning rates of the background's density and color at the start, those of svox2; the first
 falls like the density's, the second to a twentieth."""
-_LOOK_AGAIN = 400
-"""Steps after which it is looked again for bricks that have become clear."""
+_LOOK_AGAIN = 400  # Steps after which it is looked again for bricks that have become clear.
 _LAY_AGAIN = 0.4
 """Share of the finest level after which mattes are recomputed: its outline is finer by then."""
 
@@ -663,12 +660,10 @@ _SHARE = 0.25
 0.9 dB by the first, 0.3 by each of the next two, and 0.1 by the fourth."""
 _SHARE_OF_NEW = 0.4
 """The same where only what is new is asked: half of it costs outlines 0.2 dB before a full wall."""
-_PASSES = 8.0
-"""Times that each tile is asked at most where only some are, usually less than once."""
+_PASSES = 8.0  # Times that each tile is asked at most where only some are, usually less than once.
 _STILL = 16
 """Steps at first in which densities stay: a step is as long as the slopes before it allow."""
-_AVERAGED = 0.5
-"""Share of the steps, at the end, whose states are averaged."""
+_AVERAGED = 0.5  # Share of the steps, at the end, whose states are averaged.
 
 
 def settled(trainer: Trainer, field: VoxelField, share: float | None = None,

@@ -162,10 +162,8 @@ class LiveGround:
         self.texture = picture_texture(self._device,
                                        None if self._ground is None else self._ground.planes)
 
-_TILE = 16
-"""Pixels along a side of a workgroup's tile."""
-_DISPATCH = 0.05
-"""Seconds that one dispatch should take."""
+_TILE = 16  # Pixels along a side of a workgroup's tile.
+_DISPATCH = 0.05  # Seconds that one dispatch should take.
 _PICTURE = 0.1
 """Seconds that a picture of something that moves may take, and a stretch of one that stands."""
 _COARSE = 1, 3, 5, 9, 17
@@ -173,8 +171,7 @@ _COARSE = 1, 3, 5, 9, 17
 are slanted, and the views of a row are not quite its neighbour's."""
 _SHADING = 0.01
 """Seconds from which on colors are not evaluated for every eye that something moving comes to."""
-_KEPT = "live"
-"""The name of the field's texture on the device."""
+_KEPT = "live"  # The name of the field's texture on the device.
 _NEAR = 0.04
 """How far an eye may then be from the one that colors were evaluated for, over its distance."""
 

@@ -29,10 +29,8 @@ from ...simd.interleaved import (
 )
 from ...simd.vectors import LANES
 
-LINES = 13
-"""Rows of a plane: density and 3 x 4 coefficients."""
-AHEAD = 2
-"""Values before a row's first, always empty."""
+LINES = 13  # Rows of a plane: density and 3 x 4 coefficients.
+AHEAD = 2  # Values before a row's first, always empty.
 
 
 @identified("slab pitch")
@@ -209,8 +207,7 @@ def least_cosine(nx, nz, side, depth, eyes, aspect, distance):
     most = max(most, right - min(eyes[0], eyes[-1]))
     return np.float32(distance / np.sqrt(distance * distance + most * most))
 
-GROUP = 8
-"""Planes that are skipped together where nothing of a packet's way lies in them."""
+GROUP = 8  # Planes that are skipped together where nothing of a packet's way lies in them.
 
 
 @identified("slice bounded")

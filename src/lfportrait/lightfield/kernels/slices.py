@@ -36,8 +36,7 @@ from ...simd.vectors import LANES
 from .panel import eye_of, side_of
 from .slab import GROUP, LINES, least_cosine, make_build, make_cast, pitch_of, plane_matrix
 
-_WINDOW = 768
-"""Most neighbouring sub-pixels that are ordered by view."""
+_WINDOW = 768  # Most neighbouring sub-pixels that are ordered by view.
 
 
 @functools.cache

@@ -31,14 +31,10 @@ from ..display import Display
 from ..placement import DepthReport, EncodeConfig, Placement
 from .sheet import PrintSheet, paper_size
 
-_ROWS = 320
-"""Rows of the pictures in which visible depths are looked for."""
-_SOLID = 0.5
-"""Opacity from which on a pixel shows a surface."""
-_RIM = 0.012
-"""What is nearer to an edge than this share of the print's height touches it."""
-_STRAYS = 0.25
-"""Per cent of the visible pixels that may lie further in front or behind."""
+_ROWS = 320  # Rows of the pictures in which visible depths are looked for.
+_SOLID = 0.5  # Opacity from which on a pixel shows a surface.
+_RIM = 0.012  # What is nearer to an edge than this share of the print's height touches it.
+_STRAYS = 0.25  # Per cent of the visible pixels that may lie further in front or behind.
 _TOLERATED = 0.05
 """Share of the depth in front of the paper that what touches an edge may come forward."""
 _EDGES = ("top", "bottom", "left", "right")

@@ -55,8 +55,7 @@ from .sheet import INCH, Box, PrintConfig, PrintSheet, paper_size
 
 _WHITE, _STRIP, _CUT = 0.1, 0.5, 0.1
 """Shares of the margin: white, the strip, and white again before the marks where to cut."""
-_LINE = 0.15
-"""Width of a line in millimetres."""
+_LINE = 0.15  # Width of a line in millimetres.
 
 
 def stripes(display: Display, rows: Int64, columns: Int64) -> Bool:
@@ -159,8 +158,7 @@ class Marks:
             band[low - first:high - first, left:left + width] = self._words[
                 low - top:high - top, :, None]
 
-_BAND = 16 << 20
-"""Bytes of a band's pixels."""
+_BAND = 16 << 20  # Bytes of a band's pixels.
 
 
 def bands(display: Display) -> Iterator[tuple[int, int]]:
@@ -273,16 +271,11 @@ def write_lenses(sheet: PrintSheet, path: Path, profile: Profile = "arc") -> dic
 
 
 _PITCHES, _PHASES = 21, 10
-_DRIFT = 0.6
-"""Lenses by which neighbouring rows drift apart from end to end; half a lens is black."""
-_LEAST = 100.0
-"""Millimetres of a test page's sides at least."""
-_TEXT = 5.5
-"""Height of a line of text in millimetres, on pages high enough."""
-_EDGE = 5.0
-"""White at the page's edges, mm: printers leave it out."""
-_LABEL = 19.0
-"""Width of the labels, mm."""
+_DRIFT = 0.6  # Lenses by which neighbouring rows drift apart from end to end; half a lens is black.
+_LEAST = 100.0  # Millimetres of a test page's sides at least.
+_TEXT = 5.5  # Height of a line of text in millimetres, on pages high enough.
+_EDGE = 5.0  # White at the page's edges, mm: printers leave it out.
+_LABEL = 19.0  # Width of the labels, mm.
 
 
 @dataclass(frozen=True)
@@ -410,12 +403,9 @@ def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> di
 
 
 _TIFF, _PNG = (".tif", ".tiff"), (".png",)
-_HEAD = 1 << 16
-"""Bytes that a TIFF's entries may take."""
-_TIFF_MOST = (1 << 32) - 1
-"""A TIFF's places are 32-bit numbers."""
-_LEAST_SHARE = 0.02
-"""Of a PNG's pixels' bytes, what its file takes at least."""
+_HEAD = 1 << 16  # Bytes that a TIFF's entries may take.
+_TIFF_MOST = (1 << 32) - 1  # A TIFF's places are 32-bit numbers.
+_LEAST_SHARE = 0.02  # Of a PNG's pixels' bytes, what its file takes at least.
 
 
 @functools.cache

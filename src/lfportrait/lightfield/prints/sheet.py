@@ -21,13 +21,11 @@ from ...errors import UserError
 from ..display import Display
 from ..placement import PlacementConfig
 
-INCH = 25.4
-"""Millimetres."""
+INCH = 25.4  # Millimetres.
 _UNITS = {"mm": 1.0, "cm": 10.0, "in": INCH, "inch": INCH, '"': INCH}
 _A_SIZES = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210), (105, 148))
 """A0 to A6 in millimetres (ISO 216)."""
-_LEAST, _MOST = 20.0, 3000.0
-"""Millimetres of a side."""
+_LEAST, _MOST = 20.0, 3000.0  # Millimetres of a side.
 _SIDES = re.compile(r'(\d+\.?\d*|\.\d+)\s*(mm|cm|inch|in|")?\s*[x×]\s*'
                     r'(\d+\.?\d*|\.\d+)\s*(mm|cm|inch|in|")')
 _SHEET = re.compile(r"a([0-6])(?:-(portrait|landscape))?")
@@ -138,12 +136,10 @@ class PrintConfig(PlacementConfig):
 
 _VIEWS = 256
 """Directions that kernels sort rays by; the rays themselves have each pixel's own direction."""
-_LARGEST = 65536
-"""Pixels of a side."""
+_LARGEST = 65536  # Pixels of a side.
 _ANGLE = 50.0
 """Viewing angle in degrees where nothing is known: sheets for portraits have 45 to 55."""
-_NEAR = 400.0
-"""Least viewing distance in millimetres where none is given."""
+_NEAR = 400.0  # Least viewing distance in millimetres where none is given.
 
 
 @dataclass(frozen=True)

@@ -43,16 +43,12 @@ HELP = """drag, left, right  turn the head        wheel, + -  focus: towards the
 m, down, up        painting and photo   space       pause, go on with the sway
 r                  as it was            h           this help         Esc, q  close"""
 
-_ACROSS = 120.0
-"""Degrees that a drag over all of the window turns the head."""
-_SWAY, _PERIOD = 8.0, 10.0
-"""Degrees to each side, and seconds of a sway to both."""
-_LONGEST = 0.25
-"""Seconds that the sway moves on by at most: after a slow picture it would jump."""
+_ACROSS = 120.0  # Degrees that a drag over all of the window turns the head.
+_SWAY, _PERIOD = 8.0, 10.0  # Degrees to each side, and seconds of a sway to both.
+_LONGEST = 0.25  # Seconds that the sway moves on by at most: after a slow picture it would jump.
 _TURN, _FOCUS, _FACTOR, _SHARE = 5.0, 0.02, 1.06, 0.1
 """What one key press changes: degrees, half panel heights, factor of depth and size, share."""
-_FADE = 1.0
-"""Seconds from the painting to the photo and back."""
+_FADE = 1.0  # Seconds from the painting to the photo and back.
 _REACH = 0.4
 """How far the focus moves a head, over the distance of the eyes, at most; half a panel height."""
 
@@ -174,8 +170,7 @@ class Controls:
         if self._mixable:
             self._fades_to = _between(share, 0.0, 1.0)
 
-_KEPT = 10000
-"""Pictures, the latest ones, whose times the figures are about."""
+_KEPT = 10000  # Pictures, the latest ones, whose times the figures are about.
 
 
 class Live:
@@ -369,14 +364,10 @@ def check_pixels(device: Device, texture: Any, display: Display, picture: LivePi
                         "bits each, or a filter): switch that off")
 
 
-_FASTEST = 240.0
-"""Pictures a second, at most, where the window system does not hold them back."""
-_SLOWEST = 4.0
-"""How often a second a picture that stands still is looked at again."""
-_OPENING = 5.0
-"""Seconds in which a window must have reached its size."""
-_OF_SCREEN = 0.8
-"""Height of an ordinary window over its screen's, at most."""
+_FASTEST = 240.0  # Pictures a second, at most, where the window system does not hold them back.
+_SLOWEST = 4.0  # How often a second a picture that stands still is looked at again.
+_OPENING = 5.0  # Seconds in which a window must have reached its size.
+_OF_SCREEN = 0.8  # Height of an ordinary window over its screen's, at most.
 _EVENTS = ("pointer_down", "pointer_up", "pointer_move", "wheel", "key_down", "char", "close")
 _FORMATS = ("bgra8unorm", "rgba8unorm")
 _NO_SCREEN = ("there is no screen to show a light field on: run this in a desktop session on the "

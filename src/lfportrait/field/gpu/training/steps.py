@@ -23,8 +23,7 @@ from ....arrays import Bool, Float32, Int32
 from ....gpu import GpuLostError
 from ....gpu.device import BINDING, Device, Kernel
 
-PAGE = BINDING
-"""Bytes of a page of colors at most."""
+PAGE = BINDING  # Bytes of a page of colors at most.
 
 
 def row_floats(basis: int) -> int:
@@ -101,8 +100,7 @@ class DeviceLattice:
 
 _HEADER, _BLOCK, _LIST = 8, 20, 100
 """Words of the blocks' header, of a block, and of a packet before its list of blocks."""
-_SAMPLES = 128
-"""Samples of a block."""
+_SAMPLES = 128  # Samples of a block.
 
 
 def blocks_of_a_packet(shape: tuple[int, ...], pace: float) -> int:
@@ -258,14 +256,12 @@ def source(file: str) -> str:
                      for name in ("common", file))
 
 
-SLOTS = 64
-"""Steps that are sent off together."""
+SLOTS = 64  # Steps that are sent off together.
 _SUBMITTED = 8
 """Steps a submission: the device works on the first while the others are written down."""
 _PAGED = ("color", "paint", "vary_colors", "smooth_colors")
 """Kernels that are run for each page of colors."""
-_BAND = 512
-"""Packets whose largest weights are found in one dispatch."""
+_BAND = 512  # Packets whose largest weights are found in one dispatch.
 
 Dispatch = tuple[Kernel, Any, tuple[int, int, int]]
 
