@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
@@ -243,3 +244,25 @@ def test_ground_that_a_matte_takes_for_the_person_bends_no_head():
         fits.append(fit_head(prior, [picture], ["photo"]))
     pitch = [fit.views[0].angles["pitch"] for fit in fits]
     assert abs(pitch[0] - pitch[1]) < 1.5, pitch
+
+
+def test_a_step_within_bounds_knows_what_is_held_there():
+    """What is merely cut off at a bound leaves the others where they counted on it."""
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        rows, wanted = random.normal(size=(30, 8)), random.normal(size=30)
+        normal, right = rows.T @ rows, rows.T @ wanted
+        free = np.linalg.solve(normal, right)
+        low, high = np.full(8, -0.05), np.full(8, np.inf)
+        low[:2] = -np.inf
+
+        def error(step, rows=rows, wanted=wanted):
+            return float(((rows @ step - wanted) ** 2).sum())
+
+        found = head_fit.bounded_step(normal, right, low, high)
+        best = lsq_linear(rows, wanted, (low, high)).x
+        assert (found >= low).all() and (found <= high).all()
+        assert np.allclose(head_fit.bounded_step(normal, right, low - 9, high), free)
+        assert (free < low).any()
+        assert error(np.clip(free, low, high)) > error(best) + 0.01
+        assert error(found) == pytest.approx(error(best), abs=1e-6)
