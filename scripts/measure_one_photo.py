@@ -294,7 +294,7 @@ def demo(resolution: int | None) -> None:
 
 if __name__ == "__main__":
     given = [word for word in sys.argv[1:] if word != "--focal"]
-    if given[:1] == ["demo"]:
+    if given[:1] == ["demo"] and "--focal" not in sys.argv:
         demo(int(given[1]) if len(given) > 1 else None)
     elif len(given) in (2, 3):
         measure(Path(given[0]), Capture.load(given[1]), int(given[2]) if len(given) > 2 else None,

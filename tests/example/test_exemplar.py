@@ -1,5 +1,7 @@
 """What an exemplar knows of itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,8 @@ def test_an_exemplar_is_made_as_small_as_asked():
     means = face.image.reshape(80, 3, 60, 3, 3).mean(axis=(1, 3))
     assert np.abs(small.image - means).max() <= 1
     assert np.allclose(small.mask, face.mask.reshape(80, 3, 60, 3).mean(axis=(1, 3)), atol=1e-5)
+    hatted = replace(face, hat=face.mask.copy()).within(face.size / 3)
+    assert hatted.hat.shape == hatted.image.shape[:2]
     bare = Exemplar(face.image, face.landmarks).within(face.size / 2.3)
     assert bare.mask is None and bare.size == pytest.approx(face.size / 2.3, rel=0.02)
     assert face.within(face.size) is face and face.within(1e9) is face

@@ -97,6 +97,7 @@ class Exemplar:
                        mask=None if self.mask is None else small(self.mask),
                        hair=None if self.hair is None else small(self.hair),
                        bared=None if self.bared is None else small(self.bared),
+                       hat=None if self.hat is None else small(self.hat),
                        covered=None if self.covered is None else self.covered.within(size),
                        by_hand=None if self.by_hand is None else np.asarray(Image.fromarray(
                            self.by_hand).resize(shape, Image.Resampling.NEAREST)),

@@ -1,5 +1,6 @@
 """Materials of exemplar and sitter: skin, hair, neck, clothes, background, features."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
@@ -30,6 +31,7 @@ from lfportrait.example.painter.picture_materials import (
     NECK,
     SKIN,
     SmallPicture,
+    hide_ground,
     known_shares,
     material_shares,
     one_hue,
@@ -39,7 +41,7 @@ from lfportrait.example.painter.picture_materials import (
 from lfportrait.example.skin.hair import below_hair, hair_by_place, without_bays
 from lfportrait.example.skin.painting import DARKEST, sitter_looks, sitter_shares
 from lfportrait.example.surface_guide import HeadPlane
-from lfportrait.labels import MATERIALS
+from lfportrait.labels import BY_HAND, MATERIALS
 from lfportrait.labels import PICTURE_LABELS as LABELS
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 
@@ -267,7 +269,7 @@ def _painted_over(bust, *parts):
         image[where] = color
     painting, labels = Exemplar(image, exemplar.landmarks), regions.labels()
     shares = painted_shares(painting, regions, labels)
-    one_hue(SmallPicture(painting, regions, labels), regions, shares)
+    one_hue(painting, regions, labels, shares)
     return shares
 
 
@@ -293,6 +295,21 @@ def test_hair_is_of_the_crowns_hue(bust):
     assert min(shares[part][:, HAIR].mean() for part in (crown, below)) > 0.8
 
 
+def test_hair_by_hand_is_hair_of_any_hue(bust):
+    exemplar, regions, _, hairy = bust
+    down = regions.frame.local(hairy.shape)[1]
+    image, by_hand = exemplar.image.copy(), np.zeros(hairy.shape, np.uint8)
+    image[hairy & (down > -0.3)] = (30, 70, 60)
+    by_hand[hairy] = BY_HAND.index("hair")
+    shares = np.zeros((*hairy.shape, len(MATERIALS)), np.float32)
+    shares[..., HAIR], shares[..., GROUND] = hairy, ~hairy
+    for hand, left in ((None, 0.1), (by_hand, 1.0)):
+        kept = shares.copy()
+        one_hue(replace(exemplar, image=image, by_hand=hand), regions, regions.labels(), kept)
+        mean = kept[hairy & (down > -0.25)][:, HAIR].mean()
+        assert mean == 1.0 if hand is not None else mean < left
+
+
 def test_a_narrow_rim_of_dark_hair_is_not_of_the_foreheads_hue(bust):
     exemplar, regions, _, hairy = bust
     right, down = regions.frame.local(hairy.shape)
@@ -303,17 +320,21 @@ def test_a_narrow_rim_of_dark_hair_is_not_of_the_foreheads_hue(bust):
     shares[..., HAIR] = hairy & ((down > -0.3) | binary_dilation(face, iterations=3))
     shares[..., SKIN] = 1 - shares[..., HAIR]
     kept = shares.copy()
-    one_hue(SmallPicture(Exemplar(image, exemplar.landmarks), regions, regions.labels()), regions,
-            kept)
+    one_hue(Exemplar(image, exemplar.landmarks), regions, regions.labels(), kept)
     np.testing.assert_array_equal(kept, shares)
 
 
 def test_a_coat_with_strokes_of_the_grounds_color_is_one(bust):
     _, regions, worn, _ = bust
     ground = regions.person < 0.5
-    strokes = np.indices(worn.shape).sum(axis=0) % 4 == 0
-    shares = _painted_over(bust, (ground, (40, 90, 100)), (ground & strokes, (120, 50, 40)),
-                           (worn & strokes, (40, 90, 100)))
+    strokes = np.indices(worn.shape).sum(axis=0) % 10 < 4
+    image = bust[0].image.copy()
+    for where, color in ((ground, (40, 90, 100)), (ground & strokes, (120, 50, 40)),
+                         (worn, (120, 50, 40)), (worn & strokes, (40, 90, 100))):
+        image[where] = color
+    shares = np.zeros((*worn.shape, len(MATERIALS)), np.float32)
+    shares[..., GROUND], shares[..., CLOTHES] = ground, worn
+    hide_ground(SmallPicture(Exemplar(image, bust[0].landmarks), regions, regions.labels()), shares)
     assert shares[binary_erosion(worn, iterations=8)][:, CLOTHES].mean() > 0.95
 
 

@@ -288,7 +288,7 @@ SAME, COMPARED = 6.0, 2000
 """Colors (Lab) that are so near are the same; and how many of each material are compared."""
 BARED, OTHER_HUE = (0.05, 0.7), 12.0
 """So much of the clothes is bare skin, if that is so far from the rest in hue and chroma (Lab)."""
-STROKES = 0.06  # Clothes and background are compared blurred by so much over the face's size.
+STROKES = 0.06  # Clothes and ground are compared blurred by so much: a stroke over the face's size.
 BROAD, HUES_APART = 0.1, 12.0
 """Parts of hair and clothes are compared blurred by so much over the face's size; hues so far apart
 (a and b of Lab) are two. Of 25 exemplars the halves of the clothes are no further apart than 11.7,
@@ -475,13 +475,13 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
     # A cap's second color is no hair, and a hat beyond the head no background: painted nowhere.
     _part_cap(small, shares)
     _part_hat(small, shares)
-    _hide_ground(small, shares)
+    hide_ground(small, shares)
     _bare_shoulders(small, shares)
     _part_clothes(small, shares)
     return shares
 
 
-def _hide_ground(small: SmallPicture, shares: Float32) -> None:
+def hide_ground(small: SmallPicture, shares: Float32) -> None:
     """Let clothes of the colors of the background be background, in place."""
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
@@ -545,14 +545,18 @@ def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     give(shares, shares[..., CLOTHES] * (1 - small.whole(like)), CLOTHES, FEATURES)
 
 
-def one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
+def one_hue(exemplar: Exemplar, regions: Regions, labels: UInt8, shares: Float32) -> None:
     """Let clothes and hair be of one hue, in place: what has another one is painted nowhere.
 
     A coat is green in the light and brown in the shade, hair is fair on the crown and green behind
     a temple. That is the painter's light: a sitter with both has two coats, or stains in his hair.
     Stripes, dots and strokes of several hues stay, as what is compared is broader. Not before a
-    neck has been compared with all that is worn (`plain_skin`).
+    neck has been compared with all that is worn (`plain_skin`). What was painted over by hand as
+    hair stays.
     """
+    small = SmallPicture(exemplar, regions, labels)
+    by_hand = _is_by_hand(exemplar if exemplar.covered is None else exemplar.covered, "hair")
+    given = shares[by_hand]
     half = 0.5 * regions.frame.width / regions.frame.height
     right, down = small.part(small.right), small.part(small.down)
     worn = small.part(shares[..., CLOTHES]) > 0.5
@@ -571,6 +575,7 @@ def one_hue(small: SmallPicture, regions: Regions, shares: Float32) -> None:
         colors = _broad_colors(small, shares[..., HAIR])
         if 2 * np.median(colors[beside][:, 0]) > NO_HUE:
             _like_part(small, shares, HAIR, colors, (crown, beside))
+    shares[by_hand] = given
 
 
 def _broad_colors(small: SmallPicture, share: Float32) -> Float32:
@@ -654,6 +659,13 @@ def _paint_over(shares: Float32, by_hand: UInt8, labels: UInt8) -> None:
             shares[here] = np.eye(len(MATERIALS), dtype=np.float32)[material]
 
 
+def _is_by_hand(exemplar: Exemplar, name: str) -> Bool:
+    """Where a region was painted by hand, bool [H, W]."""
+    if exemplar.by_hand is None:
+        return np.zeros(exemplar.image.shape[:2], bool)
+    return np.asarray(exemplar.by_hand == BY_HAND.index(name))
+
+
 def _one_cloth(image: UInt8, shares: Float32, own: Bool, above: Bool) -> None:
     """Let the smaller of two parts of the hair be painted nowhere if their colors differ; in place.
 
@@ -706,6 +718,7 @@ def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
     worn = None if exemplar.hat is None else _hat_or_hair(
         SmallPicture(covered, before, labels), before, exemplar.hat)
     if worn is not None:
+        worn[_is_by_hand(covered, "hair")] = 0
         give(shares, shares[..., HAIR] * worn, HAIR, FEATURES)
     if regions.hair is not None:
         own = shares[..., HAIR].copy()

@@ -55,7 +55,6 @@ from ..painter.picture_materials import (
     HAIR,
     NECK,
     SKIN,
-    SmallPicture,
     known_shares,
     material_shares,
     one_hue,
@@ -299,7 +298,7 @@ class SkinPainter:
                                                     self.transfer.labels)
         plain, self._bearded = plain_skin(shares, exemplar.landmarks, exemplar.image)
         regions = self.transfer.regions
-        one_hue(SmallPicture(exemplar, regions, self.transfer.labels), regions, plain)
+        one_hue(exemplar, regions, self.transfer.labels, plain)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
         self._face = CopiedFace(self.transfer, self._hair, self._strand)
 

@@ -63,7 +63,8 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     def find() -> dict[str, NDArray[Any]]:
         return _found(exemplar, regions, fringe) or {}
 
-    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, fringe)
+    key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, fringe,
+                 exemplar.mask, exemplar.by_hand)
     found = kept_arrays("bared", key, find, most=30)
     if not found:
         return exemplar
