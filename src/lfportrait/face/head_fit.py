@@ -320,8 +320,8 @@ class _Solver:
         low, high = np.full(size, -np.inf), np.full(size, np.inf)
         low[:shared], high[:shared] = -MOST_DEVIATIONS, MOST_DEVIATIONS
         for index in range(len(blocks)):
-            part = slice(shared + own * index + 6, shared + own * (index + 1))
-            low[part], high[part] = LEAST_EXPRESSION, MOST_EXPRESSION
+            expressions = slice(shared + own * index + 6, shared + own * (index + 1))
+            low[expressions], high[expressions] = LEAST_EXPRESSION, MOST_EXPRESSION
         change = bounded_step(normal, right, low - at, high - at)
         self.identity = self.identity + change[:shared]
         for index, view in enumerate(self.views):
