@@ -1,5 +1,7 @@
 """The last screen: the place of the head stays, and files say what they are for."""
 
+import re
+
 import pytest
 
 pytestmark = pytest.mark.slow  # in a browser; panels by requests: tests/studio/test_displays.py
@@ -236,7 +238,8 @@ def test_the_portrait_says_how_far_its_fine_version_is(opened):
       Object.assign(job.stages[0], { due: performance.now() + 10000 });
       tell("progress", { job: "j-1", stage: "stylize" });
     }""")
-    opened.eventually(lambda: "50 %" in link.inner_text())
+    # Half of it, or more where the page is drawn late.
+    opened.eventually(lambda: re.search(r"[5-9]\d %", link.inner_text()))
 
 
 def test_every_choice_of_a_file_says_what_it_is(opened):
