@@ -447,12 +447,12 @@ class _Solver:
 def bounded_step(normal: Float64, right: Float64, low: Float64, high: Float64) -> Float64:
     """The solution [N] of normal equations within bounds (an active set, Kunisch and Rendl 2003).
 
-    What passes a bound stays there, and the others are solved for again: they counted on it. With
-    expressions merely cut off, landmarks fitted less well, and depths were tilted.
+    What passes a bound stays there, and the others, which counted on it, are solved for again.
+    SciPy's `lsq_linear` gives the same, but holds and frees one unknown a round.
 
     Parameters
     ----------
-    normal, right : float64 [N, N] and [N].
+    normal, right : float64 [N, N], positive definite, and [N].
     low, high : float64 [N], may be infinite.
     """
     out, at_low, at_high = np.zeros(len(right)), *np.zeros((2, len(right)), bool)
