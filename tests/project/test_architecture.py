@@ -1,6 +1,7 @@
 """The house keeps its order: imports run one way, between stages and between files."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,13 @@ def test_a_stage_is_entered_by_a_front_door(graph):
     wrong = [f"{name} imports {other}" for name, others in graph.items() for other in others
              if place(name) in ORDER and place(other) in ORDER and place(other) != place(name)
              and FILES[other].name != "__init__.py" and not open_to(name, other)]
+    assert wrong == []
+
+
+def test_lists_of_public_names_stand_in_packages_alone():
+    wrong = [name for name, path in FILES.items() if path.name != "__init__.py"
+             and name != "lfportrait.field.marching"  # what it lists is imported there for others
+             and re.search(r"^__all__\b", path.read_text("utf-8"), re.M)]
     assert wrong == []
 
 

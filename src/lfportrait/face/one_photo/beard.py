@@ -19,9 +19,6 @@ from ..head_fit import ear_to_ear
 from .parts import Parts
 from .piece import METRES, Piece, filled, outside
 
-__all__ = ["BEARD", "Beard", "beard_of", "beard_piece", "beneath"]
-
-
 BEARD = 4  # What a place of the surface belongs to, beside those of `solid`.
 
 FACE = 160.0  # Pixels that a face is wide, at most, where a beard is looked for.

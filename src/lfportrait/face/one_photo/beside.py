@@ -26,8 +26,6 @@ from ..detect import detect_faces
 from ..head_fit import ear_to_ear
 from ..segmentation import person_matte
 
-__all__ = ["faces_of_people", "in_one_piece", "seen_from_near", "sitter_alone"]
-
 FINE = 90.0  # Pixels of a face's width where a matte is parted.
 MOST = 4e5  # Pixels of that picture, at most: of a large photo with a small face it is coarser.
 REACH = np.array([(-1.4, 0.0, 0.4), (-1.2, 0.0, 0.5), (-0.6, 0.45, 0.8), (0.0, 0.62, 1.0),

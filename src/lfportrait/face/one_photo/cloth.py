@@ -27,9 +27,6 @@ from .parts import opened
 from .samples import MeshSamples
 from .skin import CHIN, features_of, nearest_samples
 
-__all__ = ["clothes_of"]
-
-
 CELL = 0.0088  # Width of a cell at the head, portrait units: a face is 90 wide.
 ASIDE, LOWER = 1.8, 1.8
 """How far beside the neck and below the chin clothes are looked for, portrait units: a bust ends

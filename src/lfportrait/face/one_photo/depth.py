@@ -20,9 +20,6 @@ from ...capture import Camera
 from ...media.depth import DepthMap
 from .parts import Parts
 
-__all__ = ["Sensed", "hair_before", "hair_squares", "middle_behind", "sensed_depth"]
-
-
 RIM = 0.04  # Width along the outline, in portrait units, where depth maps mix person and ground.
 NECK = 0.2
 """Length, in portrait units, over which a body leaves the model's neck for the photo's depth."""

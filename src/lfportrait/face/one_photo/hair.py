@@ -21,9 +21,6 @@ from .parts import Parts, thin
 from .piece import METRES, Piece, filled, inflated, outside
 from .samples import MeshSamples
 
-__all__ = ["Neck", "grown_out", "hair_piece", "with_rims"]
-
-
 CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
 """Hair stays so far outside of the skull, from so far behind the hairline on."""
 LOCK = 0.030 / METRES  # How far before neck and body hair lies at most.

@@ -16,8 +16,6 @@ from scipy.spatial import ConvexHull
 from ...arrays import Bool, Float32, Float64, UInt8
 from ..head_fit import HeadFit, ear_to_ear
 
-__all__ = ["headwear", "skull_in"]
-
 FINE, AROUND = 120.0, 2.75
 """Pixels of a face's width where its extent is found, at most; how far around the face it is looked
 for, widths of a face."""

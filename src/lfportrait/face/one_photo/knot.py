@@ -18,9 +18,6 @@ from .parts import Parts, opened, signed_distance
 from .piece import Piece, inflated, outside
 from .samples import MeshSamples
 
-__all__ = ["Knot", "knot_of", "knot_piece", "without_knot"]
-
-
 NARROW = 0.3
 """Half of the width below which what stands above a head may be a knot, portrait units."""
 LEAST, MOST = 0.08, 0.26  # Radii of knots, portrait units.

@@ -18,8 +18,6 @@ from .beard import BEARD
 from .solid import BODY, HAIR, HEAD, NECK_END, WORN, Solid, ear_light, scalp
 from .wires import Wires
 
-__all__ = ["Shell", "shell_of"]
-
 Places = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 OUTSIDE, INSIDE = 2.0, 4.0  # Voxels before and behind the surface that are kept.

@@ -18,8 +18,6 @@ from ...arrays import Bool, Float32, Float64
 from ..head_fit import Found, HeadFit, Picture
 from ..head_prior import EYES, SOCKETS, with_normals
 
-__all__ = ["found_again"]
-
 Bytes = NDArray[np.uint8]
 
 EYES_WIDE = 130.0

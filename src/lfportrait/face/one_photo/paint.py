@@ -32,9 +32,6 @@ from .parts import Parts
 from .piece import METRES
 from .solid import HAIR, HEAD, WORN
 
-__all__ = ["WIDTHS", "Paint", "Shot", "painted", "strand_contrast", "strands"]
-
-
 LEAST, FULL = 0.25, 0.45
 """Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
 all."""

@@ -16,10 +16,6 @@ from scipy import ndimage
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
 
-__all__ = ["FUZZ", "Parts", "clean_colors", "clean_hair", "ground_in_hair", "opened", "parts_of",
-           "signed_distance", "thin"]
-
-
 CELL = 0.0075  # Width of a cell at the head, portrait units (1.6 mm).
 MARGIN = 0.12  # Of the grid around the photo, over its width.
 ON_TOP = 0.11  # How thick hair lies on a crown that no photo shows, portrait units.

@@ -19,9 +19,6 @@ from scipy.sparse import linalg
 from ...arrays import Bool, Float64
 from .parts import Parts
 
-__all__ = ["METRES", "Piece", "filled", "inflated", "outside"]
-
-
 METRES = 0.207  # Of a unit of the portrait frame.
 EDGE = 4
 """Cells beyond its part of the picture in which a surface may be a piece's: it is that thick."""

@@ -59,9 +59,6 @@ from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
 
-__all__ = ["head_from_photos", "portrait_capture", "portrait_field"]
-
-
 AGREED = 3  # How often several photos are compared and the head is fitted to what they share.
 ROUGH = 96
 """Points to two units of the lattice of a head that is looked at before it is made in full."""

@@ -14,9 +14,6 @@ from ...measure import usable_cores
 from ..head_prior import with_normals
 from .parts import Parts
 
-__all__ = ["MeshSamples", "depth_maps"]
-
-
 STEP = 0.010  # Distance of samples, portrait units (2 mm).
 
 OBLIQUE, AROUND = 0.7, 24

@@ -18,9 +18,6 @@ from ..landmarks import mouth_opening
 from .samples import MeshSamples
 from .solid import STANDS, standing_out
 
-__all__ = ["clothes", "features_of", "nearest_samples", "not_skin", "open_mouth"]
-
-
 CELL = 0.012  # Width of a cell at the head, portrait units (2.5 mm).
 SQUARE = 0.6  # Cosine of incidence from which on what lies before the ears is face for sure.
 FRONT = 0.030

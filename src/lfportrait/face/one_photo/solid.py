@@ -25,10 +25,6 @@ from .parts import Parts, opened
 from .piece import METRES, Piece, inflated, outside
 from .samples import MeshSamples, depth_maps
 
-__all__ = ["BODY", "HAIR", "HEAD", "WORN", "Solid", "ear_light", "scalp",
-           "solid_of", "standing_out"]
-
-
 HEAD, HAIR, BODY, WORN = range(4)
 """What a place of the surface belongs to."""
 CHEST = 0.10 / METRES  # Half the thickness of a body at most.

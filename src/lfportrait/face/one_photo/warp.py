@@ -26,9 +26,6 @@ from ..head_fit import (
 from ..head_prior import EYES, HeadPrior, with_normals
 from .solid import STANDS, standing_out
 
-__all__ = ["warped", "warped_together"]
-
-
 OUTLINES = 110  # Places of the outline, at most, that are moved to the matte's.
 FARTHEST = 0.2  # They move at most this part of the distance of the eyes.
 ALONG = 0.3

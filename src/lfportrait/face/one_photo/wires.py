@@ -23,8 +23,6 @@ from ..head_prior import HeadPrior
 from .piece import METRES
 from .samples import MeshSamples
 
-__all__ = ["Wires", "wires_of", "without_wires"]
-
 Bytes = NDArray[np.uint8]
 
 BEFORE, BENT = 0.013, 1.7
