@@ -56,6 +56,15 @@ def make_capture(views: int = 10, alpha: bool = True) -> Capture:
                    np.arange(views) % 4 == 0, random_similarity(7), landmarks, {"points": 3})
 
 
+def test_a_capture_is_printed_as_one_line() -> None:
+    assert repr(make_capture(4)) == (
+        "Capture(Camera(4 views, 80 x 60), 1 held out, mattes, landmarks)")
+    bare = replace(make_capture(4, alpha=False), landmarks=None, held_out=np.zeros(4, bool))
+    assert repr(bare) == "Capture(Camera(4 views, 80 x 60), 0 held out)"
+    cameras = replace(bare.cameras, width=np.array([80, 8, 40, 20]))
+    assert repr(cameras) == "Camera(4 views, 8 x 60, 20 x 60, 40 x 60, ...)"
+
+
 @pytest.mark.parametrize("alpha", [True, False])
 def test_saved_captures_come_back_exactly(tmp_path: Path, alpha: bool) -> None:
     capture = make_capture(alpha=alpha)

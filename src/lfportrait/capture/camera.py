@@ -56,6 +56,11 @@ class Camera:
         for name, value in fields.items():
             object.__setattr__(self, name, np.ascontiguousarray(value))
 
+    def __repr__(self) -> str:
+        sizes = sorted({*zip(self.width.tolist(), self.height.tolist())})
+        shown = [f"{width} x {height}" for width, height in sizes[:3]] + ["..."] * (len(sizes) > 3)
+        return f"Camera({', '.join([f'{len(self)} views', *shown])})"
+
     def __len__(self) -> int:
         return len(self.pose)
 

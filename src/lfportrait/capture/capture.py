@@ -59,6 +59,12 @@ class Capture:
             if image.shape[:2] != wanted:
                 raise ValueError(f"{self.names[view]} is {image.shape[:2]}, its camera {wanted}")
 
+    def __repr__(self) -> str:
+        known = {"mattes": self.alphas, "landmarks": self.landmarks, "depths": self.depths}
+        held_out = int(self.held_out.sum())
+        return (f"Capture({self.cameras!r}, {held_out} held out"
+                f"{''.join(f', {name}' for name, there in known.items() if there is not None)})")
+
     def __len__(self) -> int:
         return len(self.images)
 
