@@ -76,7 +76,7 @@ Written by `scripts/make_docs.py` from the configuration classes; don't edit thi
 
 
 def field_docs(config: type) -> dict[str, str]:
-    """The docstring below each field of a data class; those of the classes above it come first."""
+    """The docstring below each field of a data class; those of its base classes come first."""
     docs: dict[str, str] = {}
     for above in reversed(config.__mro__):
         if dataclasses.is_dataclass(above):

@@ -48,13 +48,14 @@ def head(tmp_path):
     return tmp_path / "head.npz"
 
 
-def capture():
+def capture(mattes=False):
     """Three pictures of a rig, with a frame that is kept as it is."""
     places = np.array([[0, 0, 3.0], [1, 0, 2.8], [-1, 0.2, 2.8]])
     cameras = Camera.look_at(places, np.zeros(3), width=12, height=9, focal=15.0)
     random = np.random.default_rng(0)
     images = [random.integers(0, 255, (9, 12, 3), np.uint8) for _ in places]
-    return Capture(cameras, images, None, ["a.png", "b.png", "c.png"], np.zeros(3, bool))
+    alphas = [random.integers(0, 255, (9, 12), np.uint8) for _ in places] if mattes else None
+    return Capture(cameras, images, alphas, ["a.png", "b.png", "c.png"], np.zeros(3, bool))
 
 
 def test_the_command_line_lists_and_writes_its_export(install, head, capsys, tmp_path):
@@ -103,7 +104,10 @@ def test_its_format_is_written_and_read(install, tmp_path, capsys):
     found = Capture.load(tmp_path / "rig", holdout=0)
     assert found.names == capture().names
     assert all(np.array_equal(*pair) for pair in zip(found.images, capture().images, strict=True))
-    assert np.allclose(found.cameras.focal, 15)
+    assert np.allclose(found.cameras.focal, 15) and found.alphas is None
+    capture(mattes=True).save(tmp_path / "cut", format="Rig")
+    cut = Capture.load(tmp_path / "cut", holdout=0)
+    assert all(np.array_equal(*pair) for pair in zip(cut.alphas, capture(True).alphas, strict=True))
     assert main(["inspect", str(tmp_path / "rig")]) == 0
     assert "Rig" in capsys.readouterr().out
     with pytest.raises(UserError, match=r"it has no transforms.json, .* or rig.json; run"):
@@ -119,7 +123,7 @@ def spoiled(old, new):
 @pytest.mark.parametrize(("module", "line"), [
     (spoiled("import numpy as np", "import nothing_like_it"), "No module named 'nothing_like_it'"),
     (spoiled("import numpy as np", "1 / 0"), "division by zero"),
-    (spoiled("class Stl(Export)", "class Stl"), "it is no class above Export"),
+    (spoiled("class Stl(Export)", "class Stl"), "it is no subclass of Export"),
     (spoiled("def write(self, field", "def written(self, field"), "abstract method"),
     (spoiled('"stl", "STL model", "For 3D printers"', '"glb", "a", "b"'), "there is glb already"),
     (spoiled("name, title, purpose =", "name, title, other ="), "it has no purpose"),
@@ -138,6 +142,8 @@ def test_an_export_that_fails_is_one_line_and_leaves_no_file(install, head, caps
     assert main(["export", str(head), "--out", str(tmp_path / "head.stl"), "--quiet"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("lfportrait: Stl of the package workshop failed: AttributeError: ")
+    number = MODULE[:MODULE.index("mesh = field_mesh")].count("\n") + 1
+    assert line.endswith(f" (workshop.py, line {number})")
     assert not (tmp_path / "head.stl").exists()
 
 

@@ -25,10 +25,12 @@ Reading the entry points takes 20 to 50 ms: what is asked for by its own name ne
 from __future__ import annotations
 
 import functools
+import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from tyro.constructors import PrimitiveConstructorSpec
@@ -67,14 +69,14 @@ def offered(group: str) -> dict[str, Any]:
 def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[str, Kind]:
     """A registry: an instance of each of our own classes and of those of a group, by its name.
 
-    A class of another package that can't be used, as it does not stand above ``base``, or whose
+    A class of another package that can't be used, as it is no subclass of ``base``, or whose
     name there is already, is left out with a warning.
     """
     found = {one.name: one for one in (kind() for kind in own)}
     for name, kind in offered(group).items():
         try:
             if not (isinstance(kind, type) and issubclass(kind, base)):
-                raise TypeError(f"it is no class above {base.__name__}")
+                raise TypeError(f"it is no subclass of {base.__name__}")
             one = kind()
             one.check()
             if one.name in found:
@@ -95,12 +97,21 @@ def blamed(thing: object) -> Iterator[None]:
     except Exception as error:
         if isinstance(error, UserError) or package == __name__.partition(".")[0]:
             raise
+        reason = _line(error) + _place(error, package)
         raise UserError(f"{type(thing).__name__} of the package {package} failed: "
-                        f"{type(error).__name__}: {_line(error)}") from error
+                        f"{type(error).__name__}: {reason}") from error
 
 
 def _line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+def _place(error: Exception, package: str) -> str:
+    """The last line of a package's own code that an error came through, as " (FILE, line N)"."""
+    lines = [f" ({Path(frame.f_code.co_filename).name}, line {number})"
+             for frame, number in traceback.walk_tb(error.__traceback__)
+             if str(frame.f_globals.get("__name__")).partition(".")[0] == package]
+    return lines[-1] if lines else ""
 
 
 def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:

@@ -1,6 +1,6 @@
 """Kinds of export: what a kind is, the parameters of each, our own, and the one list of all.
 
-Each kind is a class above `Export`; other packages bring theirs by entry points. What computes is
+Each kind is a subclass of `Export`; other packages bring theirs by entry points. What computes is
 imported when it is called.
 """
 
@@ -521,7 +521,7 @@ KINDS: tuple[type[Export], ...] = (
 """In the order in which the studio shows them."""
 
 
-EXPORTS = "lfportrait.exports"  # Group of entry points with classes above `Export`.
+EXPORTS = "lfportrait.exports"  # Group of entry points with subclasses of `Export`.
 
 
 def exports() -> dict[str, Export]:

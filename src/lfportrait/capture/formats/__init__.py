@@ -1,6 +1,6 @@
 """Readers of calibrated data sets, one for each format, and the detection of the format.
 
-A format is a class above `CaptureFormat`, of ours or of another package (entry points).
+A format is a subclass of `CaptureFormat`, of ours or of another package (entry points).
 `transforms` reads NeRF's, instant-ngp's and nerfstudio's, and keeps captures of our own; `colmap`
 reads COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin,
 `datasets` LLFF, NSVF, and what Polycam and Record3D export. All end in `assembly`, which also
@@ -28,7 +28,7 @@ from .transforms import Own, Transforms
 __all__ = ["CaptureFormat", "DataSet", "Shot", "Views", "capture_formats", "find_views",
            "held_out_views", "is_calibrated", "load_views", "save_views", "written_views"]
 
-FORMATS = "lfportrait.formats"  # Group of entry points with classes above `CaptureFormat`.
+FORMATS = "lfportrait.formats"  # Group of entry points with subclasses of `CaptureFormat`.
 _OWN: tuple[type[CaptureFormat], ...] = (
     Own, Transforms, Colmap, Llff, Nsvf, Polycam, Record3d, Metashape, Bundler, VisualSfm, Meshroom,
     OpenMvg, CameraTable)

@@ -1,6 +1,6 @@
 """What a format of captures is, and the last step of every reader: upright, undistorted photos.
 
-Each format is a class above `CaptureFormat`. A reader finds a `Shot` for each photo in its own
+Each format is a subclass of `CaptureFormat`. A reader finds a `Shot` for each photo in its own
 format: file, pose, lens; all of them are a `DataSet`, of which no picture is read yet. `read_shots`
 reads the pictures, turns them upright and gives them their masks; `assemble` takes the distortion
 out and makes `Views` of them, which are the first fields of a `Capture` in their order.
