@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 
@@ -69,6 +70,13 @@ def targets(text):
 def test_links_lead_somewhere(page):
     for target in targets((ROOT / page).read_text("utf-8")):
         assert ((ROOT / page).parent / target).exists(), target
+
+
+def test_the_readme_is_short_and_begins_with_a_moving_picture():
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert len(text.splitlines()) <= 120
+    with Image.open(ROOT / re.search(r"!\[[^\]]*\]\(([^)]+)\)", text)[1]) as picture:
+        assert picture.n_frames > 1
 
 
 def missing(text):

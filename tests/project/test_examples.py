@@ -40,6 +40,7 @@ SMALL = {
                  "height": 64},
     "10_losses": {"size": 64, "steps": 2},
     "11_head": {"resolution": 64, "size": 64, "painting": PAINTING},
+    "12_skin": {"pixels": 48.0},
 }
 """Arguments of `main`, for seconds instead of minutes."""
 WRITTEN = {
@@ -49,7 +50,7 @@ WRITTEN = {
     "06_live": ((64, 288), []), "07_print": (None, ["print.png"]),
     "08_splats": ((64, 192), ["head.spz", "head.glb"]),
     "09_batch": ((64, 128), ["jobs.toml", "results/index.html"]), "10_losses": ((64, 256), []),
-    "11_head": ((64, 384), ["one.npz", "painted.npz"]),
+    "11_head": ((64, 384), ["one.npz", "painted.npz"]), "12_skin": (None, []),
 }
 """Size of the picture, and other files that are written."""
 
