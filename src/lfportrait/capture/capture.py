@@ -69,11 +69,11 @@ class Capture:
         return len(self.images)
 
     def training(self) -> Int64:
-        """Indices of the views to train on."""
+        """Indices of the views to train on, int64 [K]."""
         return np.flatnonzero(~self.held_out)
 
     def testing(self) -> Int64:
-        """Indices of the held-out views."""
+        """Indices of the held-out views, int64 [K]."""
         return np.flatnonzero(self.held_out)
 
     def image_float(self, view: int, background: float = 1.0) -> Float32:

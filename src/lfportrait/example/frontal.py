@@ -141,7 +141,10 @@ def _relief(head: bytes) -> tuple[Float64, tuple[float, float]]:
 
 
 def head_oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
-    """Distance from the middle of an oval about the axis, 1 on it."""
+    """Distance of places (x, y) from the middle of an oval about the axis x = 0, 1 on it.
+
+    Float64 [...], as the places; ``wide`` and ``high`` are half of its axes, ``middle`` its y.
+    """
     return np.asarray(np.sqrt((x / wide) ** 2 + ((y - middle) / high) ** 2), np.float64)
 
 

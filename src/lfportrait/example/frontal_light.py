@@ -167,7 +167,7 @@ class _Hue:
         return _Hue(np.asarray(knots, np.float32), np.asarray(np.stack(each, axis=-1), np.float32))
 
     def table(self, bright: Float32) -> Float32:
-        """The same of a whole picture, in steps of a thousandth of the curve."""
+        """Hues [H, W, 3] of a picture's brightness [H, W], in a thousand steps of the curve."""
         low, high = self.knots[0], self.knots[-1]
         steps = self(np.linspace(low, high, STEPS + 1, dtype=np.float32))
         number = (bright - low) * np.float32(STEPS / (high - low)) + np.float32(0.5)

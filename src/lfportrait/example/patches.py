@@ -184,7 +184,10 @@ def settled(owner: Int32, rounds: int = 3) -> Int32:
 
 
 def coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
-    """Owners on a coarser level; whoever is owned by one that is not its own owner keeps itself."""
+    """Owners, int32 [H, W], on a coarser level of a ``shape``, int32 of that shape.
+
+    Whoever is owned by one that is not its own owner keeps itself.
+    """
     if level == 0:
         return owner
     width = owner.shape[1]
@@ -321,7 +324,7 @@ class _Level:
                 else _flat(places, self.level, self.size, self.shape))
 
     def first_places(self, coarser: Int32 | None) -> Int32:
-        """Where the search begins: what the coarser level found, or the given start."""
+        """Where the search begins, int32 [H, W]: as the coarser level found, or the given start."""
         if coarser is None:
             return self.start.copy()
         out = np.empty(self.shape, np.int32)

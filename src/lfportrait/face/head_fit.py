@@ -548,7 +548,11 @@ def run_alike(view: View, normals: Float64, slope: Float64, least: float) -> Boo
 
 def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,
                      neck: bool = False) -> Int64:
-    """The vertices on the outline of a head in a photo; the neck's only if asked for."""
+    """The numbers of the vertices on the outline of a head in a photo, int64 [K].
+
+    Vertices and normals are float64 [N, 3] in the head's frame, metres. Those of the neck are among
+    them only if asked for.
+    """
     local = view.to_camera(vertices)
     turned = normals @ view.rotation.T
     facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)

@@ -158,7 +158,7 @@ def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
 
 
 def hair_mask(image: UInt8, size: int = 512) -> Float32:
-    """How much of each pixel of a picture, as for `person_matte`, is hair: likewise.
+    """How much of each pixel of a picture is hair, float32 [H, W] in [0, 1]; see `person_matte`.
 
     ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
     512; on photos 384 takes two thirds of the time and differs in less than one pixel of 200, 256
@@ -173,7 +173,7 @@ def hair_mask(image: UInt8, size: int = 512) -> Float32:
 
 
 def mattes(image: UInt8, size: int = 512) -> tuple[Float32, Float32]:
-    """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
+    """`person_matte` and `hair_mask`, [H, W] each; the network of six parts runs once for both."""
     if not models.available(_MULTICLASS):
         return person_matte(image), hair_mask(image, size)
     shares = _shares(image)

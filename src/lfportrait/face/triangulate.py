@@ -122,7 +122,7 @@ def _best_start(cameras: Camera, points: Float64, views: Int64, tolerance: float
 
 
 def frontal_order(cameras: Camera) -> Int64:
-    """Views sorted by how far they are turned from the portrait frame's front (+z)."""
+    """Views, int64 [V], sorted by how far they are turned from the portrait frame's front (+z)."""
     away = cameras.position
     yaw = np.abs(np.arctan2(away[:, 0], away[:, 2]))
     pitch = np.abs(np.arctan2(away[:, 1], np.hypot(away[:, 0], away[:, 2])))

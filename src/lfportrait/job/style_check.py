@@ -230,7 +230,7 @@ class StyleCheck:
 
 def chosen_face(path: Path, image: UInt8, face: int = 0,
                 at: tuple[float, float] | None = None) -> tuple[Float64, list[Float64]]:
-    """Landmarks of the one face of a picture that is meant, and of all that were found.
+    """Landmarks [68, 2] of the one face of a picture that is meant, and of all that were found.
 
     By its number, the largest is 1 (0, too), or by a place (x, y) in pixels on it. Raises
     `UserError` if there is no such face.
@@ -475,7 +475,7 @@ def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) 
 
 
 def draw_landmarks(check: StyleCheck) -> UInt8:
-    """The picture with mesh and numbered landmarks, enlarged so that the numbers can be read."""
+    """The picture with mesh and numbered landmarks, large enough to read these, [H, W, 3]."""
     image, points = check.exemplar.image, check.exemplar.landmarks
     size = float(np.ptp(points, axis=0).max())
     factor = int(np.clip(np.ceil(900 / max(size, 1.0)), 1, 6))

@@ -49,7 +49,7 @@ from .placement import DepthReport, EncodeConfig, Placement
 
 def row_views(display: Display, first: int, count: int, apart: int = 1,
               ) -> NDArray[np.unsignedinteger]:
-    """The nearest view of ``count`` rows, ``apart`` apart, as `ViewMask` holds those of all."""
+    """The nearest view of ``count`` rows, ``apart`` apart, [count, W, 3]; see `ViewMask`."""
     kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
     views = np.empty((count, display.width, 3), kind)
     mask_views(views, display.steps(), lens_of(display), first, apart)

@@ -81,9 +81,10 @@ def good_cone(field: VoxelField, cone: float) -> float:
 
 
 def sweep_degrees(frames: int, cone: float) -> Float64:
-    """Yaw of each frame of a sweep there and back: slow at the ends, without a seam in a loop.
+    """Yaw of each frame of a sweep there and back, degrees, float64 [frames].
 
-    Over the full width ``cone`` in degrees it runs 0, +cone/2, 0, -cone/2, 0.
+    Over the full width ``cone`` in degrees it runs 0, +cone/2, 0, -cone/2, 0, slowly at the ends,
+    and without a seam in a loop.
     """
     return 0.5 * cone * np.sin(2.0 * np.pi * np.arange(frames) / frames)
 

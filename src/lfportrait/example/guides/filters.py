@@ -18,7 +18,7 @@ from ..kernels.labels import luma
 
 
 def gaussian_taps(sigma: float) -> Float32:
-    """Gaussian of unit sum, cut at 3 sigma."""
+    """Gaussian of unit sum, cut at 3 sigma, float32 [2 R + 1]; ``sigma`` in pixels."""
     radius = max(1, int(np.ceil(3 * sigma)))
     taps = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
     return np.asarray(taps / taps.sum(), np.float32)
@@ -32,7 +32,7 @@ def gaussian_blur(image: Float32, sigma: float) -> Float32:
 
 
 def broad_blur(image: Float32, sigma: float) -> Float32:
-    """`gaussian_blur` for wide kernels: on block means, and bilinear between.
+    """`gaussian_blur` of [H, W] for wide kernels: on block means, and bilinear between.
 
     The blocks are at most half of ``sigma`` wide, so the result is within a hundredth of the
     largest step in the picture.
@@ -61,7 +61,10 @@ def smaller(picture: NDArray[np.generic], size: tuple[int, ...]) -> Float32:
 
 
 def enlarged(image: Float32, factor: int, shape: tuple[int, ...]) -> Float32:
-    """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
+    """Means of blocks [h, w] at all pixels of a picture of ``shape``, bilinear, float32 [H, W].
+
+    A block is ``factor`` pixels wide and high.
+    """
     image = np.ascontiguousarray(image, np.float32)
     if factor == 1:
         return image

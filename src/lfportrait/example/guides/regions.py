@@ -58,7 +58,7 @@ class FaceFrame:
         return FaceFrame(brows, right, down, float(chin @ down), float(abs(extent[1] - extent[0])))
 
     def local(self, shape: tuple[int, ...]) -> tuple[Float32, Float32]:
-        """Coordinates of all pixels of a picture in units of ``height``: (right, down)."""
+        """Coordinates (right, down) of a picture's pixels in units of ``height``, [H, W] each."""
         y, x = (np.arange(n, dtype=np.float32) + np.float32(0.5) - np.float32(at)
                 for n, at in zip(shape[:2], self.origin[::-1]))
         # Row and column by themselves: no products of whole pictures.

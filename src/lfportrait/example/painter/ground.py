@@ -239,7 +239,7 @@ class _Source:
         return replace(whole, there=there & ~whole.strays(STRAY * exemplar.size * size))
 
     def strays(self, reach: float) -> Bool:
-        """Strokes of the person's on the background, and what is within ``reach`` of them.
+        """Strokes of the person's on the background, and what is within ``reach`` pixels, [H, W].
 
         They are much farther from the background's blurred colors than nearly all of it is.
         """

@@ -100,7 +100,7 @@ def filled(values: Float64, sigma: float) -> Float64:
 
 
 def outside(squares: Float64, parts: Parts, domain: Bool, dip: float) -> Float64:
-    """Squares continued beyond their domain, so that their slopes stay those of a surface.
+    """Squares [H, W] continued beyond their domain, so that their slopes stay a surface's.
 
     Outside of the person they are negative, as steep as within: those of the place's mirror image
     across the outline. Elsewhere the half thickness goes on, less by ``dip`` times the way.

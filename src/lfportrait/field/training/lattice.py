@@ -115,7 +115,10 @@ class Lattice:
         return 2.0 * float(self.radius[0]) / self.links.shape[2]
 
     def geometry(self) -> tuple[Int32, Int32, Float64]:
-        """What rays are cast through: brick table, brick links, size and scale of the lattice."""
+        """What rays are cast through: brick table, brick links, size and place of the lattice.
+
+        The latter is float64 [9]: points along x, y, z; scale and offset of lattice coordinates.
+        """
         table, links = brick_table(self.links, self.count)
         depth, height, width = self.links.shape
         scale, offset = lattice_of_world(self.center, self.radius, (depth, height, width))

@@ -277,6 +277,6 @@ class SheetView:
                                     borderMode=cv2.BORDER_REPLICATE), np.float32)
 
     def sweep(self, frames: int = 90) -> Iterator[Float32]:
-        """Pictures of an eye that moves through nine tenths of the viewing angle and back."""
+        """Pictures [H, W, 3] of an eye that moves through 0.9 of the viewing angle and back."""
         for turn in np.arange(frames) * 2 * math.pi / frames:
             yield self.picture(0.45 * math.sin(turn))
