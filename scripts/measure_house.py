@@ -1,4 +1,4 @@
-"""Measure the house: lines, files, import chains, and the rooms that data pass through.
+"""Measure the house: lines, files, parameters, import chains, and the rooms that data pass through.
 
 Photos, an exemplar and a display are each followed through the program on the demo's small head:
 every call into one of the package's files is noted, and what is counted are the folders (rooms)
@@ -11,17 +11,20 @@ Run: python scripts/measure_house.py              this checkout
 from __future__ import annotations
 
 import argparse
+import ast
+import dataclasses
 import json
 import sys
 import tempfile
 import threading
+import typing
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import house
 
-__all__ = ["deepest_chain", "figures", "rooms_entered"]
+__all__ = ["crowded", "deepest_chain", "figures", "options", "rooms_entered"]
 
 PACKAGES = tuple(path for path in sorted((house.ROOT / "src").iterdir())
                  if (path / "__init__.py").is_file())
@@ -67,6 +70,53 @@ def deepest_chain(graph: house.Graph) -> list[str]:
     return max((longest(name) for name in sorted(graph)), key=len)
 
 
+def crowded(most: int = 8, package: Path = PACKAGES[0]) -> list[str]:
+    """Functions of a package outside kernels that take more parameters than ``most``.
+
+    ``self`` and ``cls`` do not count.
+    """
+    found = []
+    for path in sorted(package.rglob("*.py")):
+        if "kernels" in path.parts or path.stem == "kernels":
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) or any(
+                    "kernel" in ast.dump(one) for one in node.decorator_list):
+                continue
+            given = node.args
+            names = [one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+            if len(names) - (names[:1] in (["self"], ["cls"])) > most:
+                found.append(f"{path.relative_to(package).as_posix()} {node.name}")
+    return found
+
+
+def options() -> int:
+    """Parameters that users can set: fields of configuration classes and of commands, each once.
+
+    Of the product; a field that holds another of these classes does not count, its fields do.
+    """
+    from lfportrait.cli.dispatch import COMMANDS, _command_class
+    from lfportrait.share.kinds import own_exports
+
+    waiting: list[Any] = [*map(_command_class, COMMANDS),
+                          *(kind.parameters for kind in own_exports())]
+    known: set[Any] = set()
+    count = 0
+    while waiting:
+        one = waiting.pop()
+        if one in known or one.__module__.partition(".")[0] != "lfportrait":
+            continue
+        known.add(one)
+        waiting += [base for base in one.__bases__ if dataclasses.is_dataclass(base)]
+        types = typing.get_type_hints(one)
+        for name in vars(one).get("__annotations__", {}):
+            inner = [kind for kind in (types[name], *typing.get_args(types[name]))
+                     if dataclasses.is_dataclass(kind)]
+            waiting += inner
+            count += not inner and name in {field.name for field in dataclasses.fields(one)}
+    return count
+
+
 def _ways() -> dict[str, Callable[[], Any]]:
     """What is followed: each a function, its inputs made beforehand."""
     from lfportrait import Display, Skin, encode
@@ -98,6 +148,7 @@ def figures() -> dict[str, Any]:
                                           for path in files),
         "product_files": len(product), "product_lines": sum(
             len(path.read_text("utf-8").splitlines()) for path in product),
+        "crowded": crowded(), "options": options(),
         "deepest_chain": deepest_chain(graph), "deepest_chain_loaded": deepest_chain(loaded)}
     for name, work in _ways().items():
         rooms, changes = rooms_entered(work)
@@ -114,6 +165,8 @@ def main() -> None:
         given.json.write_text(json.dumps(found, indent=1), "utf-8")
     print(f"files                {found['files']}, of the product {found['product_files']}")
     print(f"lines                {found['lines']}, of the product {found['product_lines']}")
+    print(f"more than 8 parameters {len(found['crowded'])}: {', '.join(found['crowded'])}")
+    print(f"options              {found['options']}")
     print(f"deepest import chain {len(found['deepest_chain'])}, of modules as Python loads them "
           f"{len(found['deepest_chain_loaded'])}")
     for name in ("photos", "exemplar", "display"):

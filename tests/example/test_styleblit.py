@@ -18,7 +18,7 @@ from lfportrait.example import (
     transfer,
 )
 from lfportrait.example.guides.position import pixel_centres
-from lfportrait.example.styleblit import plant
+from lfportrait.example.styleblit import Style, plant
 from tests.portraits import HEAD_LANDMARKS, ball_head, drawn_face
 from tests.reference import styleblit as reference
 
@@ -37,19 +37,24 @@ def _problem(seed=0, height=40, width=48, style_height=56, style_width=44):
     style_labels = np.zeros((style_height, style_width, 0), np.uint8)
     guides = Guides(position.astype(np.float32), appearance, labels, pixel_centres((height, width)))
     table = build_table(style_appearance, TableConfig(cell=2, levels=16), 3.0)
-    return guides, weights, style_appearance, style_labels, table, picture
+    return guides, weights, Style(style_appearance, style_labels, table, picture)
+
+
+def made_of(guides, weights, style, config, label_weight=0.0, seed=0, scale=None):
+    """A synthesis with seeds of its own."""
+    return synthesise(guides, weights, label_weight, style, config,
+                      plant(guides.anchor, config.top, seed, scale), scale=scale)
 
 
 @pytest.mark.parametrize("scale", [1.0, None])
 @pytest.mark.parametrize("width", [48, 37])
 def test_equals_the_plain_form(scale, width):
-    guides, weights, style_appearance, style_labels, table, picture = _problem(width=width)
-    own = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                     BlitConfig(threshold=-1.0, tolerance=-1e9, radius=0), scale=scale)
+    guides, weights, style = _problem(width=width)
+    own = made_of(guides, weights, style, BlitConfig(threshold=-1.0, tolerance=-1e9, radius=0),
+                  scale=scale)
     assert (own.level == 0).all()
     config = BlitConfig(threshold=60.0, radius=0, levels=4)
-    made = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                      config, seed=5, scale=scale)
+    made = made_of(guides, weights, style, config, seed=5, scale=scale)
     stored = plant(guides.anchor, 4, 5, scale)
     seeds = {}
     for level in range(1, 5):
@@ -58,7 +63,7 @@ def test_equals_the_plain_form(scale, width):
         seeds[level] = [(stored.points[n], divmod(int(stored.pixels[n]), width))
                         for n in range(begin, begin + count) if stored.pixels[n] >= 0]
     shift, level = reference.synthesise(
-        guides.position, guides.appearance, guides.anchor, weights, style_appearance, own.shift,
+        guides.position, guides.appearance, guides.anchor, weights, style.appearance, own.shift,
         own.error, seeds, 4, config.threshold, config.tolerance, free=scale is None)
     same = (level == made.level) & (np.abs(shift - made.shift) < 1e-3).all(axis=-1)
     assert same.mean() > 0.998  # a rounding at the threshold may differ
@@ -69,13 +74,12 @@ def test_equals_the_plain_form(scale, width):
 @pytest.mark.parametrize("width", [5, 16, 21])
 def test_tiles_do_not_show(width):
     """A torn anchor plane, whose tiles have too many seeds to share, gives the same chunks."""
-    guides, weights, style_appearance, style_labels, table, picture = _problem(3, 21, width)
+    guides, weights, style = _problem(3, 21, width)
     torn = Guides(guides.position, guides.appearance, guides.labels, guides.anchor.copy())
     # One pixel of each tile lies far away.
     torn.anchor[::8, ::16] += 4000
     config = BlitConfig(radius=0, min_improvement=1e9)
-    results = [synthesise(g, weights, 0.0, style_appearance, style_labels, table, picture, config,
-                          seed=2) for g in (guides, torn)]
+    results = [made_of(g, weights, style, config, seed=2) for g in (guides, torn)]
     kept = np.ones((21, width), bool)
     kept[::8, ::16] = False
     same = (results[0].shift == results[1].shift).all(axis=-1)[kept]
@@ -84,9 +88,9 @@ def test_tiles_do_not_show(width):
 
 def test_same_seed_same_bytes():
     problem = _problem(1)
-    first = synthesise(*problem[:2], 0.0, *problem[2:], BlitConfig(), seed=3, scale=1.0)
-    second = synthesise(*problem[:2], 0.0, *problem[2:], BlitConfig(), seed=3, scale=1.0)
-    other = synthesise(*problem[:2], 0.0, *problem[2:], BlitConfig(), seed=4, scale=1.0)
+    first = made_of(*problem, BlitConfig(), seed=3, scale=1.0)
+    second = made_of(*problem, BlitConfig(), seed=3, scale=1.0)
+    other = made_of(*problem, BlitConfig(), seed=4, scale=1.0)
     assert first.image.tobytes() == second.image.tobytes()
     assert first.image.tobytes() != other.image.tobytes()
 
@@ -99,17 +103,16 @@ def test_perfect_guides_copy_the_exemplar():
     guides = Guides(pixel_centres((60, 50)), style_appearance, np.zeros((60, 50, 0), np.uint8),
                     pixel_centres((60, 50)))
     weights = np.full((60, 50, 2), (3.3, 255.0), np.float32)
-    made = synthesise(guides, weights, 0.0, style_appearance, np.zeros((60, 50, 0), np.uint8),
-                      build_table(style_appearance, TableConfig(), 3.0), picture, BlitConfig(),
-                      scale=1.0)
+    made = made_of(guides, weights, Style(
+        style_appearance, np.zeros((60, 50, 0), np.uint8),
+        build_table(style_appearance, TableConfig(), 3.0), picture), BlitConfig(), scale=1.0)
     assert np.allclose(made.image, picture, atol=1e-6)
 
 
 def test_unpainted_pixels_stay_black():
-    guides, weights, style_appearance, style_labels, table, picture = _problem(3)
+    guides, weights, style = _problem(3)
     guides.position[:10] = np.nan
-    made = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                      BlitConfig(), scale=1.0)
+    made = made_of(guides, weights, style, BlitConfig(), scale=1.0)
     assert (made.image[:10] == 0).all() and np.isfinite(made.image).all()
     assert np.isnan(made.shift[:10]).all()
 
@@ -130,8 +133,8 @@ def test_wrong_labels_are_not_copied():
     table = build_table(flat, TableConfig(), 3.0)
 
     def wrong(label_weight):
-        made = synthesise(guides, weights, label_weight, flat, style_labels, table, picture,
-                          BlitConfig(radius=0), scale=1.0)
+        made = made_of(guides, weights, Style(flat, style_labels, table, picture),
+                       BlitConfig(radius=0), label_weight, scale=1.0)
         return ((made.image[..., 0] > 0.5) != (labels[..., 0] > 0)).mean()
 
     assert wrong(0.0) > 0.02
@@ -139,10 +142,9 @@ def test_wrong_labels_are_not_copied():
 
 
 def test_voting_keeps_a_coherent_chunk():
-    guides, weights, style_appearance, style_labels, table, picture = _problem(4)
+    guides, weights, style = _problem(4)
     guides.position[:] = pixel_centres((40, 48))[..., :] * 0 + pixel_centres((40, 48)) * 0.9
-    made = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                      BlitConfig(threshold=1e6, levels=1, radius=1), scale=1.0)
+    made = made_of(guides, weights, style, BlitConfig(threshold=1e6, levels=1, radius=1), scale=1.0)
     assert made.image.min() >= 0 and made.image.max() <= 1
 
 
@@ -152,19 +154,16 @@ def _shifted(image, dx, dy):
 
 def test_anchored_seeds_move_with_the_picture():
     """Everything moved by (5, 3): with anchored seeds the result moves along, byte for byte."""
-    guides, weights, style_appearance, style_labels, table, picture = _problem(6, 64, 64, 80, 80)
-    first = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                       BlitConfig(radius=0), seed=1)
+    guides, weights, style = _problem(6, 64, 64, 80, 80)
+    first = made_of(guides, weights, style, BlitConfig(radius=0), seed=1)
     moved = Guides(_shifted(guides.position, 5, 3), _shifted(guides.appearance, 5, 3),
                    guides.labels, _shifted(guides.anchor, 5, 3))
-    second = synthesise(moved, weights, 0.0, style_appearance, style_labels, table, picture,
-                        BlitConfig(radius=0), seed=1)
+    second = made_of(moved, weights, style, BlitConfig(radius=0), seed=1)
     back = _shifted(second.image, -5, -3)
     # Seeds on the border of the picture have no neighbour to tell the guide's slope.
     assert np.mean(np.abs(back - first.image).max(axis=-1) < 1e-3) > 0.99
     fixed = Guides(moved.position, moved.appearance, guides.labels, guides.anchor)
-    loose = synthesise(fixed, weights, 0.0, style_appearance, style_labels, table, picture,
-                       BlitConfig(radius=0), seed=1)
+    loose = made_of(fixed, weights, style, BlitConfig(radius=0), seed=1)
     assert np.mean((_shifted(loose.image, -5, -3) == first.image).all(axis=-1)) < 0.9
 
 

@@ -21,6 +21,7 @@ from lfportrait.cli.reconstruction import Reconstruct
 from lfportrait.errors import UserError
 from lfportrait.field import (
     Backdrop,
+    Curves,
     ReconstructConfig,
     SurfaceTexture,
     VoxelField,
@@ -521,8 +522,8 @@ def test_a_run_stopped_in_the_middle_of_a_level_goes_on_from_there(tmp_path, mon
 
 
 def test_curves_are_measured_and_logged(tmp_path):
-    _, figures = reconstruct_with_figures(ball_capture(), TINY, measure_every=0.3,
-                                          log=tmp_path / "logs" / "curves.csv")
+    _, figures = reconstruct_with_figures(ball_capture(), TINY, curves=Curves(
+        tmp_path / "logs" / "curves.csv", measure_every=0.3))
     curve = figures["curve"]
     assert len(curve) >= 2
     for before, after in itertools.pairwise(curve[:-1]):

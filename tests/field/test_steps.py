@@ -31,12 +31,12 @@ class OneByOne(CpuSteps):
                 self._average()
 
 
-def one_by_one(_, *given):
-    return OneByOne(*given)
+def one_by_one(_, level):
+    return OneByOne(level)
 
 
-def with_little_room(_, *given):
-    steps = CpuSteps(*given)
+def with_little_room(_, level):
+    steps = CpuSteps(level)
     steps.caster.records = Records.empty(len(steps.caster.losses), 40)
     return steps
 

@@ -18,7 +18,7 @@ from draw_house import (
     up_to_date,
 )
 from house import STAGES, graph_of, module_files, stage_imports, without_detours
-from measure_house import deepest_chain, rooms_entered
+from measure_house import crowded, deepest_chain, options, rooms_entered
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +102,25 @@ def test_names_of_a_package_lead_to_their_modules_where_it_loads_them_when_asked
     assert deepest_chain(graph_of(files))[-1] == "pack.far"
     loaded = graph_of(files, asked=True)
     assert loaded["pack.user"] == {"pack.door.one"} and loaded["pack.door"] == set()
+
+
+def test_functions_take_eight_parameters_at_most():
+    """But for those that a job, a live panel and a stylisation are asked for by."""
+    assert crowded() == ["job/pipeline.py make", "lightfield/screens/live.py show_field",
+                         "stylize/stylization.py stylize_with_figures"]
+
+
+def test_parameters_are_counted_without_self_and_kernels(tmp_path):
+    (tmp_path / "kernels").mkdir()
+    (tmp_path / "kernels" / "one.py").write_text("def loop(a, b, c): ...")
+    (tmp_path / "two.py").write_text(
+        "class A:\n    def few(self, a, b): ...\n    def many(self, a, *, b, c): ...\n"
+        "@lean_kernel(x)\ndef cast(a, b, c): ...\ndef loose(a, /, b, c): ...")
+    assert sorted(crowded(2, tmp_path)) == ["two.py loose", "two.py many"]
+
+
+def test_options_are_no_more_than_people_can_read():
+    assert 250 < options() <= 330
 
 
 def test_rooms_are_noted_as_calls_enter_them():

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from lfportrait.errors import UserError
-from lfportrait.runner import Child, Failure, Task, Workers, run_tasks
+from lfportrait.runner import Callbacks, Child, Failure, Task, Workers, run_tasks
 
 DIED = Failure("killed", "its process died")
 
@@ -20,15 +20,16 @@ def made(tmp_path):
     """Makes a runner; the processes that it began, and what tasks said, are its."""
     every = []
 
-    def make(slots=1, ask=lambda task: (task.stage, str(tmp_path / "file")), **more):
+    def make(slots=1, ask=lambda task: (task.stage, str(tmp_path / "file")),
+             wake=lambda: None, **more):
         def begin(_):
             child = Child("tests.runner.work:serve", tmp_path / "log", group=True)
             runner.began.append(child.number)
             return child
 
         told = []
-        runner = Workers(slots, begin, ask, DIED, said=lambda task, message: told.append(message),
-                         **more)
+        runner = Workers(slots, begin, ask, DIED, callbacks=Callbacks(
+            lambda task, message: told.append(message), wake), **more)
         runner.began, runner.told = [], told
         every.append(runner)
         return runner

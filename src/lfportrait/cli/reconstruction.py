@@ -114,7 +114,7 @@ class Reconstruct(Common):
 
     def run(self) -> dict[str, Any]:
         from ..face import fit_to_surface, is_portrait
-        from ..field import reconstruct_with_figures
+        from ..field import Curves, reconstruct_with_figures
         from ..job import cut_person, find_face
 
         capture = self._capture()
@@ -137,7 +137,8 @@ class Reconstruct(Common):
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
-                log=self.log, device=self.device, fit_head=fit_to_surface)
+                curves=None if self.log is None else Curves(self.log), device=self.device,
+                fit_head=fit_to_surface)
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
         return {**figures, "mattes": mattes}

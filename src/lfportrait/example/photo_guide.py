@@ -28,7 +28,7 @@ from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
 from .frontal import SPACING, FaceAside
 from .guides.filters import gaussian_blur, grey, shrunk
-from .guides.position import fold_inside, folded_position_guide
+from .guides.position import ControlPoints, fold_inside, folded_position_guide
 from .guides.regions import RAYS, Regions, missing_labels
 from .kernels.guides import distances, snap
 from .kernels.labels import own_body, shrink_label
@@ -118,7 +118,7 @@ STRIP = 0.15  # Its height over what the exemplar shows below it.
 
 
 def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
-                  style_regions: Regions) -> tuple[Float64, Float64, Float64, Float64]:
+                  style_regions: Regions) -> ControlPoints:
     """Control points of the position guide: landmarks, hairline and outline.
 
     Sources and targets [M, 2] in the target and in the exemplar, of which only points known on both
@@ -257,8 +257,8 @@ class FlatGuide:
         aside : What is seen of a face that is turned far to one side; ``landmarks`` are its own.
         """
         points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions)
-        sources, targets, weights, softness = (
-            points if aside is None else self._seen(aside, *points))
+        if aside is not None:
+            points = self._seen(aside, *points)
         scale, shape = self.exemplar.size / face_size(landmarks), self.exemplar.image.shape
 
         def move(nodes: Float32) -> None:
@@ -270,11 +270,10 @@ class FlatGuide:
                 fold_inside(nodes, shape, self._box, nodes)
             self._meet(nodes, labels, scale, KEEP * self._unit if hold else 0.0)
 
-        return folded_position_guide(cover, sources, targets, weights, softness,
-                                     shape, self._box, GRID, move)
+        return folded_position_guide(cover, points, shape, self._box, GRID, move)
 
     def _seen(self, aside: FaceAside, sources: Float64, targets: Float64, weights: Float64,
-              softness: Float64) -> tuple[Float64, Float64, Float64, Float64]:
+              softness: Float64) -> ControlPoints:
         """Control points with those of what is seen of a turned face, without those hidden."""
         more = aside.in_exemplar(self.exemplar.landmarks)
         weights = weights.copy()

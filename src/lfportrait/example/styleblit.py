@@ -17,7 +17,7 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +174,7 @@ def finest_level(scale: float) -> int:
 
 
 def plant(anchor: Float32, top: int, seed: int, scale: float | None, finest: int = 1) -> Seeds:
-    """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
+    """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2]; ``seed`` of the jitter.
 
     ``scale`` is set where the anchor is that times the pixel; then the seeds depend on the size of
     the picture alone and serve all pictures of that size.
@@ -245,12 +245,19 @@ def pack_colors(picture: NDArray[Any]) -> Int32:
     return words
 
 
-def synthesise(guides: Guides, weights: Float32, label_weight: float,
-               style_appearance: Float32, style_labels: UInt8,
-               table: LookUpTable, picture: Float32 | Int32,
-               config: BlitConfig, *,
-               seed: int = 0, scale: float | None = None, seeds: Seeds | None = None,
-               finest: int = 1, calm: float = 0.0) -> Synthesis:
+class Style(NamedTuple):
+    """What a synthesis copies from."""
+
+    appearance: Float32  # float32 [h, w], of the exemplar.
+    labels: UInt8  # uint8 [h, w, K], of the exemplar.
+    table: LookUpTable
+    # The colors to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colors`.
+    picture: Float32 | Int32
+
+
+def synthesise(guides: Guides, weights: Float32, label_weight: float, style: Style,
+               config: BlitConfig, seeds: Seeds, *, scale: float | None = None,
+               calm: float = 0.0) -> Synthesis:
     """Synthesise a picture from an exemplar.
 
     Parameters
@@ -258,33 +265,29 @@ def synthesise(guides: Guides, weights: Float32, label_weight: float,
     weights : float32 [H, W, 2], weight of a pixel of displacement and of an appearance of 1, per
         pixel.
     label_weight : Error of a label that is wholly wrong.
-    style_appearance, style_labels : float32 [h, w] and uint8 [h, w, K] of the exemplar.
-    picture : The colors to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colors`.
+    style : What is copied from.
     config : Chunks and voting.
-    seed : Of the jitter; the same seed gives the same bytes.
-    scale : Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
-    seeds : Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
-    finest : The finest level of new ones.
+    seeds : Of the chunks (`plant`); the same ones give the same bytes.
+    scale : Set where the anchor is ``scale`` times the pixel (a photo), as for the seeds; None for
+        free anchors.
     calm : Weight of the appearance below which chunks may be as large as ``config.calm_levels``
         says.
     """
     height, width = guides.appearance.shape
     exact = scale == 1.0
-    words, style_words = label_words(guides.labels), label_words(style_labels)
-    per_label = np.float32(label_weight / 255)
+    words, style_words = label_words(guides.labels), label_words(style.labels)
+    per_label, table = np.float32(label_weight / 255), style.table
     margin = max(config.radius, 1)
     own_shift = shift_planes(height, width, margin)
     error = np.empty((height, width), np.float32)
     look_up(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
             table.indices, table.cell, np.float32(table.low), np.float32(table.step),
-            style_appearance, style_words, np.float32(config.min_improvement), exact, margin,
+            style.appearance, style_words, np.float32(config.min_improvement), exact, margin,
             own_shift, error)
-    if seeds is None:
-        seeds = plant(guides.anchor, config.top, seed, scale, min(finest, config.levels))
     shift = shift_planes(height, width, margin)
     level = np.empty((height, width), np.uint8)
     blit(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
-         style_appearance, style_words, own_shift, error, config.top, config.levels,
+         style.appearance, style_words, own_shift, error, config.top, config.levels,
          np.float32(calm), seeds.finest, seeds.points, seeds.pixels, seeds.starts, seeds.firsts,
          seeds.shapes, np.float32(config.threshold), np.float32(config.tolerance),
          scale is None, margin, shift, level)
@@ -296,6 +299,7 @@ def synthesise(guides: Guides, weights: Float32, label_weight: float,
         elect(guides.anchor, reach, shift, margin, width, own_shift)
         shift = own_shift
     image = np.empty((height, width, 3), np.float32)
+    picture = style.picture
     colors = picture if picture.dtype == np.int32 else pack_colors(picture)
     vote(colors, guides.anchor, reach, shift, margin, config.radius, exact, image)
     inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
@@ -310,7 +314,7 @@ LEVEL_COLORS = np.array([[0, 0, 0], [0.5, 0, 0.5], [0.2, 0.2, 0.9], [0.1, 0.6, 0
 
 
 def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[Any]:
-    """Positions as red (x) and green (y), as the paper shows them; black without a position."""
+    """Positions as red (x) and green (y), as the paper shows them; black without one: [H, W, 3]."""
     height, width = shape
     picture = np.zeros((*position.shape[:2], 3), np.float32)
     picture[..., :2] = np.nan_to_num(position / np.array([width, height], np.float32))
@@ -318,7 +322,7 @@ def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> 
 
 
 def chunk_picture(shift: NDArray[np.floating], level: UInt8) -> NDArray[Any]:
-    """Chunks by level (own look-up black, coarse light), their borders drawn."""
+    """Chunks by level (own look-up black, coarse light), their borders drawn, [H, W, 3]."""
     picture = LEVEL_COLORS[np.minimum(level, len(LEVEL_COLORS) - 1)]
     border = np.zeros(level.shape, bool)
     border[:, 1:] |= (shift[:, 1:] != shift[:, :-1]).any(axis=-1)

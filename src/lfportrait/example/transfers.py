@@ -56,6 +56,7 @@ from .photo_guide import GRID, FlatGuide
 from .styleblit import (
     BlitConfig,
     Seeds,
+    Style,
     TableConfig,
     TransferResult,
     build_table,
@@ -341,13 +342,14 @@ class Transfer:
                                                 cell=GRID if flat else 1)
             label_weight *= FIRM if flat else 1
         synthesising = time.perf_counter()
-        synthesis = synthesise(
-            guides, weights, label_weight,
+        style = Style(
             self.appearance if seeds is not None else self._steady,
             self._bald if flat and regions is not None and regions.hair is None else self.labels,
-            self.table,
-            self.colors(scale), blit, seed=config.seed,
-            scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale),
+            self.table, self.colors(scale))
+        synthesis = synthesise(
+            guides, weights, label_weight, style, blit,
+            self.seeds(anchor, None, scale) if seeds is None else seeds,
+            scale=None if seeds is None else scale,
             calm=CALM * 255 * config.table.appearance_weight)
         seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
                    "guides_seconds": synthesising - guided,
@@ -399,10 +401,17 @@ class Transfer:
         key = shape[:2], round(scale, 6)
         if self._plan is None or self._plan[0] != key:
             anchor = np.float32(scale) * pixel_centres(shape)
-            self._plan = key, anchor, plant(
-                anchor, self.config.blit.top, self.config.seed, scale,
-                min(finest_level(scale), self.config.blit.levels))
+            self._plan = key, anchor, self.seeds(anchor, scale, scale)
         return self._plan[1:]
+
+    def seeds(self, anchor: Float32, regular: float | None, scale: float) -> Seeds:
+        """Seeds of an anchor plane, ``regular`` as `plant`'s scale, no finer than ``scale`` asks.
+
+        ``scale`` is exemplar pixels per target pixel.
+        """
+        blit = self.config.blit
+        return plant(anchor, blit.top, self.config.seed, regular,
+                     min(finest_level(scale), blit.levels))
 
     def scale(self, landmarks: Float64) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
@@ -432,7 +441,7 @@ class Transfer:
         return match_histogram(appearance, self.distribution, person)
 
     def weights(self, person: Float32, labels: UInt8, position: Float32, scale: float) -> Float32:
-        """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
+        """Weights of a pixel of displacement and of an appearance of 1, float32 [H, W, 2]."""
         config = self.config
         # Along the outline a chunk that is off shows as a step.
         sigma = 2.5 * self.unit / scale
@@ -463,7 +472,7 @@ class Transfer:
         return self.config.extent == "picture" and self.config.strength == 1
 
     def cover(self, photo: NDArray[np.generic], landmarks: Float64, person: Float32) -> Float32:
-        """Weight of the synthesis against the photo."""
+        """Weight of the synthesis against the photo, float32 [H, W] in [0, 1]."""
         config = self.config
         if config.extent == "face":
             from ..face import face_mask

@@ -40,9 +40,9 @@ from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import Cut, VoxelField
 from .kernels.descent import descend
 from .training.gpu_stepping import GpuSteps
-from .training.meter import CurveFile, Meter, held_out_quality
+from .training.meter import CurveFile, Curves, Meter, held_out_quality
 from .training.pixels import Batches
-from .training.stepping import Caster, Plan
+from .training.stepping import Caster, Plan, StepData
 from .training.trainer import Trainer, settled
 from .trimming import above_wall, find_cut, kept_pixels, trim
 
@@ -70,8 +70,7 @@ def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
 
 def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None = None,
                              progress: Progress | None = None, checkpoint: Path | None = None,
-                             log: Path | None = None, measure_every: float = 0.0,
-                             device: str = "auto",
+                             curves: Curves | None = None, device: str = "auto",
                              look: Callable[[Callable[[], VoxelField]], None] | None = None,
                              fit_head: FitHead | None = None) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
@@ -83,9 +82,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     capture : Views with their cameras in the portrait frame; held-out views are only tested on.
     checkpoint : File that the state is written to once a minute; a run that finds one there goes
         on from it to the same field.
-    log : File for the curves (`CurveFile`): PSNR so far, loss, rays a second, lattice points.
-    measure_every : Seconds between measurements on held-out views for the curves; 0 measures at
-        the end alone.
+    curves : What is kept of the training's course; None keeps nothing.
     device : Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
     look : Called when a coarse level is good enough to be looked at, and many times after that,
         each time with what gives the field as if the training ended there; the training is the
@@ -102,7 +99,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         was open behind, ``trimmed`` (rows dropped and the plane's height) where a frayed end
         was cut off, both after the test, ``test.psnr_finished`` (dB) after them;
         ``test.psnr_kept`` and ``test.psnr_kept_finished`` (dB), the same over what the cut left
-        of the held-out views; with ``measure_every`` also ``curve``, a list of `CurvePoint`;
+        of the held-out views; with ``curves.measure_every`` also ``curve``, a list of `CurvePoint`;
         with ``refine_poses`` also ``cameras`` (`PoseRefiner.figures`) and
         ``test.psnr_at_given_cameras`` (dB); where mattes were recomputed, also
         ``test.psnr_at_given_mattes``.
@@ -111,17 +108,16 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,
                                                       capture.cameras.pixel,
                                                       is_narrow(capture))
-    curves = CurveFile(log) if log is not None else None
-    meter = (Meter(curves, measure_every=measure_every)
-             if curves is not None or measure_every > 0 else None)
+    file = CurveFile(curves.log) if curves is not None and curves.log is not None else None
+    meter = None if curves is None else Meter(file, measure_every=curves.measure_every)
     adapter = gpu_adapter(device)
     process = gpu_process(adapter) if adapter is not None else None
     try:
         return _reconstruct(capture, config, progress, checkpoint, meter, process, look,
                             fit_head)
     finally:
-        if curves is not None:
-            curves.close()
+        if file is not None:
+            file.close()
 
 
 def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
@@ -162,7 +158,7 @@ def _reconstruct(capture: Capture, config: Settings, progress: Progress | None,
         testing = beside.submit(_tested, field, trainer, capture, cut)
         finished = field
         if capture.alphas is not None and capture.landmarks is not None:
-            finished = _finished(field, trainer, capture.landmarks, config, cut, figures, progress,
+            finished = _finished(field, trainer, capture.landmarks, cut, figures, progress,
                                  fit_head)
         test, kept = testing.result()
     if test:
@@ -229,14 +225,13 @@ def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
     field, capture = trainer.field(trainer.cleaned()), trainer.capture
     if capture.alphas is None or capture.landmarks is None:
         return field
-    return _finished(field, trainer, capture.landmarks, trainer.config, _cut(field, trainer), {},
-                     None, fit_head, roughly=True)
+    return _finished(field, trainer, capture.landmarks, _cut(field, trainer), {}, None, fit_head,
+                     roughly=True)
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
-              config: ReconstructConfig, cut: Cut | None, figures: dict[str, Any],
-              progress: Progress | None, fit_head: FitHead | None, roughly: bool = False,
-              ) -> VoxelField:
+              cut: Cut | None, figures: dict[str, Any], progress: Progress | None,
+              fit_head: FitHead | None, roughly: bool = False) -> VoxelField:
     """The head with a back and a clean lower end (untrained: ``roughly``); fills the figures."""
     capture = trainer.capture
     surface = trainer.surface
@@ -247,7 +242,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
         # What is closed goes on in these colors.
         field = without_fins(with_steady_colors(field, cameras, middle), landmarks)
         field, *bare = without_beaks(field, surface)
-    if config.fill_back:
+    if trainer.config.fill_back:
         if surface is not None:
             field, closed = close_sides(field, surface, capture, cut, fit_head)
         else:
@@ -348,9 +343,9 @@ def _cast_on_gpu(trainer: Trainer, process: GpuProcess) -> _Cast:
     last = len(config.resolutions) - 1
 
     def cast(tiles: Int32, blocks: Int64) -> dict[str, float]:
-        steps = GpuSteps(process, lattice, data, config, last, trainer.basis, trainer.workers,
-                         trainer.options(), np.float32(0.0), lambda: trainer.scale,
-                         lambda *_: None, len(tiles), trainer.background_trainer())
+        level = StepData(lattice, data, config, last, trainer.basis, trainer.workers,
+                         trainer.options(), np.float32(0.0), lambda: trainer.scale, lambda *_: None)
+        steps = GpuSteps(process, level, len(tiles), trainer.background_trainer())
         steps.look_again(float(trainer.options()[1]))
         found = steps.measure(Plan(tiles, blocks, np.ones(len(tiles), np.float32),
                                    np.float32(0.0), np.float32(1.0), 0.0, (0.0, 0.0), False),

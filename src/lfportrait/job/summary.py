@@ -97,8 +97,8 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
             sweep_frames(styled, good_cone(styled, display.cone), _FRAMES, config.sweep_size,
                          background=config.encode.background, ground=config.encode),
             preset="veryfast")
-        report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,
-                                figures, capture, field, styled, kept.get("charts"))
+        report, share = _report(task, results, exemplar, figures, capture, field, styled,
+                                kept.get("charts"))
         film.result()
         note(progress, "report")
         give_back_memory()
@@ -107,10 +107,12 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
                 "head_covered": round(share, 3)}
 
 
-def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exemplar: Exemplar,
-            figures: dict[str, Any], capture: Capture, field: VoxelField, styled: VoxelField,
-            charts: list[Chart] | None) -> tuple[Report, float]:
-    """Write report and ``hero.png`` of a field; the share of the head that photos show well."""
+def _report(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, Any],
+            capture: Capture, field: VoxelField, styled: VoxelField, charts: list[Chart] | None,
+            ) -> tuple[Report, float]:
+    """Report of a field, and ``hero.png`` written; the share of the head that photos show well."""
+    folder, display, config = results / task.folder, task.display, task.config
+    assert display is not None
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
     covered, share = _coverage_section(field, capture)
@@ -127,7 +129,8 @@ def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exem
             _inputs(capture, exemplar),
             _field_section(field, capture),
             covered,
-            _style_section(field, styled, capture, exemplar, file, config, charts),
+            _style_section(field, styled, capture, exemplar, results / task.inputs["field"], config,
+                           charts),
             Section("Stylised views", "The optimised field; every view shows the same strokes.",
                     [Picture(image, f"{angle:+d} degrees", width=480)
                      for image, angle in zip(strip, (-45, -22, 0, 22, 45))], layout="strip"),

@@ -32,7 +32,7 @@ from ..measure import give_back_memory, peak_memory_bytes
 from ..progress import Outlook, Progress
 from ..share import good_cone, sweep_cameras, sweep_frames, write_page, write_quilt, write_video
 from ..simd.host import compiling_progress
-from ..stylize import kept_skin, load_styled
+from ..stylize import StylizeConfig, kept_skin, load_styled
 from .graph import STAGES, MakeConfig, Task
 from .prepare import prepare_capture
 from .warmup import Warmup
@@ -168,7 +168,7 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
                 if "skin" in task.inputs else kept_skin(path, real, capture, config.pixels))
     figures, tools.kept["styled"] = write_styled(
         real, capture, [tools.painting(task), *tools.others], target / task.outputs[0],
-        task.config, task.seed, progress, device=tools.device, skin=skin)
+        replace(config, seed=task.seed), progress, device=tools.device, skin=skin)
     if skin is not None and tools.report:
         from .summary import charts_of
 
@@ -244,13 +244,12 @@ POOR = 20.0  # PSNR in dB of held-out photos below which a field is of no use.
 
 
 def write_styled(field: VoxelField, capture: Capture, exemplars: Sequence[Exemplar], target: Path,
-                 config: MakeConfig, seed: int, progress: Progress | None, *, device: str = "auto",
+                 config: StylizeConfig, progress: Progress | None, *, device: str = "auto",
                  skin: Skin | None = None) -> tuple[dict[str, Any], VoxelField]:
     """Stylise a field by exemplars; the figures, and the field as written."""
     from ..stylize import stylize_with_figures
 
-    styled, figures = stylize_with_figures(field, capture, exemplars,
-                                           replace(config.stylize, seed=seed), progress,
+    styled, figures = stylize_with_figures(field, capture, exemplars, config, progress,
                                            device=device, skin=skin)
     styled.save(target)
     return figures, styled.as_read()

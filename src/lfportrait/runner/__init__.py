@@ -4,7 +4,7 @@
 `processes` of our own, the one way to talk to them, and tasks in them.
 """
 
-from .processes import CAN_PAUSE, Child, Pipe, Workers, serve
+from .processes import CAN_PAUSE, Callbacks, Child, Pipe, Workers, serve
 from .scheduler import (
            Costs,
            Failure,
@@ -21,6 +21,6 @@ from .scheduler import (
            run_tasks,
 )
 
-__all__ = ["CAN_PAUSE", "Child", "Costs", "Failure", "Here", "Need", "Outcome", "Pipe",
+__all__ = ["CAN_PAUSE", "Callbacks", "Child", "Costs", "Failure", "Here", "Need", "Outcome", "Pipe",
            "Plan", "Runner", "Schedule", "Task", "Workers", "failure_of", "finished", "outcome_of",
            "run_tasks", "serve"]

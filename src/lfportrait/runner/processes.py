@@ -262,6 +262,18 @@ class _Worker(Generic[AnyTask]):
     attempts: int = 0
 
 
+@dataclass(frozen=True)
+class Callbacks(Generic[AnyTask]):
+    """What `Workers` calls while tasks run."""
+
+    # With a task's messages, from `wait`.
+    said: Callable[[AnyTask, Any], None] = lambda task, message: None
+    # From any thread, when there is something for `wait` to take in.
+    wake: Callable[[], None] = lambda: None
+    # With an error of what is to be sent of a task: how the task ends.
+    read: Callable[[BaseException], Failure] = failure_of
+
+
 class Workers(Runner[AnyTask]):
     """Processes on this machine, one task at a time each.
 
@@ -274,9 +286,7 @@ class Workers(Runner[AnyTask]):
     attempts : How often a task is given out whose process dies.
     memory : Bytes that tasks may take together; None: any.
     stay : Whether a process goes on with other tasks.
-    said : Called with the messages between, by `wait`.
-    read : Reads an error of ``ask``.
-    wake : Called from any thread when there is something for `wait` to take in.
+    callbacks : What is called meanwhile.
 
     Attributes
     ----------
@@ -286,13 +296,10 @@ class Workers(Runner[AnyTask]):
     def __init__(self, slots: int, begin: Callable[[AnyTask], Child],
                  ask: Callable[[AnyTask], Any], died: Failure, *, attempts: int = 1,
                  memory: float | None = None, stay: bool = True,
-                 said: Callable[[AnyTask, Any], None] = lambda task, message: None,
-                 read: Callable[[BaseException], Failure] = failure_of,
-                 wake: Callable[[], None] = lambda: None) -> None:
+                 callbacks: Callbacks[AnyTask] | None = None) -> None:
         self.slots, self.children = slots, dict[str, Child]()
         self._begin, self._ask, self._died, self._attempts = begin, ask, died, attempts
-        self._memory, self._stay, self._said, self._read = memory, stay, said, read
-        self._wake = wake
+        self._memory, self._stay, self._callbacks = memory, stay, callbacks or Callbacks()
         self._idle = [_Worker[AnyTask]() for _ in range(slots)]
         self._busy: dict[str, _Worker[AnyTask]] = {}
         self._heard: queue.SimpleQueue[tuple[_Worker[AnyTask], Child | None, Any]] = (
@@ -324,7 +331,7 @@ class Workers(Runner[AnyTask]):
                 child = worker.child = self._begin(task)
                 child.listen(lambda message: self._hear(worker, child, message))
         except Exception as error:
-            found = self._read(error)
+            found = self._callbacks.read(error)
             self._hear(worker, worker.child, ("failed", found.code, found.message, found.trace))
             return
         self.children[task.name] = worker.child
@@ -333,7 +340,7 @@ class Workers(Runner[AnyTask]):
 
     def _hear(self, worker: _Worker[AnyTask], child: Child | None, message: Any) -> None:
         self._heard.put((worker, child, message))
-        self._wake()
+        self._callbacks.wake()
 
     def wait(self, seconds: float) -> list[Outcome]:
         """Outcomes of tasks that have ended, after ``seconds`` at most."""
@@ -366,7 +373,7 @@ class Workers(Runner[AnyTask]):
         elif message[0] == "failed":
             outcome = Outcome.failed(task.name, Failure(*message[1:]))
         else:
-            self._said(task, message)
+            self._callbacks.said(task, message)
             return None
         ended = self._freed(worker, task)
         if ended is not None and self._stay:

@@ -25,7 +25,7 @@ from ..errors import UserError
 from ..files import read_json, write_json
 from ..lightfield import Display
 from ..models import OFFLINE
-from ..runner import Child, Costs, Failure, Need, Outcome, Schedule, Task, Workers
+from ..runner import Callbacks, Child, Costs, Failure, Need, Outcome, Schedule, Task, Workers
 from .answers import Events, Refusal, read_error
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ class Jobs:
         self._costs = Costs(file=folder / "costs.json")
         self._runner = Workers[Task](
             1 + _LIGHT, self._process, lambda task: order(self.jobs[task.name]), _KILLED,
-            stay=False, said=self._hear, read=read_error, wake=self._wake)
+            stay=False, callbacks=Callbacks(self._hear, self._wake, read_error))
         self._children = self._runner.children
         self._schedule = Schedule(
             self._runner, self._heard, self._lost,

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..models import OFFLINE
-from ..runner import Child, Failure, Outcome, Schedule, Task, Workers
+from ..runner import Callbacks, Child, Failure, Outcome, Schedule, Task, Workers
 from .answers import Events, Refusal
 
 _MOST = 64  # Questions of one turn that wait.
@@ -59,8 +59,9 @@ class Previews:
         self._child: Child | None = None
         self._loop: asyncio.AbstractEventLoop | None = None  # from the first question on
         self._runner = Workers[Task](
-            1, self._process, lambda task: self._asked(task.name), _LOST, wake=self._wake,
-            read=lambda error: Failure("preview_lost", f"the preview failed: {error}; try again"))
+            1, self._process, lambda task: self._asked(task.name), _LOST,
+            callbacks=Callbacks(wake=self._wake, read=lambda error: Failure(
+                "preview_lost", f"the preview failed: {error}; try again")))
         self._schedule = Schedule(self._runner, self._heard)
 
     @property

@@ -37,7 +37,7 @@ from lfportrait.capture import Camera, Capture
 from lfportrait.device import gpu_adapter
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
-from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
+from lfportrait.field import Curves, ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.files import atomic_write, read_json, write_image
 from lfportrait.gpu import GpuProcess, gpu_process
 from lfportrait.gpu.device import BINDING, Device
@@ -95,8 +95,8 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
     reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,),
                                               batch=(4096,)), device=device)
     say(progress, "reconstructing")
-    field, run = reconstruct_with_figures(capture, config, progress, measure_every=1.0,
-                                          device=device)
+    field, run = reconstruct_with_figures(capture, config, progress,
+                                          curves=Curves(measure_every=1.0), device=device)
     peak = peak_memory_bytes()
     if plot is not None:
         write_image(plot, _curve_plot(run["curve"]))

@@ -9,7 +9,7 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.filters import grey, skin_distance
-from lfportrait.example.skin.hair import _classified_hair, settled_hair
+from lfportrait.example.skin.hair import _classified_hair, around_face, settled_hair
 from lfportrait.example.skin.sitter import Skin, _clothes, _depth
 from lfportrait.field.surface import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
@@ -181,7 +181,7 @@ def test_hair_at_the_temples_has_no_level_edge(skin):
     flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
     told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
                        np.ones(len(up), np.float32), np.zeros(len(up), np.float32), up > 0.7,
-                       (angle < 0.7) & (up < 0.1), -0.75)
+                       (angle < 0.7) & (up < 0.1), around_face(skin.plane, flat, -0.75))
     near = (angle < 0.88) & (up > 0.1)
     assert ((told > 0.5) == truth)[near].mean() > 0.99
     # Brows are no hair, however dark.
@@ -200,7 +200,7 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
         told = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
                                 seen, np.zeros(len(up), np.float32), up > 0.7,
-                                (angle < 0.7) & (up < 0.1), -0.75)
+                                (angle < 0.7) & (up < 0.1), around_face(skin.plane, flat, -0.75))
         clear = (np.abs(up - line) > 0.08) & (seen == 0) & (up < 0.2)
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 
@@ -237,7 +237,7 @@ def test_strands_in_the_color_of_skin_are_hair_and_a_bare_patch_is_not(skin):
     flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
     found = _classified_hair(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
                         np.ones(len(up), np.float32), ear, truth & ~strand & ~patch,
-                        (angle < 0.7) & (up < 0.1), -0.75)
+                        (angle < 0.7) & (up < 0.1), around_face(skin.plane, flat, -0.75))
     assert strand.sum() > 1000 and patch.sum() > 1000 and (from_ear < 0.02).sum() > 20
     assert np.quantile(found[strand], 0.02) > 0.7
     assert found[from_patch < 0.1].max() < 0.05

@@ -64,18 +64,23 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
     return out
 
 
-def folded_position_guide(cover: Float32, target: NDArray[np.floating],
-                          exemplar: NDArray[np.floating], weights: NDArray[np.floating],
-                          softness: NDArray[np.floating], shape: tuple[int, ...],
+ControlPoints = tuple[Float64, Float64, Float64, Float64]
+"""Points of a picture and of the exemplar, [M, 2] each, and their weights and softness, [M] each
+(`mls_similarity`)."""
+
+
+def folded_position_guide(cover: Float32, points: ControlPoints, shape: tuple[int, ...],
                           inner: tuple[float, float, float, float], grid: int = 4,
                           move: Callable[[Float32], None] | None = None) -> Float32:
     """`position_guide` and `fold_inside` in one pass, NaN where ``cover`` [H, W] is 0.
 
-    ``move`` may change the places [h, w, 2] of every ``grid``-th pixel before the fold.
+    ``points`` may be unknown (NaN) in part; ``shape`` (H, W, ...) is the exemplar's, ``inner`` the
+    head's box there. ``move`` may change the places [h, w, 2] of every ``grid``-th pixel before the
+    fold.
     """
-    known = np.isfinite(target).all(axis=1) & np.isfinite(exemplar).all(axis=1)
-    nodes = _nodes(cover.shape, target[known], exemplar[known], weights[known], softness[known],
-                   grid)
+    known = np.isfinite(points[0]).all(axis=1) & np.isfinite(points[1]).all(axis=1)
+    target, exemplar, weights, softness = (part[known] for part in points)
+    nodes = _nodes(cover.shape, target, exemplar, weights, softness, grid)
     if move is not None:
         move(nodes)
     out = np.empty((*cover.shape, 2), np.float32)

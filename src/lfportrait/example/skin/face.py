@@ -11,7 +11,7 @@ from ..guides.filters import broad_blur, gaussian_blur, match_histogram
 from ..guides.position import Guides, sample_labels
 from ..guides.regions import soft_face
 from ..kernels.atlas import spread
-from ..styleblit import finest_level, synthesise
+from ..styleblit import Style, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, LABEL_WEIGHT, Transfer
 from .sitter import Canvas, Skin
@@ -127,9 +127,10 @@ class CopiedFace:
             weights *= known[..., 5:7]
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
+            style = Style(transfer.appearance, self.labels, transfer.table, transfer.colors(scale))
             result = synthesise(
-                guides, weights, LABEL_WEIGHT, transfer.appearance, self.labels,
-                transfer.table, transfer.colors(scale), config.blit, seed=config.seed, scale=None,
-                finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
+                guides, weights, LABEL_WEIGHT, style, config.blit,
+                transfer.seeds(guides.anchor, None, scale),
+                calm=CALM * 255 * config.table.appearance_weight)
             picture[part][crop] = result.image
         return picture

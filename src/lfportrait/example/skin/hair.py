@@ -148,7 +148,7 @@ def hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
     # Down to where hair hangs at the sides.
     lowest = min(LOWEST, float(np.percentile(up[hairy], 2))) if hairy.any() else LOWEST
     parted = _classified_hair(plane, colors, flat, seen, ears, hairy & (seen > 0.5),
-                         bare & (seen > 0.5), lowest)
+                              bare & (seen > 0.5), around_face(plane, flat, lowest))
     unknown = np.isnan(known) | ((known < 0.5) & (seen < 0.5))
     return np.asarray(np.where(unknown, parted, known), np.float32)
 
@@ -173,7 +173,10 @@ def hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float3
                        for part in (crown, face))
         if np.mean((hairy < bare) & (hairy < OTHER)) > HANGS:
             lowest = LONGEST
-    return _classified_hair(plane, colors, flat, seen, ears, crown, face, lowest, bearded)
+    around = around_face(plane, flat, lowest)
+    if bearded:  # on chin and upper lip, too
+        around |= (up < BEARD[0]) & (up > BEARD[1])
+    return _classified_hair(plane, colors, flat, seen, ears, crown, face, around)
 
 
 def _bare_face(colors: Float32, up: Float32, front: Bool, crown: Bool) -> tuple[Bool, bool]:
@@ -208,16 +211,11 @@ def settled_hair(graph: SurfaceGraph, hair: Float32, seen: Float32) -> Float32:
 
 
 def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,
-                     hairy: Bool, bare: Bool, lowest: float, bearded: bool = False) -> Float32:
-    """Hair around the face by its color, [N], from samples [N] of hair and of skin.
+                     hairy: Bool, bare: Bool, around: Bool) -> Float32:
+    """Hair ``around`` the face [N] by its color, [N], from samples [N] of hair and of skin.
 
-    ``lowest`` is how far it hangs below the brows, in units of the face's height upwards;
-    ``bearded`` lets it be on chin and upper lip, too. Strands close over no ``ears`` [N].
+    Strands close over no ``ears`` [N].
     """
-    around = around_face(plane, flat, lowest)
-    if bearded:
-        up = -flat[:, 1] / plane.height
-        around |= (up < BEARD[0]) & (up > BEARD[1])
     chosen = (around | hairy | bare) & (seen > 0.5)
     # A neck in the shade is not of the face's color, but of the hair's even less.
     from_face = skin_distance(colors[chosen], bare[chosen], 1.0)

@@ -16,6 +16,7 @@ import copy
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import tyro
@@ -221,6 +222,18 @@ class Painting:
         return out
 
 
+class _Guided(NamedTuple):
+    """Where the guide leads a skin's N places in the exemplar, and what is there."""
+
+    position: Float32  # float32 [N, 2], pixels of the exemplar.
+    anchor: Float32  # float32 [N, 2], the same by scale and shift of the unwrapped head alone.
+    ratio: Float32  # float32 [N], how much slower than the unwrapped head the position changes.
+    labels: UInt8  # uint8 [N, K], of the exemplar.
+    near: Float32  # float32 [N] in [0, 1], how near the face's parts are.
+    core: Bool  # bool [N], where the painted face is copied.
+    bearded: Float32  # float32 [N] in [0, 1], how far the guide leads to a beard.
+
+
 class SkinPainter:
     """One exemplar prepared for painting skins.
 
@@ -347,8 +360,9 @@ class SkinPainter:
             exchange(canvas.owner, color)
             clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
-        request = [self._request(places, source.result()[1], size, canvas, position, anchor, ratio,
-                                 labels, face[:, 1], core, bearded, painted)]
+        request = [self._request(
+            places, source.result()[1], size, canvas,
+            _Guided(position, anchor, ratio, labels, face[:, 1], core, bearded), painted)]
         bare = flesh(request[0].shares)
         # Nothing but the painter holds on to the request, and to the face that it begins with.
         del painted, pixel, labels, face, bearded
@@ -394,34 +408,33 @@ class SkinPainter:
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
     def _request(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
-                 position: Float32, anchor: Float32, ratio: Float32, labels: UInt8, near: Float32,
-                 core: Bool, bearded: Float32, painted: Future[Float32]) -> PatchRequest:
+                 guided: _Guided, painted: Future[Float32]) -> PatchRequest:
         """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
 
-        ``bearded`` float32 [N] in [0, 1] is how far the guide leads to a beard; ``painted`` is the
-        face, soon.
+        ``painted`` is the face, soon.
         """
+        core = guided.core
         unit = self._painter.unit(size)
-        shares = sitter_shares(skin, labels, theirs.present)
+        shares = sitter_shares(skin, guided.labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
-        guided = position * np.float32(size)
-        bearded = bearded * shares[:, SKIN]
+        bearded = guided.bearded * shares[:, SKIN]
         shares[:, FEATURES] += bearded
         shares[:, SKIN] -= bearded
-        placed = Placement.of(shares, theirs, guided, unit)
+        placed = Placement.of(shares, theirs, guided.position * np.float32(size), unit)
         color = painted.result()
         tone += flesh(shares) * extrapolated_light(skin, canvas, core, color, tone,
                                                   bearded < 0.5)
         tone += bearded * (theirs.tone[exemplar_pixels(placed.wanted, theirs)] - tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
-        rigid = pieces(placed.material, theirs, placed.wanted, anchor * np.float32(size), tone,
-                       self.exemplar.size * size)
-        begin = np.where((ratio > STRETCHED)[:, None] & (placed.agreement > 0.5)[:, None],
+        rigid = pieces(placed.material, theirs, placed.wanted,
+                       guided.anchor * np.float32(size), tone, self.exemplar.size * size)
+        begin = np.where((guided.ratio > STRETCHED)[:, None] & (placed.agreement > 0.5)[:, None],
                          placed.wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
-        hold = (np.clip(2 * near, 0, 1) * shares[:, SKIN] + shares[:, FEATURES]) * placed.agreement
-        weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * ratio ** 2 / unit ** 2
+        near = np.clip(2 * guided.near, 0, 1)
+        hold = (near * shares[:, SKIN] + shares[:, FEATURES]) * placed.agreement
+        weight = (FAR_PLACE + (PLACE - FAR_PLACE) * hold) * guided.ratio ** 2 / unit ** 2
         # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
         state = canvas.states(np.ones(len(core), bool))

@@ -98,10 +98,10 @@ class Photos:
     def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
              square: float = 0.0) -> list[Bool]:
         """For each view, which of the points it sees, bool [N] (`seen`, `faced`)."""
-        slack = np.float32(2.5 * self.voxel)
+        slack = np.float32(2.5 * self.voxel), np.float32(2.5 * self.voxel)
 
         def sees(view: int) -> Bool:
-            return self._between(view, points, self._first[view], self._matter[view], slack, slack,
+            return self._between(view, points, self._first[view], self._matter[view], slack,
                                  square, outwards, least)
 
         return side_by_side(sees, range(len(self._depths)))
@@ -122,8 +122,8 @@ class Photos:
         last = self._last if nearly else self._depths
 
         def sees(view: int) -> Bool:
-            return self._between(view, points, last[view], last[view], np.float32(-1),
-                                 np.float32(-0.75 * self.voxel))
+            return self._between(view, points, last[view], last[view],
+                                 (np.float32(-1), np.float32(-0.75 * self.voxel)))
 
         found = np.zeros(len(points), np.int32)
         for past in side_by_side(sees, range(len(self._depths))):
@@ -131,12 +131,15 @@ class Photos:
         return found >= max(min(2, self.enough), share * len(self._depths))
 
     def _between(self, view: int, points: Float64, nearest: Float32, farthest: Float32,
-                 before: np.float32, beyond: np.float32, square: float = 0.0,
+                 slack: tuple[np.float32, np.float32], square: float = 0.0,
                  outwards: Float64 | None = None, least: float = 0.0) -> Bool:
-        """Which points a view shows at such depths (`places_shown`), bool [N]."""
+        """Which points a view shows at such depths (`places_shown`), bool [N].
+
+        ``slack``: how far before the nearest and beyond the farthest, world units.
+        """
         shown = np.empty(len(points), bool)
         places_shown(np.ascontiguousarray(points, np.float64), self.cameras.row(view),
-                     nearest, farthest, before, beyond,
+                     nearest, farthest, *slack,
                      self._cosines[view] if square > 0 else _NO_MAP, float(square),
                      _NO_WAYS if outwards is None else np.ascontiguousarray(outwards, np.float64),
                      float(least), shown)

@@ -6,7 +6,6 @@ import contextlib
 import threading
 import time
 import warnings
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
@@ -17,12 +16,11 @@ from ...arrays import Float32, Float64, Int32
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
-from ..config import Settings
 from ..gpu.training.steps import STEP
 from ..kernels.bricks import put_means
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
-from .stepping import DECAY, Plan, Taken, color_gains, variation_of
+from .stepping import DECAY, Plan, StepData, color_gains, variation_of
 
 _CALLS = "lfportrait.field.gpu.training.steps"
 _TOGETHER, _FIRST = 64, 4  # Steps of a call at most, and of the first one.
@@ -125,29 +123,27 @@ class GpuSteps:
 
     Parameters
     ----------
-    lattice, data, config, level, basis, workers, options, lowest, scale, taken : As for
-        `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order of so
-        many threads.
+    level : As for `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order
+        of so many threads.
     tiles : Packets of each step.
     behind : What trains the spheres behind the lattice, if there are any.
     average : Sums to go on with.
     table : Table of bricks to go on with, by `look_again`.
     """
 
-    def __init__(self, process: GpuProcess, lattice: Lattice, data: TrainingPixels,
-                 config: Settings, level: int, basis: int, workers: int, options: Float64,
-                 lowest: np.float32, scale: Callable[[], Float32], taken: Taken, tiles: int,
+    def __init__(self, process: GpuProcess, level: StepData, tiles: int,
                  behind: BackgroundTrainer | None = None, average: Average | None = None,
                  table: Int32 | None = None) -> None:
+        lattice, data, config, scale = level.lattice, level.data, level.config, level.scale
         self.behind = behind
         self.process, self.lattice, self.data, self.scale = process, lattice, data, scale
-        self.taken, self.average, self.basis = taken, average, basis
+        self.taken, self.average, self.basis = level.taken, average, level.basis
         geometry = lattice.geometry()
         self._geometry = geometry[2]
-        weights, tv_scale, run = variation_of(config, level, lattice.count)
+        weights, tv_scale, run = variation_of(config, level.number, lattice.count)
         self._run, self._states = run, average.count if average is not None else 0
-        base = ray_numbers(options)
-        base["decay"], base["lowest"], base["workers"] = DECAY, lowest, workers
+        base = ray_numbers(level.options)
+        base["decay"], base["lowest"], base["workers"] = DECAY, level.lowest, level.workers
         base["tv_weight"], base["tv_color"] = weights[0] / run, weights[1] / run
         base["tv_scale"] = tv_scale
         base["gain"] = color_gains(16 * tiles, 1, 16)[0] / 0.7
@@ -167,8 +163,8 @@ class GpuSteps:
         self._thread = ThreadPoolExecutor(1)
         self._call("begin", {
             **level_given(lattice, geometry, cameras_given(data, geometry[2], scale()),
-                          float(options[0])),
-            "rows": lattice.rows, "neighbours": lattice.neighbours(), "basis": basis,
+                          float(level.options[0])),
+            "rows": lattice.rows, "neighbours": lattice.neighbours(), "basis": level.basis,
             "tiles": tiles, "run": run, "smooths_colors": config.lambda_tv_sh > 0,
             "bright": table, "shells": shells})
         process.note(_CALLS, ("level",))

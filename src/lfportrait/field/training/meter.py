@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -40,6 +40,15 @@ class CurvePoint(TypedDict):
     """Lattice points to two world units."""
     held_out_psnr: float | None
     """PSNR in dB of the held-out views, where it was measured."""
+
+
+class Curves(NamedTuple):
+    """What is kept of the course of a training."""
+
+    # File that is written as it goes (`CurveFile`): PSNR so far, loss, rays a second, points.
+    log: Path | None = None
+    # Seconds between measurements on held-out views; 0 measures at the end alone.
+    measure_every: float = 0.0
 
 
 class CurveFile:

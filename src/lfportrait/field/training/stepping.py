@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -291,27 +291,30 @@ class Steps(Protocol):
         """The level is over, or has failed."""
 
 
+class StepData(NamedTuple):
+    """A level of the training, for what takes its steps."""
+
+    lattice: Lattice  # What is trained.
+    data: TrainingPixels
+    config: Settings
+    number: int
+    basis: int  # Harmonics a channel.
+    workers: int  # Threads.
+    options: Float64  # See `lfportrait.field.kernels.train.make_cast`.
+    lowest: np.float32  # Densities are kept at or above this.
+    # Gives float32 [V, 3], what 8-bit colors of each view are multiplied with.
+    scale: Callable[[], Float32]
+    taken: Taken  # Called after each step.
+
+
 class CpuSteps:
-    """Steps on the CPU, many in one call unless spheres behind the lattice learn, too.
+    """Steps on the CPU, many in one call unless spheres behind the lattice learn, too."""
 
-    Parameters
-    ----------
-    lattice, data, config, level : What is trained, the pixels, the parameters, and the level's
-        number.
-    basis, workers : Harmonics a channel, and threads.
-    options : See `lfportrait.field.kernels.train.make_cast`.
-    lowest : Densities are kept at or above this.
-    scale : Gives float32 [V, 3], what 8-bit colors of each view are multiplied with.
-    taken : Called after each step.
-    """
-
-    def __init__(self, lattice: Lattice, data: TrainingPixels, config: Settings, level: int,
-                 basis: int, workers: int, options: Float64, lowest: np.float32,
-                 scale: Callable[[], Float32], taken: Taken) -> None:
-        self.lattice, self.data, self.config, self.level = lattice, data, config, level
-        self.basis, self.width = basis, lattice.rows.shape[1]
-        self.options, self.lowest, self.scale, self.taken = options, lowest, scale, taken
-        self.caster = Caster(lattice, data, basis, workers)
+    def __init__(self, level: StepData) -> None:
+        self.lattice, self.data, self.config, self.level = level[:4]
+        self.basis, self.width = level.basis, level.lattice.rows.shape[1]
+        self.options, self.lowest, self.scale, self.taken = level[6:]
+        self.caster = Caster(level.lattice, level.data, level.basis, level.workers)
         self.behind: BackgroundTrainer | None = None
         self.average: Average | None = None
         self.table: Int32 | None = None

@@ -46,7 +46,7 @@ from .lattice import Average, Lattice, box_shape
 from .meter import Meter, held_out_quality, outlook
 from .pixels import IMPORTANCE, Batches, TrainingPixels
 from .poses import PoseRefiner
-from .stepping import Caster, CpuSteps, Plan, Steps, falling
+from .stepping import Caster, CpuSteps, Plan, StepData, Steps, falling
 
 INIT_OPACITY = 0.1  # Initial opacity of a voxel in the visual hull of the mattes.
 STOP = 1e-2  # Rays stop where their transmittance falls below this.
@@ -340,7 +340,7 @@ class Trainer:
         return lattice.kept(keep)
 
     def options(self) -> Float64:
-        """Options of the kernel: step, least density and so on."""
+        """Options of the kernel, float64 [8]: step, least density and so on (`kernels.train`)."""
         assert self.lattice is not None
         config = self.config
         # A density that takes less than this of the light in a step is left alone: it teaches
@@ -569,16 +569,17 @@ class Level:
         """What takes the steps."""
         trainer = self.trainer
         assert trainer.lattice is not None
-        given = (trainer.lattice, trainer.data, trainer.config, trainer.level, trainer.basis,
-                 trainer.workers, self.options, self.lowest, lambda: trainer.scale, self._taken)
+        level = StepData(trainer.lattice, trainer.data, trainer.config, trainer.level,
+                         trainer.basis, trainer.workers, self.options, self.lowest,
+                         lambda: trainer.scale, self._taken)
         if trainer.process is not None and not fits_gpu(trainer.lattice):
             trainer.process = None
             warn(trainer.progress, "a lattice of more than 1023 points a side is trained on the "
                  "CPU")
         if trainer.process is not None:
-            return GpuSteps(trainer.process, *given, tiles=self.batches.size,
+            return GpuSteps(trainer.process, level, tiles=self.batches.size,
                             behind=trainer.behind, average=trainer.average, table=trainer.table)
-        steps = CpuSteps(*given)
+        steps = CpuSteps(level)
         steps.behind, steps.average = trainer.behind, trainer.average
         if trainer.table is not None:
             steps.go_on_with(trainer.table)
@@ -689,10 +690,10 @@ def settled(trainer: Trainer, field: VoxelField, share: float | None = None,
         return field
     batches = Batches(trainer.data, config.batch[level] // 16, config.seed, level + 1,
                       IMPORTANCE, tiles)
-    steps = CpuSteps(lattice, trainer.data, config, level, trainer.basis, trainer.workers,
-                     trainer.options(), np.float32(-config.density_floor / lattice.voxel),
-                     lambda: trainer.scale,
-                     lambda plan, errors, _: batches.learn(errors, plan.blocks))
+    steps = CpuSteps(StepData(
+        lattice, trainer.data, config, level, trainer.basis, trainer.workers, trainer.options(),
+        np.float32(-config.density_floor / lattice.voxel), lambda: trainer.scale,
+        lambda plan, errors, _: batches.learn(errors, plan.blocks)))
     steps.look_again(trainer.options()[1])
     if share is None:
         share = _SHARE if new is None else _SHARE_OF_NEW

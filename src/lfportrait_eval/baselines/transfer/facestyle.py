@@ -85,7 +85,7 @@ class FaceStyle:
         regions = find_regions(photo, points)
         position = folded_position_guide(
             np.ones(photo.shape[:2], np.float32),
-            *match_regions(points, regions, source.exemplar.landmarks, source.regions),
+            match_regions(points, regions, source.exemplar.landmarks, source.regions),
             source.exemplar.image.shape, source.box)
         guides = self._guides(photo, regions, position, source.exemplar.image.shape, source)
         guided = time.perf_counter()

@@ -13,7 +13,7 @@ from lfportrait.field.gpu.training.steps import Notes, Steps
 from lfportrait.field.training.gpu_stepping import GpuSteps
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.pixels import TrainingPixels
-from lfportrait.field.training.stepping import CpuSteps, Plan
+from lfportrait.field.training.stepping import CpuSteps, Plan, StepData
 from tests.fields import shell_field
 
 
@@ -111,7 +111,7 @@ def random_spheres(data, lattice, seed=5):
 
 
 def taken_steps(make, basis, count=5, tiles=24, room=False, **values):
-    """The lattice, errors, averages and so on after some steps that ``make(*given)`` takes.
+    """The lattice, errors, averages and so on after some steps that ``make(behind, level)`` takes.
 
     With a ``room``, spheres are behind the lattice, and ``make`` is given what trains them.
     """
@@ -123,8 +123,9 @@ def taken_steps(make, basis, count=5, tiles=24, room=False, **values):
     if room:
         data.pixels[:, 3] = 255
         options[3] = 0.0
-    steps = make(behind, own, data, settings, 0, basis, 2, options, np.float32(-0.1 / own.voxel),
-                 lambda: scale, lambda plan, found, total: errors.append((found.copy(), total)))
+    steps = make(behind, StepData(
+        own, data, settings, 0, basis, 2, options, np.float32(-0.1 / own.voxel), lambda: scale,
+        lambda plan, found, total: errors.append((found.copy(), total))))
     for number in range(count):
         if number in (0, 3):
             steps.look_again(options[1])
@@ -140,8 +141,8 @@ def taken_steps(make, basis, count=5, tiles=24, room=False, **values):
     return own, errors, steps.average, steps.table, behind
 
 
-def on_cpu(behind, *given):
+def on_cpu(behind, level):
     """Steps on the CPU."""
-    steps = CpuSteps(*given)
+    steps = CpuSteps(level)
     steps.behind = behind
     return steps

@@ -64,7 +64,7 @@ def test_slopes_equal_the_cpus(process, basis, density):
 
 def on_gpu(process, kind=GpuSteps):
     """A function that makes steps on a GPU."""
-    return lambda behind, *given: kind(process, *given, tiles=24, behind=behind)
+    return lambda behind, level: kind(process, level, tiles=24, behind=behind)
 
 
 @pytest.mark.slow  # shaders; by the CPU: tests/field
