@@ -136,7 +136,7 @@ class Bench(Common):
         return figures
 
     def exit_code(self, figures: dict[str, Any]) -> int:
-        """0; what failed is told here, when ``--json`` has the figures of all others."""
+        """0; what failed is said here, when ``--json`` has the figures of all others."""
         failed = figures.get("failed", {})
         if failed:
             raise UserError(f"{len(failed)} of {len(failed) + len(figures['jobs'])} jobs failed: "

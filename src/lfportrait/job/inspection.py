@@ -83,14 +83,14 @@ _KINDS: dict[type, str] = {
 
 
 def inspect(path: Path) -> Inspection:
-    """Look at a file or a folder; what is damaged is told in the result."""
+    """Look at a file or a folder; what is damaged is noted in the result."""
     if not path.exists():
         raise UserError(f"there is no file or folder {path}; check the name")
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         facts = _facts(path)
         quilts = _quilts(facts)
-    notes = dict.fromkeys(" ".join(str(one.message).split()) for one in told
+    notes = dict.fromkeys(" ".join(str(one.message).split()) for one in caught
                           if issubclass(one.category, UserWarning))
     return Inspection(facts, quilts, list(notes))
 

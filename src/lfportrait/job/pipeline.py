@@ -358,7 +358,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     if not isinstance(style, Exemplar) and not Path(style).is_file():
         style = Exemplar.load(style)  # a name: it needs no network
     check_writable(Path(out))
-    gpu_adapter(device)  # a GPU that is not here is told now, not when the picture is coded
+    gpu_adapter(device)  # a GPU that is not here is reported now, not when the picture is coded
     models.require(config.stylize.networks, download=not offline, quiet=quiet,
                    purpose=f"--method {config.stylize.method}")
     if not isinstance(photos, Capture):

@@ -111,11 +111,11 @@ _STAGES: dict[str, Callable[[], None]] = {
     "encode": _encode}
 
 
-def run_stage(name: str, told: Callable[[str], None] = print) -> None:
-    """Compile a stage's functions in this process; ``told`` is called with the name of each."""
+def run_stage(name: str, announce: Callable[[str], None] = print) -> None:
+    """Compile a stage's functions in this process; ``announce`` is called with the name of each."""
     from ..simd.host import watched_compilations
 
-    with watched_compilations(told):
+    with watched_compilations(announce):
         _STAGES[name]()
 
 

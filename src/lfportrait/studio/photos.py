@@ -293,7 +293,7 @@ class Uploads:
 
     async def receive(self, project: Project, number: str, offset: int, length: int,
                       body: AsyncIterator[bytes]) -> Path:
-        """Take in what a page sends of an upload that `announce` told; the photo by its own name.
+        """Take in what a page sends of an upload that `announce` named; the photo by its own name.
 
         The bytes begin at ``offset``, and ``length`` of them will come.
         """

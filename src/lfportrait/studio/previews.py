@@ -50,7 +50,7 @@ class _Question:
 
 
 class Previews:
-    """The resident process of a studio; ``events`` are told when it was lost."""
+    """The resident process of a studio; ``events`` hear when it was lost."""
 
     def __init__(self, log: Path, events: Events) -> None:
         self._log, self._events = log, events

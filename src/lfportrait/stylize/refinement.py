@@ -215,7 +215,7 @@ def _failing(error: RuntimeError) -> str:
     """Why a GPU can't go on, in words; empty for errors of other kinds."""
     if "out of memory" in str(error).lower() or type(error).__name__ == "OutOfMemoryError":
         return "has too little memory"
-    # Versions before 2.8 raise what can't be told from other errors.
+    # Versions before 2.8 raise what can't be distinguished from other errors.
     return "was lost" if type(error).__name__ == "AcceleratorError" else ""
 
 

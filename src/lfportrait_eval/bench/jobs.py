@@ -109,7 +109,7 @@ def bench_jobs(captures: Sequence[Path] = (), *, style: str = "fauve", display: 
 def _commands(captures: Sequence[Path]) -> dict[str, list[str]]:
     """The words after ``lfportrait`` that make each capture's portrait, by its name.
 
-    Captures whose files have the same name are told apart by their paths.
+    Captures whose files have the same name are distinguished by their paths.
     """
     if not captures:
         return {_DEMO: ["demo"]}
@@ -134,8 +134,8 @@ def _made(words: Sequence[str], run: Callable[[Sequence[str]], Ended]) -> dict[s
 def _why(ended: Ended) -> str:
     """Why a job failed: its last line on standard error."""
     lines = [line.strip() for line in ended.errors.splitlines() if line.strip()]
-    told = [line for line in lines if not line.endswith(_BEFORE)]
-    return (told[-1].removeprefix("lfportrait: ") if told
+    said = [line for line in lines if not line.endswith(_BEFORE)]
+    return (said[-1].removeprefix("lfportrait: ") if said
             else f"ended with exit code {ended.code} and said nothing")
 
 

@@ -62,7 +62,7 @@ SPREAD = 2.0
 exemplar's white collar on a dark coat."""
 TONES, RARE, FINE = 24, 4.0, 1023
 """Tones that uses of the exemplar are evened out in; none is used so many times more than another;
-and steps that are told apart between them."""
+and steps that are distinguished between them."""
 AGREES = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""

@@ -277,7 +277,7 @@ def _unlike(lab: Float32, share: Float32, sigma: float, upper: Float32, others: 
     out, asked = np.zeros(share.shape, np.float32), share > 0.05
     if not asked.any():
         return out
-    # Few colors are told apart: in steps of 1 they are many fewer than places.
+    # Few colors are distinguished: in steps of 1 they are many fewer than places.
     rounded: Float32 = np.rint(_blurred(lab, share, sigma)[asked])
     steps, same = np.unique(rounded, axis=0, return_inverse=True)
     away, *near = (_distance(steps, material)[same.reshape(-1)] for material in (upper, *others))

@@ -100,7 +100,7 @@ class Grazed:
 
 
 def photo_colors(photos: Photos, chart: Chart, distance: Float64, colors: Float64,
-                 told: Bool) -> tuple[Float64, Float64]:
+                 covered: Bool) -> tuple[Float64, Float64]:
     """A surface's colors as photos show them, where they do, and how far these count.
 
     Parameters
@@ -108,16 +108,16 @@ def photo_colors(photos: Photos, chart: Chart, distance: Float64, colors: Float6
     photos : The photos.
     chart, distance : The surface, float64 [V, U], world units.
     colors : Those of the field, float64 [V, U, 3].
-    told : bool [V, U], cells where the field has that surface.
+    covered : bool [V, U], cells where the field has that surface.
 
     Returns
     -------
     colors, share : float64 [V, U, 3]; and [V, U], 0 where the field's colors stay, to 1.
     """
-    normals = normals_of(chart, smoothed(distance, np.ones(told.shape, bool), _EVEN))
+    normals = normals_of(chart, smoothed(distance, np.ones(covered.shape, bool), _EVEN))
     shown, facing = photos.colors(chart.points(distance), normals,
-                                  np.where(told[..., None], colors, np.nan))
-    share = np.where(told, np.clip((facing - BARELY[0]) / (BARELY[1] - BARELY[0]), 0, 1), 0.0)
+                                  np.where(covered[..., None], colors, np.nan))
+    share = np.where(covered, np.clip((facing - BARELY[0]) / (BARELY[1] - BARELY[0]), 0, 1), 0.0)
     return colors + share[..., None] * (shown - colors), np.asarray(share, np.float64)
 
 
@@ -137,19 +137,19 @@ def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
     return np.asarray(np.maximum(share * share * (3 - 2 * share), body), np.float64)
 
 
-def without_specks(colors: Float64, told: Bool, hair: Bool | None) -> Float64:
+def without_specks(colors: Float64, covered: Bool, hair: Bool | None) -> Float64:
     """Colors [V, U, 3] of a chart without what differs from cell to cell.
 
     Parameters
     ----------
-    colors, told : float64 [V, U, 3] and bool [V, U]: colors, and where there are any.
+    colors, covered : float64 [V, U, 3] and bool [V, U]: colors, and where there are any.
     hair : bool [V, U]: across the border of these cells nothing goes on; None: there is none.
     """
-    whole = continued(colors, told, apart=hair)
+    whole = continued(colors, covered, apart=hair)
     whole = np.stack([ndimage.median_filter(whole[..., k], MEDIAN, mode="wrap")
                       for k in range(3)], axis=-1)
     light = whole.mean(axis=-1, keepdims=True)
-    every = np.ones(told.shape, bool)
+    every = np.ones(covered.shape, bool)
     out = np.empty_like(whole)
     for part in (every,) if hair is None else (hair, ~hair):
         even = smoothed(light, part, GRAIN) + smoothed(whole - light, part, CHROMA)
@@ -176,13 +176,13 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
     normal = normals_of(chart, smoothed(grazed.distance, np.ones(grazed.faced.shape, bool), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
     distance, colors = read_surface(field, chart, grazed.cut)
-    told = np.isfinite(distance) & ~grazed.beside
-    told[told] = (np.abs(distance - grazed.distance) * cosine)[told] < ON * voxel
-    if not told.any():
+    covered = np.isfinite(distance) & ~grazed.beside
+    covered[covered] = (np.abs(distance - grazed.distance) * cosine)[covered] < ON * voxel
+    if not covered.any():
         return field
-    even, twice = without_specks(colors, told, grazed.hair), 1
+    even, twice = without_specks(colors, covered, grazed.hair), 1
     if grazed.photos is not None:
-        even, twice = _shown_finely(grazed, distance, np.nan_to_num(colors), told, even), 2
+        even, twice = _shown_finely(grazed, distance, np.nan_to_num(colors), covered, even), 2
     points = field.lattice_points()
     places, away = chart.places(points)
     deep = (at_places(grazed.distance, places) - away) * at_places(cosine, places) / voxel
@@ -248,7 +248,7 @@ def _with_even_ears(sh: Float32, rows: Int64, points: Float64, density: Float32,
     return _blended(sh, rows[chosen], share[chosen], np.median(colors[faced][around], axis=1))
 
 
-def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool,
+def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, covered: Bool,
                   even: Float64) -> Float64:
     """Even colors [V, U, 3], replaced by the photos' where these show any, in `Chart.finer`."""
     chart, halves = grazed.chart, grazed.chart.halves
@@ -260,8 +260,8 @@ def _shown_finely(grazed: Grazed, distance: Float64, colors: Float64, told: Bool
     colors, even = (np.stack([between(part[..., k]) for k in range(3)], axis=-1)
                     for part in (colors, even))
     shown, share = photo_colors(grazed.photos, chart.finer(),
-                                between(np.where(told, distance, grazed.distance)), colors,
-                                between(told.astype(np.float64)) > 0.99)
+                                between(np.where(covered, distance, grazed.distance)), colors,
+                                between(covered.astype(np.float64)) > 0.99)
     return np.asarray(even + share[..., None] * (shown - even), np.float64)
 
 

@@ -156,7 +156,7 @@ class Photos:
         Returns
         -------
         places, ways : float64 [P, 3] each, the ways of unit length; next to an outline nothing
-            is told.
+            is known.
         """
         height, width = self._depths[view].shape
         left, top = np.clip(np.floor(low), 0, [width, height]).astype(np.int64)
@@ -221,9 +221,9 @@ class Photos:
         before = (depth - self._first[view][row, column]).reshape(cosine.shape)
         pixel = np.linalg.norm(way, axis=-1) / self.cameras.focal[view, 0]
         cosine[before > APART * self.voxel + NEXT * pixel * steep] = 0.0
-        told = (cosine > SQUARE) & np.isfinite(given).all(axis=-1)
-        if told.any():
-            colors = colors * np.median(given[told] / np.maximum(colors[told], 0.02), axis=0)
+        known = (cosine > SQUARE) & np.isfinite(given).all(axis=-1)
+        if known.any():
+            colors = colors * np.median(given[known] / np.maximum(colors[known], 0.02), axis=0)
         return np.asarray(colors, np.float32), np.asarray(cosine, np.float32)
 
     def _picture(self, view: int) -> tuple[Float32, Float32]:

@@ -79,7 +79,7 @@ def fits_gpu(lattice: Lattice) -> bool:
 def prepare(process: GpuProcess) -> None:
     """Start the device's process and compile its kernels, beside what is done here meanwhile."""
     def run() -> None:
-        # Whoever asks next is told.
+        # Whoever asks next hears of it.
         with contextlib.suppress(Exception):
             process.call(f"{_CALLS}:prepare")
 

@@ -69,18 +69,18 @@ class Entry:
     seconds: float = 20.0  # How long it is shown, where the playlist has several.
 
     def arguments(self, index: int) -> dict[str, Any]:
-        """What Bridge is told of it, as entry ``index`` of a playlist."""
+        """What Bridge gets of it, as entry ``index`` of a playlist."""
         layout, depth = self.layout, self.depth
-        told: dict[str, Any] = {
+        entry: dict[str, Any] = {
             "id": index, "index": index, "uri": str(self.picture), "rows": layout.rows,
             "cols": layout.columns, "aspect": layout.aspect,
             "view_count": self.views or layout.count, "focus": self.focus, "crop_pos_x": 0,
             "crop_pos_y": 0, "zoom": 1, "isRGBD": int(depth is not None),
             "durationMS": round(1000 * self.seconds), "tag": ""}
         if depth is not None:
-            told |= {"depth_loc": depth.side, "depthiness": depth.strength,
+            entry |= {"depth_loc": depth.side, "depthiness": depth.strength,
                      "depth_inversion": int(depth.inverted), "chroma_depth": 0}
-        return told
+        return entry
 
 
 def _value(entry: Any, *path: str) -> Any:

@@ -179,7 +179,7 @@ def _trouble(drive: Path, error: OSError) -> UserError:
 
 
 def _check_drive(drive: Path) -> None:
-    """Whether one can write there; told before quilts are rendered."""
+    """Whether one can write there; asked before quilts are rendered."""
     if not drive.is_dir():
         raise UserError(f"no such drive: {drive} (name the folder where the frame's drive is "
                         "mounted, or its letter)")
@@ -261,7 +261,7 @@ def _copy(source: Path, target: Path, made: list[Path]) -> None:
           open(temporary, "wb") as copy):
         shutil.copyfileobj(file, copy, 1 << 20)
         copy.flush()
-        # People pull drives out: what is told as done lies on it.
+        # People pull drives out: what is reported as done lies on it.
         os.fsync(copy.fileno())
     if not old:
         made.append(target)

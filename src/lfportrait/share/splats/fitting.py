@@ -297,7 +297,7 @@ def fit_splats(field: VoxelField, splats: Splats, steps: int,
                tell: Callable[[int], None] = lambda step: None) -> Splats:
     """Fit splats, as `place_splats` lays them, to a field, looking at ``steps`` views of it.
 
-    ``tell`` is told the number of each step.
+    ``tell`` is given the number of each step.
     """
     width, start = splats.scales[:, 0].copy(), splats.positions
     ball = Ball.around(field)

@@ -94,7 +94,7 @@ export async function bitmap(path, signal = screen.signal) {
 }
 
 /**
- * Send the bytes of a file from `offset` on, told how far it is.
+ * Send the bytes of a file from `offset` on, saying how far it is.
  * @returns {Promise<object>} The answer's JSON.
  */
 export function stream(path, blob, onprogress, signal) {

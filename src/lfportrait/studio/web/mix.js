@@ -93,7 +93,7 @@ export class MixPanel {
         if (pressed.key === undefined || pressed.key.startsWith("Arrow")) this.take(one, put, min, max);
       });
     }
-    // Let go where it was: no change is told of.
+    // Let go where it was: no change is sent.
     for (const event of ["pointerup", "pointercancel", "blur"]) {
       one.input.addEventListener(event, () => {
         this.taken = null;
