@@ -159,8 +159,8 @@ def _shadow(image: UInt8, points: Float64) -> Finding | None:
 
 def _hair(regions: Regions) -> Finding | None:
     if regions.hair is None:
-        return Finding("hair_unsure", "Its hair can't be distinguished from its skin: hair may be painted "
-                       "with skin, and skin with hair", "none")
+        return Finding("hair_unsure", "Its hair can't be distinguished from its skin: hair may be "
+                       "painted with skin, and skin with hair", "none")
     there, sure = ((regions.hair > limit).sum() for limit in NEITHER)
     share = 1 - float(sure) / max(float(there), 1.0)
     if share < UNSURE:
