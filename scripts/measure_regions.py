@@ -1,10 +1,10 @@
-"""Measure how well the regions of a head are told, on a modelled head whose materials are known.
+"""Measure how well the regions of a head are found, on a modelled head whose materials are known.
 
     python scripts/measure_regions.py JOB FILM [--person NAME]
 
 JOB is the folder of a job (``capture/``, ``field.npz``) made from FILM, a folder of
 `scripts/film_head.py`; both are of the same ``--person``. Printed, by how well photos saw a place:
-the share of the hair's surface that is told to be skin, and of the skin's that is told to be hair,
+the share of the hair's surface that is taken for skin, and of the skin's that is taken for hair,
 all of it and without what lies within 2 cm of the true border; and the step of brightness where
 photos end, over the photos' own variation beside it.
 """
@@ -67,9 +67,9 @@ def true_surface(model: HeadModel, side: int = 200) -> tuple[Float64, NDArray[np
     return np.concatenate(points), np.concatenate(materials)
 
 
-def shares(told: NDArray[np.bool_], true: NDArray[np.bool_], weight: Float64) -> float:
-    """Per cent of the true places that are told, by weight."""
-    return float(100 * weight[told & true].sum() / max(weight[true].sum(), 1e-9))
+def shares(found: NDArray[np.bool_], true: NDArray[np.bool_], weight: Float64) -> float:
+    """Per cent of the true places that are found, by weight."""
+    return float(100 * weight[found & true].sum() / max(weight[true].sum(), 1e-9))
 
 
 def seam_step(skin: Skin, points: Float64, material: NDArray[np.int8], chosen: int) -> float:
@@ -112,7 +112,7 @@ def main() -> None:
         others = cKDTree(surface[materials != kind])
         border |= (material == kind) & (others.query(points)[0] < BORDER)
     labels, names = skin.labels
-    told = labels[:, names.index("hair")] > 127
+    taken = labels[:, names.index("hair")] > 127
     bare = np.isin(np.array(names)[labels.argmax(axis=1)], ("skin", "neck", "ears", "nose"))
     weight = np.ones(len(points))
     head = points[:, 1] > np.nanmin(surface[materials == HAIR, 1])
@@ -122,9 +122,9 @@ def main() -> None:
                        ("unseen", head & (skin.seen <= 0))):
         row = [shares(bare & part & inner, (material == HAIR) & part & inner, weight)
                for inner in (np.ones_like(border), ~border)]
-        row += [shares(told & part & inner, (material == SKIN) & part & inner, weight)
+        row += [shares(taken & part & inner, (material == SKIN) & part & inner, weight)
                 for inner in (np.ones_like(border), ~border)]
-        print(f"{name:7} hair told as skin {row[0]:5.1f} % (off the border {row[1]:5.1f}), "
+        print(f"{name:7} hair taken for skin {row[0]:5.1f} % (off the border {row[1]:5.1f}), "
               f"skin as hair {row[2]:5.1f} % ({row[3]:5.1f}); "
               f"{100 * part.mean():.0f} % of the places")
     steps = [seam_step(skin, points, material, kind) for kind in (HAIR, SKIN)]

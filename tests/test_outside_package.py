@@ -55,7 +55,7 @@ def capture(mattes=False):
     random = np.random.default_rng(0)
     images = [random.integers(0, 255, (9, 12, 3), np.uint8) for _ in places]
     alphas = [random.integers(0, 255, (9, 12), np.uint8) for _ in places] if mattes else None
-    return Capture(cameras, images, alphas, ["a.png", "b.png", "c.png"], np.zeros(3, bool))
+    return Capture(cameras, images, alphas, ["a.png", "b.jpg", "c.png"], np.zeros(3, bool))
 
 
 def test_the_command_line_lists_and_writes_its_export(install, head, capsys, tmp_path):
@@ -102,7 +102,7 @@ def test_its_format_is_written_and_read(install, tmp_path, capsys):
     capture().save(tmp_path / "rig", format="Rig")
     assert is_calibrated(tmp_path / "rig") and not is_calibrated(tmp_path)
     found = Capture.load(tmp_path / "rig", holdout=0)
-    assert found.names == capture().names
+    assert found.names == ["a.png", "b.png", "c.png"]  # mattes need files with alpha
     assert all(np.array_equal(*pair) for pair in zip(found.images, capture().images, strict=True))
     assert np.allclose(found.cameras.focal, 15) and found.alphas is None
     capture(mattes=True).save(tmp_path / "cut", format="Rig")

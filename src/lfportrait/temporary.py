@@ -89,7 +89,7 @@ def _reason(error: Exception) -> str:
 def _by_the_folder(error: Exception, folder: Path) -> bool:
     """Whether an error comes of the folder's want of room."""
     if isinstance(error, UserError):
-        # Told already, for files that the user named.
+        # Said already, for files that the user named.
         cause = error.__cause__
         return str(folder) in str(error) and isinstance(cause, OSError) and cause.errno in _NUMBERS
     if isinstance(error, OSError):

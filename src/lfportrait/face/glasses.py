@@ -1,6 +1,6 @@
 """Spectacles in a portrait, painted or photographed: their lines, and a soft mask of these.
 
-Whatever lies around an eye makes rings: folds of the lids, bags, sockets, hatching. Rims are parted
+Whatever lies around an eye makes rings: folds of the lids, bags, sockets, hatching. Rims differ
 from them by three measures: how well a smooth curve of one size fits around both eyes, how much of
 its course is a line, and how alike the line's cross-section is all along.
 """

@@ -16,7 +16,7 @@ model is taken only if it earns them: by Schwarz's criterion (BIC), and by error
 hundredth at least; and only if its lens stays one, that bends rays the less the nearer they are to
 the axis and nowhere by more than a quarter.
 
-Wrong matches are parted from right ones by how far right ones lie off: a third of a pixel before
+Wrong matches differ from right ones by how far right ones lie off: a third of a pixel before
 skin, not a whole one. On a narrow arc the focal length depends on that. There it and the distance
 change the pictures almost alike (a quarter of a per cent of the head's depth for a per cent of the
 focal length), and some hundred matches that are wrong by one to three pixels decide between them

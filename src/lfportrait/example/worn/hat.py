@@ -1,7 +1,7 @@
 """A painted hat: found in the painting, and put on the sitter of a photo.
 
 A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
-hangs down from above and is more than a wrinkle is a cover; what of it is hair is parted from it.
+hangs down from above and is more than a wrinkle is a cover; what of it is hair is separated.
 
 The networks know no hats: to them one is hair, cloth or background. Where a forehead is covered and
 what covers it reaches far beyond a head or is unlike the hair below it, or where what is taken for
@@ -196,7 +196,7 @@ UNLIKE_CROWN, BROW = 3.0, 0.6
 brows; higher up there may be a feather or a ribbon."""
 CHIN = 0.9  # Nothing that is worn on a head lies below a face from here on.
 ALL_AROUND = 0.5
-"""What covers more than this of the picture's border above the brows was not parted from the
+"""What covers more than this of the picture's border above the brows was not separated from the
 background."""
 GAP, CRUMB = 0.05, 0.03
 """Gaps and crumbs up to this, over the face's height, are closed and left out."""

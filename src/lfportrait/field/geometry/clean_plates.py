@@ -62,7 +62,7 @@ class Plate:
 
     @property
     def textured(self) -> Bool:
-        """Where anchors show more than one color around, as nothing else by chance, bool [H, W]."""
+        """Where anchors show more than one color around, bool [H, W]: no chance does that."""
         least = np.minimum.reduce([self.variance[..., k] for k in range(3)])
         return self.known & (self.texture > 2.0 * np.sqrt(least))
 

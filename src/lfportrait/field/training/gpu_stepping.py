@@ -123,8 +123,7 @@ class GpuSteps:
 
     Parameters
     ----------
-    level : As for `lfportrait.field.training.stepping.CpuSteps`; records are taken up in the order
-        of so many threads.
+    level : What is trained; records are taken up in the order of ``level.workers`` threads.
     tiles : Packets of each step.
     behind : What trains the spheres behind the lattice, if there are any.
     average : Sums to go on with.

@@ -117,7 +117,7 @@ class Lattice:
     def geometry(self) -> tuple[Int32, Int32, Float64]:
         """What rays are cast through: brick table, brick links, size and place of the lattice.
 
-        The latter is float64 [9]: points along x, y, z; scale and offset of lattice coordinates.
+        The last is float64 [9]: points along x, y, z; scale and offset of lattice coordinates.
         """
         table, links = brick_table(self.links, self.count)
         depth, height, width = self.links.shape

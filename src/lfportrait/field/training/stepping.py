@@ -311,9 +311,11 @@ class CpuSteps:
     """Steps on the CPU, many in one call unless spheres behind the lattice learn, too."""
 
     def __init__(self, level: StepData) -> None:
-        self.lattice, self.data, self.config, self.level = level[:4]
+        self.lattice, self.data, self.config = level.lattice, level.data, level.config
+        self.level = level.number
         self.basis, self.width = level.basis, level.lattice.rows.shape[1]
-        self.options, self.lowest, self.scale, self.taken = level[6:]
+        self.options, self.lowest = level.options, level.lowest
+        self.scale, self.taken = level.scale, level.taken
         self.caster = Caster(level.lattice, level.data, level.basis, level.workers)
         self.behind: BackgroundTrainer | None = None
         self.average: Average | None = None

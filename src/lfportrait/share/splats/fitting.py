@@ -372,7 +372,7 @@ def field_splats(field: VoxelField, config: SplatConfig | None = None,
     ----------
     field : The field.
     config : Parameters.
-    tell : Told how much is done, 0 to 1, and what is being done.
+    tell : Called with how much is done, 0 to 1, and what is being done.
 
     Returns
     -------
