@@ -45,8 +45,8 @@ def short_reports():
 
     Posters of a quarter of their size, for the same reason.
     """
-    def none(folder, *_):
-        (folder / "hero.png").touch()
+    def none(task, results, *_):
+        (results / task.folder / "hero.png").touch()
         return None, 0.0
 
     with pytest.MonkeyPatch.context() as patch:
