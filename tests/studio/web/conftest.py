@@ -247,7 +247,7 @@ class Opened:
         self.until("""async (id) => (await import("/static/state.js")).project(id)?.id""", made)
         return str(made)
 
-    def until(self, script: str, argument=None, seconds: float = 60.0):
+    def until(self, script: str, argument=None, seconds: float = 180.0):
         """What a script returns, once it is true; the page's policy forbids Playwright's own."""
         begun = time.monotonic()
         while (waited := time.monotonic() - begun) < seconds:
