@@ -25,7 +25,8 @@ def main(out: Path = Path("example-out"), pixels: float = 256.0) -> None:
     paintings = [lf.paint(skin, lf.Exemplar.load(style)) for style in ("fauve", "charcoal")]
 
     # The same head in the paint of its skin: a color for each of the field's points that the skin
-    # shows, the same from all sides; the others keep theirs. `lf.stylize` begins so, too.
+    # shows, the same from all sides; the others keep theirs. `lf.stylize` begins so, too. The
+    # harmonic of degree 0 is 0.2820948 in every direction.
     colors = paintings[1].at(skin.rows)  # float32 [N, 3] in [0, 1], NaN where the skin has none
     sh = np.where(np.isfinite(colors), (colors - 0.5) / 0.2820948, field.sh[:, :, 0])
     head = replace(field, sh=np.ascontiguousarray(sh[:, :, None], np.float32))

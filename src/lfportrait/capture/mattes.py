@@ -376,7 +376,7 @@ def _corrected(votes: _Votes, view: int, matte: Float32) -> Float32:
 
 
 def holes_of(person: Bool) -> Bool:
-    """What is not the person, bool [H, W], but surrounded by it: bool [H, W]."""
+    """Pixels of no ``person``, bool [H, W], that it surrounds: bool [H, W]."""
     _, pieces = cv2.connectedComponents((~person).astype(np.uint8), connectivity=4)
     border = np.zeros(pieces.max() + 1, bool)
     for rim in (pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]):

@@ -98,7 +98,7 @@ class Photos:
     def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
              square: float = 0.0) -> list[Bool]:
         """For each view, which of the points it sees, bool [N] (`seen`, `faced`)."""
-        slack = np.float32(2.5 * self.voxel), np.float32(2.5 * self.voxel)
+        slack = (np.float32(2.5 * self.voxel),) * 2
 
         def sees(view: int) -> Bool:
             return self._between(view, points, self._first[view], self._matter[view], slack,

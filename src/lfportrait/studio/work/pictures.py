@@ -65,7 +65,7 @@ class Teller:
         """
         begun = time.perf_counter()
         self.tell("begin", name)
-        progress = Watched(self, name, draw)
+        progress = SentProgress(self, name, draw)
 
         def compiled(_: str) -> None:
             progress.compiled += 1
@@ -94,7 +94,7 @@ class Teller:
         return Own(shown=True, **more)
 
 
-class Watched(Progress):
+class SentProgress(Progress):
     """Progress that goes to the server."""
 
     def __init__(self, teller: Teller, stage: str,
