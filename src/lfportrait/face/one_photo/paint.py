@@ -54,6 +54,12 @@ UNDER = 0.008 / METRES
 BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
 """Hair has no bays narrower than twice this where no photo sees them; and cells that this is looked
 at in, portrait units."""
+LEDGE, EXACT = 0.006 / METRES, 0.0025 / METRES
+"""Where a turned nose hides a cheek, what lies so much farther or nearer than what is seen right
+beside it may have that one's color: no fitted head meets such an edge more exactly than the second.
+"""
+TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face hides itself so.
+UNDERSIDE = -0.3  # What faces down by more is the underside of a nose.
 LIP = 0.025 / METRES
 """So far behind what a photo shows of an open mouth things are of the same color."""
 SHARPEST = 0.25
@@ -120,6 +126,9 @@ class Shot:
         behind = np.where(within, far - depth[small[:, 1], small[:, 0]], np.inf)
         seen = behind < 3.0 * voxel
         weight = np.where(seen, share * share * (3 - 2 * share), 0.0)
+        head = np.flatnonzero((owner == HEAD) & (weight > 0))
+        weight[head] *= 1 - self._beside_ledge(normals[head], depth, small[head], far[head],
+                                               cosine[head])
         if self.mouth is not None:
             # Above teeth lies the underside of a lip, which the photo may not see.
             weight = np.maximum(weight, (behind < LIP) * Parts.at(self.mouth, at))
@@ -130,6 +139,31 @@ class Shot:
         worn = None if self.clothes is None else Parts.at(self.clothes, at).astype(np.float64)
         return Look(colors.astype(np.float64), hair.astype(np.float64), beard, worn, weight,
                     np.clip(cosine, 0, 1))
+
+    def _beside_ledge(self, normals: Float64, depth: Float64, at: NDArray[np.int64], far: Float64,
+                      cosine: Float64) -> Float64:
+        """How much places [N] of a turned head lie beside an edge where it hides itself, [N].
+
+        ``at`` [N, 2] are columns and rows in ``depth`` [h, w], ``far`` and ``cosine`` [N] the
+        places' own depth and incidence: what is slanted is no edge.
+        """
+        eye = self.camera.position[0]
+        angle = float(np.degrees(np.arctan2(np.linalg.norm(eye[:2]), eye[2])))
+        turned = float(np.clip((angle - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1))
+        if turned == 0:
+            return np.zeros(len(far))
+        pixels = (EXACT * depth.shape[1] / float(self.camera.width[0])
+                  * float(self.camera.focal[0, 0] / np.linalg.norm(eye)))
+        wide = 2 * int(np.ceil(pixels)) + 1
+        shown = np.where(np.isfinite(depth), depth, -np.inf)
+        nearest = ndimage.minimum_filter(depth, wide)[at[:, 1], at[:, 0]]
+        farthest = ndimage.maximum_filter(shown, wide)[at[:, 1], at[:, 0]]
+        cosine = np.clip(cosine, LEAST, 1)
+        slope = np.sqrt(1 - cosine ** 2) / cosine
+        # A nose's underside, with its nostrils, is the photo's.
+        before = np.where(normals[:, 1] > UNDERSIDE, farthest - far, 0.0)
+        excess = np.maximum(far - nearest, before) - EXACT * slope
+        return turned * np.clip(excess / LEDGE - 1, 0, 1)
 
 
 class Look(NamedTuple):
