@@ -35,6 +35,7 @@ BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
 """How far beside a neck, and below and above its end, a collar may stand, portrait units."""
 STEEP = 4.0  # Optical depth of a voxel one voxel below the surface; at most twice that.
 CHIN = 0.01  # Height above the model's chin (metres) below which there is throat and neck.
+UNDER_CHIN = -0.008  # The same, with the chin's own underside above it.
 _MANY, _THREADS = 50_000, 4
 """Points from which on it pays to ask for them on another core, and how many cores are asked at
 most: each goes through the maps of all pieces."""
@@ -55,6 +56,7 @@ class Shell:
     normals : float64 [N, 3], outward.
     scalp : bool [N], what belongs to the head and lies where hair grows.
     face : bool [N], what belongs to the head and lies above the chin.
+    whole_face : bool [N], the same with the chin.
     light : float64 [N], how much of it reaches them within ears.
     center, radius : Of the lattice's box.
     voxel : Distance of points.
@@ -76,7 +78,9 @@ class Shell:
         self.light = np.ones(len(self.owner))
         self.light[self.scalp] = ear_light(solid.head.rest, rest)
         self.face = self.scalp.copy()
+        self.whole_face = self.face.copy()
         self.face[self.face] = rest[:, 1] > CHIN
+        self.whole_face[self.whole_face] = rest[:, 1] > UNDER_CHIN
         self.scalp[self.scalp] = scalp(rest)
 
     def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bool,

@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera
-from ...field import C0
+from ...field import C0, VoxelField
 from .beard import BEARD
 from .hair import NAPE
 from .lattice import Shell
@@ -58,6 +58,9 @@ LEDGE, EXACT = 0.006 / METRES, 0.0025 / METRES
 """Where a turned nose hides a cheek, what lies so much farther or nearer than what is seen right
 beside it may have that one's color: no fitted head meets such an edge more exactly than the second.
 """
+DEEP, ABOUT = 0.006 / METRES, 0.012 / METRES
+"""What lies so much farther behind a face than its outline, and in the photo less than the second
+beside it, may have the face's color: no fitted jaw ends exactly where the photo's does."""
 TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face hides itself so.
 UNDERSIDE = -0.3  # What faces down by more is the underside of a nose.
 LIP = 0.025 / METRES
@@ -103,12 +106,12 @@ class Shot:
         unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
         return strand_contrast(self.colors, self.hair > 0.99, unit)
 
-    def look(self, points: Float64, normals: Float64, depth: Float64, voxel: float,
+    def look(self, points: Float64, normals: Float64, depth: Float64, face: _Outline, voxel: float,
              owner: NDArray[np.uint8]) -> Look:
         """What the photo shows of places [N, 3].
 
-        ``depth`` [h, w] is the solid's in the photo, of any size; ``owner`` is what they belong to:
-        on a head nothing but skin counts, in a beard nothing below it.
+        ``depth`` [h, w] is the solid's in the photo, of any size, in which ``face`` lies; ``owner``
+        is what they belong to: on a head nothing but skin counts, in a beard nothing below it.
         """
         pixels, far = self.camera.project(points)
         pixels, far = pixels[0], far[0]
@@ -129,6 +132,7 @@ class Shot:
         head = np.flatnonzero((owner == HEAD) & (weight > 0))
         weight[head] *= 1 - self._beside_ledge(normals[head], depth, small[head], far[head],
                                                cosine[head])
+        weight *= 1 - np.where(owner == HAIR, 0.0, face.before(small, far))
         if self.mouth is not None:
             # Above teeth lies the underside of a lip, which the photo may not see.
             weight = np.maximum(weight, (behind < LIP) * Parts.at(self.mouth, at))
@@ -148,7 +152,7 @@ class Shot:
         places' own depth and incidence: what is slanted is no edge.
         """
         eye = self.camera.position[0]
-        angle = float(np.degrees(np.arctan2(np.linalg.norm(eye[:2]), eye[2])))
+        angle = abs(float(np.degrees(np.arctan2(eye[0], eye[2]))))
         turned = float(np.clip((angle - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1))
         if turned == 0:
             return np.zeros(len(far))
@@ -164,6 +168,29 @@ class Shot:
         before = np.where(normals[:, 1] > UNDERSIDE, farthest - far, 0.0)
         excess = np.maximum(far - nearest, before) - EXACT * slope
         return turned * np.clip(excess / LEDGE - 1, 0, 1)
+
+
+class _Outline(NamedTuple):
+    """Where a face ends in a photo: depth [h, w] of its nearest place, and how near that is."""
+
+    depth: Float64
+    near: Float64  # float64 [h, w] in [0, 1], 0 from `ABOUT` beside it on.
+
+    @staticmethod
+    def of(face: VoxelField, camera: Camera) -> _Outline:
+        """That of a field of the face alone."""
+        alpha, depth = face.depth(camera, 0)
+        if not (alpha > 0.5).any():
+            return _Outline(np.full(alpha.shape, np.inf), np.zeros(alpha.shape))
+        away, nearest = ndimage.distance_transform_edt(alpha <= 0.5, return_indices=True)
+        unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
+        return _Outline(np.float64(depth)[tuple(nearest)],
+                        np.clip(1 - away / (ABOUT * unit), 0, 1))
+
+    def before(self, at: NDArray[np.int64], far: Float64) -> Float64:
+        """How much it may lie before places [N] at columns and rows [N, 2] and depths [N], [N]."""
+        place = at[:, 1], at[:, 0]
+        return self.near[place] * np.clip((far - self.depth[place]) / DEEP - 1, 0, 1)
 
 
 class Look(NamedTuple):
@@ -245,6 +272,8 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     points, normals = shell.on, shell.normals
     unworn = shell.field(np.zeros((len(points), 3, 1), np.float32))
     unworn.density[shell.owner == WORN] = 0.0  # the photos are without it
+    faces = shell.field(np.zeros((len(points), 3, 1), np.float32))
+    faces.density[~shell.whole_face] = 0.0
     own, other = _Mean(len(points)), _Mean(len(points))
     mirror, skin = np.array([-1.0, 1.0, 1.0]), shell.owner == HEAD
     for shot in shots:
@@ -253,10 +282,11 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         small = shot.camera.scaled(factor)
         alpha, depth = unworn.depth(small, 0)
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
+        face = _Outline.of(faces, small)
         with ThreadPoolExecutor(2) as pool:
-            coming = pool.submit(shot.look, points * mirror, normals * mirror, near, shell.voxel,
+            coming = pool.submit(shot.look, points * mirror, normals * mirror, near, face, shell.voxel,
                                  shell.owner)
-            look = shot.look(points, normals, near, shell.voxel, shell.owner)
+            look = shot.look(points, normals, near, face, shell.voxel, shell.owner)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)

@@ -412,11 +412,11 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
     if hair is not None and not _cut_out(capture, view):
         fuzz = ground_in_hair(image, matte, hair, FUZZ * unit)
     colors = clean_colors(image, matte, fuzz)
-    other = not_skin(colors, hair, picture.landmarks, camera, samples)
     below = None if beard is None else beneath(beard.below, unit)
     whole, worn = None if beard is None else beard.whole, None
     if _knows_hair():
         worn = clothes_of(image, colors, matte, hair, whole, picture.landmarks, camera, samples)
+    other = not_skin(colors, hair, picture.landmarks, camera, samples, worn)
     return Shot.of(camera, colors, hair, other, whole, below,
                    open_mouth(picture.landmarks, matte.shape), worn)
 

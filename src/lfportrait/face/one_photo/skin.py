@@ -47,7 +47,7 @@ BORDER = 0.024  # How wide the two mix in a photo, portrait units.
 
 
 def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Float64,
-             camera: Camera, samples: MeshSamples) -> Float32:
+             camera: Camera, samples: MeshSamples, worn: Float32 | None = None) -> Float32:
     """How much the photo shows something else where the sides of a face lie, float32 [H, W].
 
     Skin is followed from the face outwards, as far as it is like what lies around it.
@@ -58,6 +58,8 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     hair : [H, W] in [0, 1], or None.
     landmarks : float64 [68, 2] in pixels.
     samples : Of the head, in the camera's world.
+    worn : float32 [H, W], how much of it is clothes (`clothes_of`), if that is known: what is none
+        below the chin is skin, in whatever light it lies.
     """
     unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
     small = camera.scaled(min(1.0, 1.0 / (CELL * unit)))
@@ -84,6 +86,9 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     side = (rest[..., 2] < SIDE) & (rest[..., 1] < EYES) & (np.abs(rest[..., 0]) > UNDER)
     there &= (rest[..., 1] > CHIN) | (cosine < SQUARE)
     sure = there & (cosine > SQUARE) & (rest[..., 2] > FRONT)
+    if worn is not None:
+        bare = cv2.resize(worn, (width, height), interpolation=cv2.INTER_AREA) < 0.5
+        side &= ~bare | (rest[..., 1] > CHIN)
     lab, rest = lab[part], rest[part]
     there, side, sure = there[part], side[part], sure[part]
     far = _unlike(lab, _mean(lab, sure, WIDE / cell))
