@@ -57,6 +57,7 @@ SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767),
 DARK, HOLLOW = 0.04, 17
 """Metres deep in an ear at which a third of the light is left; what is no wider than so many
 millimeters is hollow."""
+LEANING = 0.2  # How much lower a neck may end on one side, portrait units.
 STANDS = 0.0025  # What stands out by more is ear, metres.
 
 
@@ -277,7 +278,11 @@ def _raised(parts: Parts, near: Float64, neck: Neck) -> Bool:
     pieces = ndimage.label(high)[0]
     # What is higher than ears is no shoulder, but somebody else's, or a chair.
     held = np.setdiff1d(pieces[end], np.append(pieces[ears], 0))
-    return high & np.isin(pieces, held)
+    high &= np.isin(pieces, held)
+    # The neck of a head that leans ends lower on one side.
+    lower = slice(end + 1, end + 1 + round(LEANING / parts.cell))
+    high[lower] = beside[lower] & high[end]
+    return high
 
 
 def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float64], end: Float64,
