@@ -28,7 +28,7 @@ from lfportrait.face.one_photo.piece import BROAD, METRES, filled
 from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
 
-SIDE = 320
+SIDE = 240
 
 
 @functools.cache
@@ -40,7 +40,7 @@ def bust(*lengths: float) -> Solid:
     prior = generic_prior()
     points = prior.mean.astype(float) / METRES
     points[:, 2] -= points[:, 2].mean()
-    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=560.0,
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=1.75 * SIDE,
                         target=(0, -0.25, 0), pitch=0.0)
 
     def drawn(corners: list[tuple[float, float]]) -> np.ndarray:
