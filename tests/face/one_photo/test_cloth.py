@@ -13,11 +13,12 @@ from lfportrait.face.one_photo.cloth import clothes_of
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import Shot, _clothed, _Mean, painted
 from lfportrait.face.one_photo.parts import parts_of
-from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import BODY, HEAD, solid_of
 from lfportrait.field import C0
 from tests.fields import shell_field
+
+from .generic import generic_head
 
 SIDE = 400
 SKIN = np.float32([0.82, 0.62, 0.52])
@@ -26,13 +27,11 @@ Head = tuple[Camera, MeshSamples, np.ndarray]
 
 @pytest.fixture(scope="module")
 def head() -> Head:
-    prior = generic_prior()
-    points = prior.mean.astype(float) / METRES
-    points[:, 2] -= points[:, 2].mean()
+    points, samples = generic_head()
     camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=560.0,
                         target=(0, -0.4, 0), pitch=0.0)
-    landmarks = camera.project(points[prior.landmarks])[0][0]
-    return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
+    landmarks = camera.project(points[generic_prior().landmarks])[0][0]
+    return camera, samples, landmarks
 
 
 @pytest.fixture(autouse=True)
