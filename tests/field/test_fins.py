@@ -127,6 +127,7 @@ class Bust:
                                np.zeros((36 * SIZE ** 2, 3, 1), np.float32),
                                radius=np.array([1.0, 36 / SIZE, 1.0]))
         slab = self.slab
+        self.points = slab.lattice_points().T
         self.above = chart.outside(bust, bust, slab.links.shape, slab.center,
                                    slab.radius)[0].ravel() / VOXEL
         self.head = self.above < 0
@@ -138,7 +139,7 @@ class Bust:
 
     def level(self, tall, low=0.0, high=5.0, side=1.0):
         """A bar that stands out of the bust in front, or behind (``side`` -1)."""
-        x, y, z = self.slab.lattice_points().T
+        x, y, z = self.points
         return ((high > self.above) & (low <= self.above) & (np.abs(y - FOREHEAD) < tall / 2)
                 & (np.abs(x) < 0.15) & (side * z > 0))
 
