@@ -122,6 +122,7 @@ def test_frame_from_half_the_landmarks() -> None:
                        portrait_frame_from_cameras(rig(1)))
 
 
+# One is enough: to read a capture's photos takes seconds.
 @pytest.mark.data
 @pytest.mark.parametrize(("name", "near", "far"), [
     pytest.param("lee", 3.4, 4.2, marks=pytest.mark.slow), ("buddha_head", 1.4, 4.3),

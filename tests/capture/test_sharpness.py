@@ -81,6 +81,7 @@ def test_few_photos_many_blurred_ones_and_flat_ones() -> None:
     assert blurred([np.full((50, 60, 3), 128, np.uint8)] * 8, 0.4) == []
 
 
+# One is enough: to read a capture's photos takes seconds.
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["fox", *(
     pytest.param(name, marks=pytest.mark.slow) for name in ("lee_photos", "buddha_head"))])

@@ -46,6 +46,7 @@ def made_of(guides, weights, style, config, label_weight=0.0, seed=0, scale=None
                       plant(guides.anchor, config.top, seed, scale), scale=scale)
 
 
+# Each scale and each width once; slow: the other pairs.
 @pytest.mark.parametrize(("scale", "width"), [
     (1.0, 48), (None, 37), *(pytest.param(*both, marks=pytest.mark.slow)
                              for both in ((1.0, 37), (None, 48)))])

@@ -55,6 +55,7 @@ def plain_march(field, one, cut):
 CUT = Cut(np.array([0.0, 1.0, 0.0]), -0.4)
 
 
+# With neither and with both; slow: with one of them.
 @pytest.mark.parametrize(("cut", "frame"), [
     (None, None), (CUT, FRAME), *(pytest.param(*both, marks=pytest.mark.slow)
                                   for both in ((CUT, None), (None, FRAME)))])
