@@ -127,6 +127,12 @@ def shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value) or '""'
 
 
+def written_type(config: type, name: str) -> str:
+    """A field's type as its class has it; once tyro has read a class, the field has the type."""
+    return next(str(vars(one)["__annotations__"][name]) for one in config.__mro__
+                if name in vars(one).get("__annotations__", {}))
+
+
 def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
     """The table of one class; parameters that are classes themselves have their own section."""
     rows = ["| parameter | default | meaning |", "| --- | --- | --- |"]
@@ -137,7 +143,7 @@ def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
         default = ("required" if entry.default is dataclasses.MISSING
                    and entry.default_factory is dataclasses.MISSING
                    else f"`{shown(entry.default)}`")
-        kind = str(entry.type)
+        kind = written_type(config, entry.name)
         choice = ""
         if kind in ("tyro.conf.Suppress[tuple[Any, ...]]", "tyro.conf.Suppress[bool]"):  # no option
             continue

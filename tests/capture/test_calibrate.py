@@ -249,6 +249,7 @@ def test_photos_of_a_phone_held_both_ways_share_their_lens(room: tuple[Path, Cam
     assert np.ptp(capture.cameras.focal) < 1e-6
 
 
+@pytest.mark.slow  # a rendered room is calibrated above
 @pytest.mark.data
 def test_cameras_of_real_looking_photos(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "lee_photos"

@@ -122,9 +122,11 @@ def test_frame_from_half_the_landmarks() -> None:
                        portrait_frame_from_cameras(rig(1)))
 
 
+# One is enough: to read a capture's photos takes seconds.
 @pytest.mark.data
 @pytest.mark.parametrize(("name", "near", "far"), [
-    ("lee", 3.4, 4.2), ("lee_photos", 3.2, 4.0), ("buddha_head", 1.4, 4.3)])
+    pytest.param("lee", 3.4, 4.2, marks=pytest.mark.slow), ("buddha_head", 1.4, 4.3),
+    pytest.param("lee_photos", 3.2, 4.0, marks=pytest.mark.slow)])
 def test_normalised_captures_keep_their_frame(shared_data: Path, name: str, near: float,
                                               far: float) -> None:
     capture = Capture.load(shared_data / name)

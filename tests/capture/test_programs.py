@@ -1,5 +1,6 @@
 """Cameras that other programs wrote are the cameras that were written."""
 
+import functools
 import json
 from pathlib import Path
 
@@ -184,10 +185,15 @@ def test_cameras_are_those_that_were_written(tmp_path, write, lens):
         assert spot_error(found, MARKER) < 0.3
 
 
+@functools.cache  # its photos are read, too
+def real_cameras(shared_data):
+    return Capture.load(shared_data / "lee_photos").cameras[np.arange(COUNT)]
+
+
 @pytest.mark.data
 @pytest.mark.parametrize(("write", "lens"), WRITERS)
 def test_a_real_heads_cameras_are_those_that_were_written(tmp_path, shared_data, write, lens):
-    real = Capture.load(shared_data / "lee_photos").cameras[np.arange(COUNT)]
+    real = real_cameras(shared_data)
     like = centred()
     cameras = Camera(real.pose, like.focal, like.center, like.width, like.height)
     wanted = reference(tmp_path / "plain", cameras, **lens)

@@ -81,8 +81,10 @@ def test_few_photos_many_blurred_ones_and_flat_ones() -> None:
     assert blurred([np.full((50, 60, 3), 128, np.uint8)] * 8, 0.4) == []
 
 
+# One is enough: to read a capture's photos takes seconds.
 @pytest.mark.data
-@pytest.mark.parametrize("name", ["lee_photos", "fox", "buddha_head"])
+@pytest.mark.parametrize("name", ["fox", *(
+    pytest.param(name, marks=pytest.mark.slow) for name in ("lee_photos", "buddha_head"))])
 def test_moved_photos_among_real_ones_are_found_and_no_others(shared_data: Path, name: str,
                                                               ) -> None:
     photos = [photo.image for photo in read_photos(shared_data / name / "images", max_side=960)]

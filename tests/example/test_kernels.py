@@ -74,7 +74,8 @@ def test_election(shape, radius):
     assert np.isnan(out).all()
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", [*SHAPES[:3], pytest.param(
+    SHAPES[3], marks=pytest.mark.slow)])  # its rows are whole vectors, as of the second
 @pytest.mark.parametrize("radius", [0, 1, 2])
 @pytest.mark.parametrize("exact", [True, False])
 def test_votes(shape, radius, exact):

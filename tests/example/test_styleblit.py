@@ -46,8 +46,10 @@ def made_of(guides, weights, style, config, label_weight=0.0, seed=0, scale=None
                       plant(guides.anchor, config.top, seed, scale), scale=scale)
 
 
-@pytest.mark.parametrize("scale", [1.0, None])
-@pytest.mark.parametrize("width", [48, 37])
+# Each scale and each width once; slow: the other pairs.
+@pytest.mark.parametrize(("scale", "width"), [
+    (1.0, 48), (None, 37), *(pytest.param(*both, marks=pytest.mark.slow)
+                             for both in ((1.0, 37), (None, 48)))])
 def test_equals_the_plain_form(scale, width):
     guides, weights, style = _problem(width=width)
     own = made_of(guides, weights, style, BlitConfig(threshold=-1.0, tolerance=-1e9, radius=0),
@@ -260,7 +262,7 @@ def test_ball_head_all_around_is_painted():
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("name", ["ken", "bronzestatue"])
+@pytest.mark.parametrize("name", ["ken", pytest.param("bronzestatue", marks=pytest.mark.slow)])
 def test_real_exemplar_on_the_reference_photo(shared_data, name):
     """The result stays nearer to the exemplar's colors than the photo, over the whole picture."""
     folder = shared_data / "styles"

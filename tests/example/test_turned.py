@@ -29,6 +29,12 @@ SIZE = 240
 SCALE = 130.0
 
 
+def some_sides(*quick, slow):
+    """Turns to try; slow ones are of the other side, and a mirrored painting is tried below."""
+    return pytest.mark.parametrize("yaw", [*quick, *(
+        pytest.param(yaw, marks=pytest.mark.slow) for yaw in slow)])
+
+
 def posed(yaw, pitch=0.0, roll=0.0, scale=SCALE, shift=(120.0, 110.0)):
     """A pose by its angles, as `FacePose` tells them."""
     turn = Rotation.from_euler("zxy", [roll, -pitch, yaw], degrees=True).as_matrix()
@@ -124,7 +130,7 @@ def test_the_generic_head_is_symmetric_and_its_depth_is_that_of_its_landmarks():
     assert np.abs(generic_depth(x, y) - generic_depth(-x, y)).max() < 0.01
 
 
-@pytest.mark.parametrize("yaw", [-40.0, -20.0, 20.0, 40.0])
+@some_sides(-40.0, 20.0, slow=(-20.0, 40.0))
 def test_the_side_that_was_painted_is_shown_as_it_was_painted(yaw):
     exemplar = portrait(posed(yaw))
     found = frontal_view(exemplar, face_pose(exemplar.landmarks))
@@ -140,7 +146,7 @@ def test_the_side_that_was_painted_is_shown_as_it_was_painted(yaw):
     assert 20 * np.log10(255 / np.sqrt((error ** 2).mean())) > 25
 
 
-@pytest.mark.parametrize("yaw", [-45.0, 45.0])
+@some_sides(45.0, slow=(-45.0,))
 def test_the_side_that_was_not_painted_is_the_other_one_mirrored(yaw):
     exemplar = portrait(posed(yaw))
     found = frontal_view(exemplar, face_pose(exemplar.landmarks))
@@ -156,7 +162,7 @@ def test_the_side_that_was_not_painted_is_the_other_one_mirrored(yaw):
     assert away[np.minimum(*near) > 0.14 * found.pose.scale].max() < 1.0
 
 
-@pytest.mark.parametrize("yaw", [-30.0, 30.0])
+@some_sides(-30.0, slow=(30.0,))
 def test_both_eyes_look_where_the_painter_made_them_look(yaw):
     _, found = frontal(yaw)
     for eye in (slice(36, 42), slice(42, 48)):
@@ -164,7 +170,7 @@ def test_both_eyes_look_where_the_painter_made_them_look(yaw):
         assert found.mirrored[row, column] < 0.05
 
 
-@pytest.mark.parametrize("yaw", [-30.0, -15.0, 15.0, 30.0])
+@some_sides(-30.0, 15.0, slow=(-15.0, 30.0))
 def test_the_far_half_of_a_mouth_is_its_near_half_mirrored(yaw):
     exemplar, found = frontal(yaw)
     far, near = (54, 48) if yaw > 0 else (48, 54)
@@ -190,7 +196,7 @@ def test_a_shade_on_one_side_below_the_nose_is_not_mirrored():
     assert near > 40 and far < 0.5 * near
 
 
-@pytest.mark.parametrize("yaw", [-60.0, 60.0])
+@some_sides(60.0, slow=(-60.0,))
 def test_an_eye_that_was_not_painted_looks_where_the_other_looks(yaw):
     exemplar = portrait(posed(yaw))
     found = frontal_view(exemplar, face_pose(exemplar.landmarks))
@@ -293,7 +299,7 @@ def test_what_a_painter_saw_is_what_rays_reach(yaw):
     assert (seen == reached)[head].mean() > 0.99
 
 
-@pytest.mark.parametrize("yaw", [-30.0, 30.0])
+@some_sides(-30.0, slow=(30.0,))
 def test_what_lies_beyond_the_far_cheek_is_not_drawn_into_the_face(yaw):
     # A bonnet, which the person's mask does not tell from the face, of a head narrower than most.
     exemplar = portrait(posed(yaw))

@@ -102,61 +102,81 @@ def test_places_of_a_mouth_are_between_its_corners():
     assert np.allclose(places[:, 2], 1.6 / 3)
 
 
-CHART = bust_chart(0.016)
-FRONT = np.abs(CHART.angle) < np.radians(80)
-BUST = bust_distance(CHART)
-LEVEL = (CHART.axis[:, 1] > -0.15) & (np.arange(len(CHART.axis)) < CHART.level)
-SEEN = HeadSurface(CHART, BUST, np.ones_like(BUST), np.where(LEVEL[:, None] & FRONT, 1.0, 0.0),
-                   28.0, np.zeros_like(BUST))
-SLAB = VoxelField(np.arange(36 * SIZE ** 2, dtype=np.int32).reshape(SIZE, 36, SIZE),
-                  np.zeros(36 * SIZE ** 2, np.float32),
-                  np.zeros((36 * SIZE ** 2, 3, 1), np.float32),
-                  radius=np.array([1.0, 36 / SIZE, 1.0]))
-"""About the eyes."""
-ABOVE = CHART.outside(BUST, BUST, SLAB.links.shape, SLAB.center, SLAB.radius)[0].ravel() / VOXEL
-"""Voxels before a bust that photos see from the front."""
-HEAD = ABOVE < 0
 FOREHEAD = 0.05
 
 
-def slab(*solids):
-    """A field that is solid in all of some parts."""
-    return replace(SLAB, density=np.where(np.any(solids, axis=0), 500, -50).astype(np.float32))
+class Bust:
+    """A bust that photos see from the front, and a lattice about its eyes.
+
+    Attributes
+    ----------
+    above : Voxels before the bust.
+    head : Within it.
+    """
+
+    def __init__(self) -> None:
+        chart = bust_chart(0.016)
+        front = np.abs(chart.angle) < np.radians(80)
+        bust = bust_distance(chart)
+        level = (chart.axis[:, 1] > -0.15) & (np.arange(len(chart.axis)) < chart.level)
+        self.seen = HeadSurface(chart, bust, np.ones_like(bust),
+                                np.where(level[:, None] & front, 1.0, 0.0), 28.0,
+                                np.zeros_like(bust))
+        self.slab = VoxelField(np.arange(36 * SIZE ** 2, dtype=np.int32).reshape(SIZE, 36, SIZE),
+                               np.zeros(36 * SIZE ** 2, np.float32),
+                               np.zeros((36 * SIZE ** 2, 3, 1), np.float32),
+                               radius=np.array([1.0, 36 / SIZE, 1.0]))
+        slab = self.slab
+        self.points = slab.lattice_points().T
+        self.above = chart.outside(bust, bust, slab.links.shape, slab.center,
+                                   slab.radius)[0].ravel() / VOXEL
+        self.head = self.above < 0
+
+    def of(self, *solids):
+        """A field that is solid in all of some parts."""
+        return replace(self.slab, density=np.where(
+            np.any(solids, axis=0), 500, -50).astype(np.float32))
+
+    def level(self, tall, low=0.0, high=5.0, side=1.0):
+        """A bar that stands out of the bust in front, or behind (``side`` -1)."""
+        x, y, z = self.points
+        return ((high > self.above) & (low <= self.above) & (np.abs(y - FOREHEAD) < tall / 2)
+                & (np.abs(x) < 0.15) & (side * z > 0))
 
 
-def level(tall, low=0.0, high=5.0, height=FOREHEAD, side=1.0):
-    """A bar that stands out of the bust in front, or behind (``side`` -1)."""
-    x, y, z = SLAB.lattice_points().T
-    return ((high > ABOVE) & (low <= ABOVE) & (np.abs(y - height) < tall / 2)
-            & (np.abs(x) < 0.15) & (side * z > 0))
+@pytest.fixture(scope="module")
+def bust():
+    """Takes a second: made where its tests run, not wherever they are collected."""
+    return Bust()
 
 
-def test_a_level_sheet_that_stands_out_of_a_head_goes():
-    sheet = level(0.03)
-    field, places, normals = without_beaks(slab(HEAD, sheet), SEEN)
-    assert (sheet & (ABOVE > 3)).sum() > 10
-    assert field.density[sheet & (ABOVE > 3)].max() < 0
+def test_a_level_sheet_that_stands_out_of_a_head_goes(bust):
+    sheet, out = bust.level(0.03), bust.above > 3
+    field, places, normals = without_beaks(bust.of(bust.head, sheet), bust.seen)
+    assert (sheet & out).sum() > 10
+    assert field.density[sheet & out].max() < 0
     # The head is as it was, and photos are asked for it where it lies bare now.
-    assert np.array_equal(field.density[HEAD], slab(HEAD).density[HEAD])
+    assert np.array_equal(field.density[bust.head], bust.of(bust.head).density[bust.head])
     assert len(places) > 10
     assert np.abs(places[:, 1] - FOREHEAD).max() < 0.1
     assert normals[:, 2].min() > 0.5
 
 
 @pytest.mark.parametrize("stays", [
-    level(0.2),  # a nose
-    level(0.03, low=3.0, high=5.0),  # a rim of spectacles
-    level(0.03, side=-1.0),  # what no photo sees
+    {"tall": 0.2},  # a nose
+    {"tall": 0.03, "low": 3.0, "high": 5.0},  # a rim of spectacles
+    {"tall": 0.03, "side": -1.0},  # what no photo sees
 ], ids=["tall", "apart", "behind"])
-def test_what_is_tall_or_apart_or_unseen_stays(stays):
+def test_what_is_tall_or_apart_or_unseen_stays(bust, stays):
+    stays = bust.level(**stays)
     assert stays.sum() > 10
-    field = without_beaks(slab(HEAD, stays), SEEN)[0]
+    field = without_beaks(bust.of(bust.head, stays), bust.seen)[0]
     # An edge is rounded.
     assert (field.density[stays] > 0).mean() > 0.9
 
 
-def test_nothing_is_asked_of_a_field_without_a_surface():
-    empty = slab(np.zeros(len(ABOVE), bool))
-    field, places, normals = without_beaks(empty, SEEN)
+def test_nothing_is_asked_of_a_field_without_a_surface(bust):
+    empty = bust.of(np.zeros(len(bust.above), bool))
+    field, places, normals = without_beaks(empty, bust.seen)
     assert field is empty
     assert places.shape == normals.shape == (0, 3)

@@ -1,5 +1,7 @@
 """A knot of hair behind a head, of which photos show an edge above the crown."""
 
+import functools
+
 import cv2
 import numpy as np
 import pytest
@@ -24,17 +26,26 @@ def cameras(side=0.0):
                       focal=FOCAL, target=(0.0, 0.1, 0.0))
 
 
-def mattes(chart, distance, views, ball=None, shown=None):
-    """What the views show of a bust and a ball, uint8 [H, W] each."""
+@functools.cache
+def bust_mattes(side):
+    """What `cameras` show of the bust, uint8 [H, W] each. Not to be changed."""
+    chart, views, found = bust_chart(0.02), cameras(side), []
     halves = chart.halves
-    points = chart.finer().points(at_places(distance, halves.reshape(2, -1))
+    points = chart.finer().points(at_places(bust_distance(chart), halves.reshape(2, -1))
                                   .reshape(halves.shape[1:])).reshape(-1, 3)
-    found = []
     for view in range(len(views)):
         matte = np.zeros((SIDE, SIDE), np.uint8)
         x, y = np.clip(views[view].project(points)[0][0].astype(int), 0, SIDE - 1).T
         matte[y, x] = 255
-        matte = cv2.morphologyEx(matte, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+        found.append(cv2.morphologyEx(matte, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)))
+    return found
+
+
+def mattes(side, ball=None, shown=None):
+    """What `cameras` show of the bust and a ball, uint8 [H, W] each."""
+    found, views = [], cameras(side)
+    for view, plain in enumerate(bust_mattes(side)):
+        matte = plain.copy()
         if ball is not None and (shown is None or view in shown):
             middle, radius = ball
             (pixel,), (depth,) = (part[0] for part in views[view].project(middle[None]))
@@ -44,15 +55,15 @@ def mattes(chart, distance, views, ball=None, shown=None):
     return found
 
 
-def knots(chart, distance, views, *more):
+def knots(chart, distance, side, *more):
     limit = np.full(distance.shape, np.inf)
-    return knots_behind(chart, distance, limit, views, mattes(chart, distance, views, *more))
+    return knots_behind(chart, distance, limit, cameras(side), mattes(side, *more))
 
 
 @pytest.mark.parametrize("side", [0.0, 8.0])
 def test_a_knot_is_found_where_it_is(bust, side):
     chart, distance = bust
-    found = knots(chart, distance, cameras(side), (MIDDLE, RADIUS))
+    found = knots(chart, distance, side, (MIDDLE, RADIUS))
     assert found.any()
     points = chart.points(found)[found > 0]
     assert np.abs(np.linalg.norm(points - MIDDLE, axis=1) - RADIUS).mean() < 0.03
@@ -70,29 +81,27 @@ def test_a_knot_is_as_large_as_its_ball(bust, monkeypatch, middle, radius):
 
     measured = module._ball
     monkeypatch.setattr(module, "_ball", ball)
-    knots(*bust, cameras(3.0), (np.array(middle), radius))
+    knots(*bust, 3.0, (np.array(middle), radius))
     (_, size), = [one for one in found if one is not None]
     assert size == pytest.approx(radius, abs=0.01)
 
 
 def test_no_knot_is_found_where_there_is_none(bust):
-    assert not knots(*bust, cameras()).any()
+    assert not knots(*bust, 0.0).any()
 
 
 def test_single_photos_make_no_knot(bust):
-    assert not knots(*bust, cameras(), (MIDDLE, RADIUS), (2, 6)).any()
+    assert not knots(*bust, 0.0, (MIDDLE, RADIUS), (2, 6)).any()
 
 
 def test_what_stands_out_beside_the_face_is_no_knot(bust):
-    assert not knots(*bust, cameras(), (np.array([0.42, -0.1, -0.05]), 0.12)).any()
+    assert not knots(*bust, 0.0, (np.array([0.42, -0.1, -0.05]), 0.12)).any()
 
 
 def test_a_knot_stays_within_the_mattes(bust):
     chart, distance = bust
-    views = cameras()
     limit = distance + 0.02
-    found = knots_behind(chart, distance, limit, views,
-                         mattes(chart, distance, views, (MIDDLE, RADIUS)))
+    found = knots_behind(chart, distance, limit, cameras(), mattes(0.0, (MIDDLE, RADIUS)))
     assert found.any() and (found <= limit).all()
 
 

@@ -25,7 +25,7 @@ def folder(path: Path, count: int) -> Path:
 @pytest.fixture
 def fitted(monkeypatch):
     """What heads were fitted to: the number of photos, and what was said."""
-    capture, _, _ = photos(0.0)
+    capture, _, _ = photos(0.0, 90)
     seen = []
 
     def fit(given, progress):
@@ -60,7 +60,7 @@ def test_a_file_is_one_photo(tmp_path, fitted):
 
 
 def test_what_has_cameras_is_not_fitted(tmp_path):
-    found, _, boxes = photos(0.0)
+    found, _, boxes = photos(0.0, 90)
     replace(found, cameras=boxes).save(tmp_path / "capture")
     assert head_way(tmp_path / "capture", "auto") == "photos"
     assert not is_few(tmp_path / "capture")
@@ -71,7 +71,7 @@ def test_what_has_cameras_is_not_fitted(tmp_path):
 @pytest.mark.parametrize("placed", [0, COUNT])
 def test_a_few_photos_that_do_not_belong_together_go_by_the_face(tmp_path, monkeypatch, fitted,
                                                                placed):
-    found, _, _ = photos(0.0)
+    found, _, _ = photos(0.0, 90)
 
     def apart(*_):
         if placed == 0:
@@ -85,7 +85,7 @@ def test_a_few_photos_that_do_not_belong_together_go_by_the_face(tmp_path, monke
 
 
 def test_what_can_be_placed_is_and_a_line_says_so(tmp_path, monkeypatch, fitted):
-    found, _, boxes = photos(0.0)
+    found, _, boxes = photos(0.0, 90)
     placed = replace(found, cameras=boxes, figures={"photos": COUNT, "blurred": [], "left_out": []})
     monkeypatch.setattr(prepare, "calibrate", lambda *_: placed)
     points = np.random.default_rng(0).normal(size=(68, 3))
@@ -109,6 +109,8 @@ def test_where_both_fail_both_are_named(tmp_path, monkeypatch):
             raise error
         return run
     monkeypatch.setattr(prepare, "calibrate", fail(PhotosError("the photos do not overlap", {})))
+    # Plain pictures, in which a detector looks for faces in vain, for a second each.
+    monkeypatch.setattr("lfportrait.face.face_cameras.detect_landmarks", lambda *_, **__: None)
     monkeypatch.setattr("lfportrait.face.portrait_capture",
                         fail(UserError("no face was found in 0.png")))
     with pytest.raises(UserError, match="overlap; nor can a head be fitted: no face was found"):

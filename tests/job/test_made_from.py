@@ -94,7 +94,7 @@ def test_where_no_picture_shows_a_face_a_line_says_so(seen):
 @pytest.fixture
 def fitted(monkeypatch):
     """What heads were fitted to, and what was said."""
-    capture, _, _ = moved_photos(0.0)
+    capture, _, _ = moved_photos(0.0, 90)
     done: list[object] = []
 
     def fit(given, progress):

@@ -51,12 +51,17 @@ def ground() -> np.ndarray:
     return picture
 
 
+@functools.cache
+def disc() -> np.ndarray:
+    """The face's pixels. Not to be changed."""
+    y, x = np.mgrid[:240, :320]
+    return np.hypot(y - 120, x - 160) < 140
+
+
 def photo(index: int) -> Image.Image:
     """A face-colored disc in front of corners at many scales."""
     picture = np.roll(ground(), 3 * index, 1)
-    y, x = np.mgrid[:240, :320]
-    picture[np.hypot(y - 120, x - 160) < 140] *= 0.05
-    picture[np.hypot(y - 120, x - 160) < 140] += (140, 100, 80)
+    picture[disc()] = 0.05 * picture[disc()] + (140, 100, 80)
     return Image.fromarray(picture.astype(np.uint8))
 
 
@@ -80,7 +85,7 @@ def series(folder: Path, faces: dict[int, float], yaws: list[float], change=lamb
         picture = np.array(change(index, photo(index)))
         picture[0, 0] = index
         faces[index] = yaw
-        Image.fromarray(picture).save(folder / f"{index:03d}.png")
+        Image.fromarray(picture).save(folder / f"{index:03d}.png", compress_level=1)
     return folder
 
 

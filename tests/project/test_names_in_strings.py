@@ -22,7 +22,8 @@ def written_orders(name, path):
     What a function adds to the end of one when it runs is left out, with the colon before it.
     """
     text = path.read_text("utf-8")
-    waiting = [ast.parse(text)] if re.search(r"[\w}]:[\w{]", text) else []
+    # An order ends its string, or something is put into what follows the colon.
+    waiting = [ast.parse(text)] if re.search(r"[\w}]:[A-Za-z_]*\w*[\"'{]", text) else []
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.JoinedStr):

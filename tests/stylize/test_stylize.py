@@ -248,10 +248,10 @@ def job():
     capture = demo_capture(size=72, views=16)
     field, _ = reconstruct_with_figures(capture, ReconstructConfig(
         resolutions=(24, 48), rays=(0.04, 0.08), batch=(2048,)))
-    return field, capture, demo_exemplar(width=240, height=320)
+    return field, capture, demo_exemplar(width=180, height=240)
 
 
-SMALL = StylizeConfig(method="paper", guide="surface", size=112, arc=40.0, views=3,
+SMALL = StylizeConfig(method="paper", guide="surface", size=88, arc=40.0, views=3,
                       pitches=(5.0,), fit_iterations=6, steps=4, content_network="embedded",
                       style_network="embedded")
 

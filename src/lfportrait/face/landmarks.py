@@ -21,6 +21,7 @@ head's depth holds what the picture leaves open.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -213,11 +214,17 @@ def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
 
     Raises `ValueError` if fewer than 20 are known.
     """
+    return _pose_of(np.ascontiguousarray(landmarks, np.float64).tobytes())
+
+
+@functools.lru_cache(maxsize=64)  # a twentieth of a second, and several steps ask for one face's
+def _pose_of(content: bytes) -> FacePose:
+    """`face_pose` of the bytes of landmarks, float64 [68, 2]."""
     # Here: they take a tenth of a second to import, and most poses are known (`Exemplar.pose`).
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
-    found = np.asarray(landmarks, np.float64)
+    found = np.frombuffer(content).reshape(-1, 2)
     known = np.isfinite(found).all(axis=1)
     if known.sum() < 20:
         raise ValueError("a pose needs 20 landmarks at least")
@@ -250,6 +257,8 @@ def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
                     middle + size * values[4:6], 0.0)
     away = (pose.project(head) - seen)[np.flatnonzero(known) >= 17]
     residual = float(np.sqrt((away ** 2).sum(axis=1).mean())) if len(away) else 0.0
+    for array in (pose.rotation, pose.shift):
+        array.setflags(write=False)
     return FacePose(pose.rotation, pose.scale, pose.shift, residual)
 
 

@@ -15,15 +15,15 @@ from tests.capture.test_calibrate import pose_errors, room_cameras, room_picture
 COUNT = 8
 
 
-def photos(degrees: float) -> tuple[Capture, list[np.ndarray], Camera]:
+def photos(degrees: float, side: int = 360) -> tuple[Capture, list[np.ndarray], Camera]:
     """Photos of a box that turns by some degrees between them; its mattes and true cameras."""
-    capture, mattes, boxes = _photographed(degrees)
+    capture, mattes, boxes = _photographed(degrees, side)
     return replace(capture), [*mattes], boxes
 
 
 @functools.cache  # seconds, and tests of whatever takes photos ask for them
-def _photographed(degrees: float) -> tuple[Capture, list[np.ndarray], Camera]:
-    cameras = room_cameras(COUNT, 360, 360)
+def _photographed(degrees: float, side: int) -> tuple[Capture, list[np.ndarray], Camera]:
+    cameras = room_cameras(COUNT, side, side)
     cameras = replace(cameras, focal=1.8 * cameras.focal)
     random = np.random.default_rng(0)
     motion = np.tile(np.eye(4), (COUNT, 1, 1))

@@ -79,7 +79,8 @@ def test_a_painting_shows_them(worn, dark_eyed):
     assert np.abs(np.nanmedian(seen[place], axis=0) - black).max() < 0.2
 
 
-@pytest.mark.parametrize("patchmatch", [True, False])
+# The mouth is drawn after either, by the same steps.
+@pytest.mark.parametrize("patchmatch", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_an_open_mouth_of_a_head_is_painted(field, dark_eyed, patchmatch):
     """In the painter's white where the head is light between its lips."""
     marks = HEAD_LANDMARKS.copy()

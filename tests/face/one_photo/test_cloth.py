@@ -13,11 +13,12 @@ from lfportrait.face.one_photo.cloth import clothes_of
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import Shot, _clothed, _Mean, painted
 from lfportrait.face.one_photo.parts import parts_of
-from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import BODY, HEAD, solid_of
 from lfportrait.field import C0
 from tests.fields import shell_field
+
+from .generic import generic_head
 
 SIDE = 400
 SKIN = np.float32([0.82, 0.62, 0.52])
@@ -26,13 +27,11 @@ Head = tuple[Camera, MeshSamples, np.ndarray]
 
 @pytest.fixture(scope="module")
 def head() -> Head:
-    prior = generic_prior()
-    points = prior.mean.astype(float) / METRES
-    points[:, 2] -= points[:, 2].mean()
+    points, samples = generic_head()
     camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=560.0,
                         target=(0, -0.4, 0), pitch=0.0)
-    landmarks = camera.project(points[prior.landmarks])[0][0]
-    return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
+    landmarks = camera.project(points[generic_prior().landmarks])[0][0]
+    return camera, samples, landmarks
 
 
 @pytest.fixture(autouse=True)
@@ -86,9 +85,13 @@ def found(head: Head, colors: np.ndarray, **more: np.ndarray) -> np.ndarray:
                       more.get("beard"), landmarks, camera, samples)
 
 
-@pytest.mark.parametrize("color", [(0.03, 0.03, 0.035), (0.92, 0.92, 0.93), (0.2, 0.25, 0.45),
-                                   (0.36, 0.36, 0.36), (0.36, 0.30, 0.26)],
-                         ids=["black", "white", "blue", "grey", "brown"])
+@pytest.mark.parametrize("color", [
+    # The darkest, and the one that is most like skin, stay quick.
+    pytest.param((0.03, 0.03, 0.035), id="black"),
+    pytest.param((0.92, 0.92, 0.93), id="white", marks=pytest.mark.slow),
+    pytest.param((0.2, 0.25, 0.45), id="blue", marks=pytest.mark.slow),
+    pytest.param((0.36, 0.36, 0.36), id="grey", marks=pytest.mark.slow),
+    pytest.param((0.36, 0.30, 0.26), id="brown")])
 def test_a_shirt_is_clothes_and_the_shade_of_a_chin_is_not(head, color):
     worn, truth = found(head, photo(head, color)) > 0.5, shirt(head)
     shown = person(head)
@@ -175,10 +178,16 @@ def test_what_no_photo_shows_of_a_body_is_worn_as_what_it_shows(head):
     assert _clothed(shell, own).max() == 0
 
 
-def test_a_field_knows_its_clothes_if_its_photo_says(head):
+@pytest.fixture(scope="module")
+def shell(head):
+    """The shell of that person, 64 voxels high. Not to be changed."""
     camera, samples, _ = head
     matte = person(head).astype(np.float32)
-    shell = shell_of(solid_of(parts_of(camera, matte, np.zeros_like(matte), 4.0), samples), 64)
+    return shell_of(solid_of(parts_of(camera, matte, np.zeros_like(matte), 4.0), samples), 64)
+
+
+def test_a_field_knows_its_clothes_if_its_photo_says(head, shell):
+    camera = head[0]
     colors = photo(head, (0.2, 0.25, 0.45))
     plain = Shot.of(camera, colors, None)
     assert painted(shell, [plain]).clothes is None
@@ -211,10 +220,8 @@ def test_shoulders_beside_a_chin_are_clothed(head):
     assert worn[y - 60:y + 40, x + 140:x + 180].min() > 0.9
 
 
-def test_clothes_that_no_photo_shows_go_on_in_their_own_color(head):
-    camera, samples, _ = head
-    matte, cloth_color = person(head).astype(np.float32), (0.1, 0.2, 0.7)
-    shell = shell_of(solid_of(parts_of(camera, matte, np.zeros_like(matte), 4.0), samples), 64)
+def test_clothes_that_no_photo_shows_go_on_in_their_own_color(head, shell):
+    camera, cloth_color = head[0], (0.1, 0.2, 0.7)
     shot = Shot.of(camera, photo(head, cloth_color), None,
                    clothes=shirt(head).astype(np.float32))
     found = painted(shell, [shot])

@@ -24,11 +24,13 @@ from lfportrait.face.one_photo.paint import (
     strands,
 )
 from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
-from lfportrait.face.one_photo.piece import BROAD, METRES, filled
-from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
+from lfportrait.face.one_photo.piece import BROAD, filled
+from lfportrait.face.one_photo.samples import depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
 
-SIDE = 320
+from .generic import generic_head
+
+SIDE = 240
 
 
 @functools.cache
@@ -38,9 +40,8 @@ def bust(*lengths: float) -> Solid:
     Not to be changed.
     """
     prior = generic_prior()
-    points = prior.mean.astype(float) / METRES
-    points[:, 2] -= points[:, 2].mean()
-    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=560.0,
+    points, samples = generic_head()
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=1.75 * SIDE,
                         target=(0, -0.25, 0), pitch=0.0)
 
     def drawn(corners: list[tuple[float, float]]) -> np.ndarray:
@@ -62,7 +63,7 @@ def bust(*lengths: float) -> Solid:
     hair &= 1 - face
     matte = (head | body | hair).astype(np.float32)
     parts = parts_of(camera, matte, hair.astype(np.float32), 4.0)
-    return solid_of(parts, MeshSamples.of(points, prior.outer, prior.rest))
+    return solid_of(parts, samples)
 
 
 @pytest.fixture(scope="module")
@@ -230,9 +231,7 @@ def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):
 @pytest.mark.slow  # a bust of its own
 def test_hair_stands_off_the_skull_as_far_as_its_outline():
     prior = generic_prior()
-    points = prior.mean.astype(float) / METRES
-    points[:, 2] -= points[:, 2].mean()
-    samples = MeshSamples.of(points, prior.outer, prior.rest)
+    points, samples = generic_head()
     camera = Camera.arc(np.zeros(1), distance=40.0, width=SIDE, height=SIDE, focal=5600.0,
                         target=(0, -0.25, 0), pitch=0.0)
     head, hair = np.zeros((2, SIDE, SIDE), np.uint8)

@@ -8,18 +8,12 @@ from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo.knot import knot_of, without_knot
 from lfportrait.face.one_photo.parts import Parts, parts_of
-from lfportrait.face.one_photo.piece import METRES
-from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
+from lfportrait.face.one_photo.samples import depth_maps
 from lfportrait.face.one_photo.solid import HAIR, solid_of
 
+from .generic import generic_head
+
 SIDE, RADIUS = 320, 0.16
-
-
-def head() -> tuple[np.ndarray, MeshSamples]:
-    prior = generic_prior()
-    points = prior.mean.astype(float) / METRES
-    points[:, 2] -= points[:, 2].mean()
-    return points, MeshSamples.of(points, prior.outer, prior.rest)
 
 
 def drawn(points: np.ndarray, middle: float | None, aside: float = 0.0, tall: float = 1.0,
@@ -43,7 +37,7 @@ def drawn(points: np.ndarray, middle: float | None, aside: float = 0.0, tall: fl
 
 @pytest.mark.parametrize("middle", [0.0, 0.1])
 def test_a_knot_is_found_by_its_outline(middle):
-    points, samples = head()
+    points, samples = generic_head()
     parts = drawn(points, middle)
     knot = knot_of(parts, depth_maps(samples, parts)[0])
     assert knot is not None
@@ -55,14 +49,14 @@ def test_a_knot_is_found_by_its_outline(middle):
 
 @pytest.mark.slow  # one that is seen: here, too
 def test_no_knot_is_seen_in_other_heads():
-    points, samples = head()
+    points, samples = generic_head()
     for parts in (drawn(points, None), drawn(points, -0.14), drawn(points, 0.1, 0.45),
                   drawn(points, 0.1, tall=3.0), drawn(points, -0.2, 0.32)):
         assert knot_of(parts, depth_maps(samples, parts)[0]) is None
 
 
 def test_a_knot_stands_behind_the_crown():
-    points, samples = head()
+    points, samples = generic_head()
     parts = drawn(points, 0.0)
     solid = solid_of(parts, samples)
     top = float(points[:, 1].max())

@@ -11,19 +11,19 @@ from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.skin import clothes, not_skin, open_mouth
 from lfportrait.face.one_photo.solid import BODY, HEAD
 
+from .generic import generic_head
+
 SIDE = 320
 SKIN = np.float32([0.82, 0.62, 0.52])
 
 
 @pytest.fixture(scope="module")
 def head() -> tuple[Camera, MeshSamples, np.ndarray]:
-    prior = generic_prior()
-    points = prior.mean.astype(float) / METRES
-    points[:, 2] -= points[:, 2].mean()
+    points, samples = generic_head()
     camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=700.0,
                         target=(0, 0, 0), pitch=0.0)
-    landmarks = camera.project(points[prior.landmarks])[0][0]
-    return camera, MeshSamples.of(points, prior.outer, prior.rest), landmarks
+    landmarks = camera.project(points[generic_prior().landmarks])[0][0]
+    return camera, samples, landmarks
 
 
 def shaded() -> np.ndarray:

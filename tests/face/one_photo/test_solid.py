@@ -115,5 +115,5 @@ def test_shoulders_without_a_collar_lose_nothing(bust, monkeypatch):
 
     without_blades = lattice._without_blades
     monkeypatch.setattr(lattice, "_without_blades", counted)
-    lattice.shell_of(bust, 128)
+    lattice.shell_of(bust, 96)
     assert taken == [0]

@@ -104,21 +104,18 @@ def studio(tmp_path_factory):
     return folder / "studio"
 
 
-@pytest.fixture(scope="session")
-def made_once(studio, tmp_path_factory):
-    """The studio's batch, undisturbed: made by the first test process that asks."""
-    with for_all(tmp_path_factory) as folder:
-        kept = folder / "made.pickle"
-        if not kept.exists():
-            events: list[dict] = []
-            # Without processes, which import all again; slow tests make the same by those.
-            with single_thread(), pytest.MonkeyPatch.context() as patch:
-                patch.setattr("lfportrait.job.batch.driver.LocalRunner", Inline)
-                figures = batch(folder / "studio" / "jobs.toml", folder / "results",
-                                BatchConfig(cores=1), watchers=[events.append])
-            assert not figures["failed"], figures["failed"]
-            kept.write_bytes(pickle.dumps((figures, events)))
-    return folder, *pickle.loads(kept.read_bytes())
+def made_once(folder: Path, jobs: Path, results: Path) -> tuple[Path, dict, list[dict]]:
+    """A batch, undisturbed: made by the first test process that asks."""
+    kept = folder / f"{results.name}.pickle"
+    if not kept.exists():
+        events: list[dict] = []
+        # Without processes, which import all again; slow tests make the same by those.
+        with single_thread(), pytest.MonkeyPatch.context() as patch:
+            patch.setattr("lfportrait.job.batch.driver.LocalRunner", Inline)
+            figures = batch(jobs, results, BatchConfig(cores=1), watchers=[events.append])
+        assert not figures["failed"], figures["failed"]
+        kept.write_bytes(pickle.dumps((figures, events)))
+    return results, *pickle.loads(kept.read_bytes())
 
 
 @pytest.fixture(scope="session")
@@ -135,10 +132,30 @@ def of_anna(found: dict[str, str]) -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
-def made(made_once):
+def made(studio, tmp_path_factory):
     """The studio's batch, undisturbed: its folder, figures and events. Not to be changed."""
-    folder, figures, events = made_once
-    return folder / "results", figures, events
+    with for_all(tmp_path_factory) as folder:
+        return made_once(folder, studio / "jobs.toml", folder / "results")
+
+
+@pytest.fixture(scope="session")
+def small(studio, tmp_path_factory):
+    """A batch of one sitter, style and display, as `made` has it; its file is ``one.toml``.
+
+    A third of the work: quick tests make no other.
+    """
+    with for_all(tmp_path_factory) as folder:
+        text = (studio / "jobs.toml").read_text().replace("sittings/*", "sittings/anna")
+        text = text.partition('[[style]]\npainting = "chalk.png"')[0] + (
+            '[[display]]\nname = "desk"\npanel = "tiny.toml"\n')
+        (studio / "one.toml").write_text(text)
+        return made_once(folder, studio / "one.toml", folder / "results-of-one")
+
+
+@pytest.fixture(params=["small", pytest.param("made", marks=pytest.mark.slow)])
+def either(request):
+    """A batch of one, and one of all: its folder, figures and events. Not to be changed."""
+    return request.getfixturevalue(request.param)
 
 
 @pytest.fixture

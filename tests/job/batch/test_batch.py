@@ -44,22 +44,8 @@ def started(events):
     return [event["task"] for event in events if event["event"] == "started"]
 
 
-@pytest.fixture(scope="module")
-def small(studio, tmp_path_factory):
-    """A batch of one sitter, style and display: its file, its results and its figures."""
-    folder = tmp_path_factory.mktemp("small")
-    text = (studio / "jobs.toml").read_text().replace("sittings/*", "sittings/anna")
-    text = text.partition('[[style]]\npainting = "chalk.png"')[0] + (
-        '[[display]]\nname = "desk"\npanel = "tiny.toml"\n')
-    (studio / "one.toml").write_text(text)
-    with single_thread(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(driver_module, "LocalRunner", Inline)
-        return studio / "one.toml", folder / "results", batch(studio / "one.toml",
-                                                              folder / "results")
-
-
-def test_a_batch_of_one_goes_on_where_a_file_is_missing(small, inline, tmp_path):
-    jobs, made, figures = small
+def test_a_batch_of_one_goes_on_where_a_file_is_missing(small, studio, inline, tmp_path):
+    jobs, (made, figures, _) = studio / "one.toml", small
     assert figures["ran"] == dict.fromkeys(STAGES, 1) and not figures["failed"]
     before = digests(made)
     assert {"anna/ken/desk.png", "anna/ken/portrait.html", "anna/ken/styled.npz"} <= set(before)
@@ -69,11 +55,11 @@ def test_a_batch_of_one_goes_on_where_a_file_is_missing(small, inline, tmp_path)
     assert again["ran"] == {"page": 1} and digests(results) == before
 
 
-def test_a_stage_that_fails_is_an_exit_code(small, inline, monkeypatch, capsys, tmp_path):
-    results = Path(shutil.copytree(small[1], tmp_path / "results"))
+def test_a_stage_that_fails_is_an_exit_code(small, studio, inline, monkeypatch, capsys, tmp_path):
+    results = Path(shutil.copytree(small[0], tmp_path / "results"))
     (results / "anna/ken/portrait.html").unlink()
     monkeypatch.setattr("lfportrait.job.work.write_page", lambda *_: {}["nothing"])
-    assert main(["batch", str(small[0]), "--out", str(results), "--quiet"]) == 3
+    assert main(["batch", str(studio / "one.toml"), "--out", str(results), "--quiet"]) == 3
     assert "failed: anna/ken/page" in capsys.readouterr().out
     assert "Traceback" in (results / ".batch" / "faults.txt").read_text()
 

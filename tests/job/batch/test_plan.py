@@ -109,16 +109,17 @@ def test_a_folder_without_photos_refuses_its_sitter_alone(studio, jobs_text, tmp
     assert len(plan.tasks) == 22
 
 
-def test_only_what_leads_to_something_missing_is_done(made, studio, copy):
-    found = prepare_batch(studio / "jobs.toml", copy)
+def test_only_what_leads_to_something_missing_is_done(small, studio, tmp_path):
+    copy = shutil.copytree(small[0], tmp_path / "results")
+    found = prepare_batch(studio / "one.toml", copy)
     assert not found.plan.to_do(found.done)
     # What is only on the way may be thrown away.
     for name in ("field.npz", "skin-48.npz", "ken/styled.npz"):
         (copy / "anna" / name).unlink()
-    found = prepare_batch(studio / "jobs.toml", copy)
+    found = prepare_batch(studio / "one.toml", copy)
     assert not found.plan.to_do(found.done)
     (copy / "anna/ken/desk.png").unlink()
-    found = prepare_batch(studio / "jobs.toml", copy)
+    found = prepare_batch(studio / "one.toml", copy)
     assert [task.name for task in found.plan.to_do(found.done)] == [
         "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
 
