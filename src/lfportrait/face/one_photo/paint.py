@@ -42,6 +42,9 @@ PURE = 0.02
 """Hair and skin mix so far on both sides of a hairline, portrait units: what lies there says
 nothing of what no photo shows."""
 MIRRORED = 0.25  # Weight of what the other side shows.
+SQUARER = (0.3, 0.6)
+"""By how much larger cosines of incidence on the other side are from which on, and from which on in
+full, that one's colors are better than a photo's own."""
 STRANDS = 0.15  # How far below the nape hair hangs that has strands in full, portrait units.
 SQUARE = 6  # Power by which one of several photos that looks more squarely counts more.
 WIDTHS = (0.016, 0.032, 0.064, 0.128)  # Widths of strands (3 to 26 mm), portrait units.
@@ -207,6 +210,12 @@ class Look(NamedTuple):
     weight: Float64
     cosine: Float64
 
+    def beside(self, mirrored: Look) -> Look:
+        """It without what is seen much more squarely on the other side."""
+        better = np.clip((mirrored.cosine - self.cosine - SQUARER[0])
+                         / (SQUARER[1] - SQUARER[0]), 0, 1)
+        return self._replace(weight=self.weight * (1 - better * mirrored.weight))
+
 
 class _Mean:
     """Means of colors, hair and beard over photos."""
@@ -287,13 +296,14 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
             coming = pool.submit(shot.look, points * mirror, normals * mirror, near, face, shell.voxel,
                                  shell.owner)
             look = shot.look(points, normals, near, face, shell.voxel, shell.owner)
+        mirrored = coming.result()
+        look = look.beside(mirrored)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
         own.add(np.clip(look.colors * light, 0, 1), look, square)
-        look = coming.result()
-        other.add(np.clip(look.colors * light, 0, 1), look, look.weight)
-    hair = _hairy(shell, own)
+        other.add(np.clip(mirrored.colors * light, 0, 1), mirrored, mirrored.weight)
+    hair = _hairy(shell, own, other)
     # A little skin that a photo shows in passing is no line through hair.
     own.best *= 1 - skin * hair * (1 - own.share)
     bearded = shell.owner == BEARD
@@ -378,15 +388,18 @@ def _bearded(shell: Shell, own: _Mean) -> Float64:
     return np.clip(out, 0, 1)
 
 
-def _hairy(shell: Shell, own: _Mean) -> Float64:
+def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     """How much of a shell's points is hair, [N] in [0, 1]."""
     hair = np.asarray(shell.owner == HAIR, np.float64)
     if not hair.any():
         return hair
-    # What no photo shows has hair, too, where hair grows; so has what shows through.
+    # What no photo shows has hair, too, where it has on the other side, or where hair grows; so has
+    # what shows through.
     unseen = np.clip(1 - own.best / HIDDEN, 0, 1)
     shown = np.clip(2 * own.share - 0.5, 0, 1)
-    out = np.maximum(hair, shell.scalp * np.maximum(unseen, shown))
+    alike = np.clip(2 * other.best - 1, 0, 1) * shell.face
+    grown = alike * np.clip(2 * other.share - 0.5, 0, 1) + (1 - alike) * shell.scalp
+    out = np.maximum(hair, np.maximum(grown * unseen, shell.scalp * shown))
     # At a temple that a photo hardly sees the outline of hair has bays.
     head = (shell.owner == HEAD) | (shell.owner == HAIR)
     within = _closed(shell.on[head], out[head] > 0.5)
@@ -427,7 +440,7 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
         weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
         # The light of head and body is one.
-        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight), 0, 1)
+        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, 1), 0, 1)
         found = _filled(at, photo, weight, matched, known)
         bare = head[place]
         if kind == 2 and bare.any():
@@ -440,13 +453,13 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
-           ) -> Float64:
+           finest: int = 3) -> Float64:
     """What colors [N, 3] are to be multiplied with to have the light of others, by wide means."""
     both = np.minimum(weight, known)
     if both.sum() <= 100:
         return np.ones_like(colors)
     ratio = np.clip((others + 0.02) / (colors + 0.02), 0.3, 3.0)
-    return np.asarray(np.exp(_spread(points, np.log(ratio), both, 3)))
+    return np.asarray(np.exp(_spread(points, np.log(ratio), both, finest)))
 
 
 def _nearest(depth: NDArray[np.floating]) -> Float64:
