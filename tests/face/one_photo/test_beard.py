@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo import beard
 from lfportrait.face.one_photo.beard import BEARD, _hung_from, beard_of, beneath
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import Shot, painted
@@ -106,6 +107,19 @@ def test_whiskers_beside_a_jaw_are_of_the_beard(head):
 def test_a_chin_without_a_beard_has_none_below(head, shade):
     image, matte, _ = photo(head[2], 0, shade)
     assert beard_of(image, matte, head[2]) is None
+
+
+@pytest.mark.parametrize("light, bearded", [(0.5, True), (0.29, False)])
+def test_the_shade_below_a_chin_with_stubble_is_no_beard(head, light, bearded, monkeypatch):
+    image, matte, below = photo(head[2], LONG, color=1.4 * HAIR)
+    locks = (np.arange(SIDE) // 16 % 2 == 0)[None]
+    hairs = (np.abs(image - 255 * 1.4 * HAIR).max(axis=2) < 60) & ~below
+    image[hairs & locks] = np.rint(0.55 * image[hairs & locks])
+    image[below] = np.rint(light * image[below])
+    assert (beard_of(image, matte, head[2]) is not None) == bearded
+    monkeypatch.setattr(beard, "CAST", 9.0)
+    found = beard_of(image, matte, head[2])
+    assert found is not None and found.below.sum() > 1000, "one by all else"
 
 
 def test_a_chin_half_of_which_lies_in_shade_has_no_beard(head):

@@ -144,12 +144,17 @@ def test_a_head_knows_its_hair_whatever_its_color(long):
 def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
     shell = SimpleNamespace(owner=np.array([HAIR, *[HEAD] * 6]),
                             scalp=np.array([False, *[True] * 5, False]),
+                            face=np.ones(7, bool),
                             on=np.arange(7.0)[:, None] * [0.3, 0, 0])
     own = SimpleNamespace(best=np.array([1, 0, HIDDEN / 2, 1, 1, 1, 0]),
                           share=np.array([0, 0, 0, 0, 0.5, 1, 0]))
-    assert np.allclose(_hairy(shell, own), [1, 1, 0.5, 0, 0.5, 1, 0])
+    unseen = SimpleNamespace(best=np.zeros(7), share=np.zeros(7))
+    assert np.allclose(_hairy(shell, own, unseen), [1, 1, 0.5, 0, 0.5, 1, 0])
+    bare, grown = (SimpleNamespace(best=np.ones(7), share=np.full(7, share)) for share in (0, 1))
+    assert np.allclose(_hairy(shell, own, bare), [1, 0, 0, 0, 0.5, 1, 0]), "as the other side"
+    assert np.allclose(_hairy(shell, own, grown), [1, 1, 0.5, 0, 0.5, 1, 1])
     shell.owner[:] = HEAD
-    assert not _hairy(shell, own).any(), "a shaven head"
+    assert not _hairy(shell, own, grown).any(), "a shaven head"
 
 
 def test_ground_in_hair_is_found_and_highlights_are_not():

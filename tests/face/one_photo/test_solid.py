@@ -97,6 +97,7 @@ def test_shoulders_may_reach_to_the_ears(bust):
     inside[row:, column:column + 60] = 9.0
     found = _raised(replace(parts, inside=inside), near, place)
     assert found[row + 12, column + 20:column + 40].all()
+    assert found[int(place.end) + 10, column + 20:column + 40].all(), "without a gap above the body"
     assert not found[:int(place.ears)].any() and not (found & np.isfinite(near)).any()
     higher = inside.copy()
     higher[int(place.ears) - 60:, column + 20:column + 80] = 9.0

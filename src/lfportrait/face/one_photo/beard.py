@@ -37,6 +37,8 @@ octaves of lightness from place to place. One that is brighter is less even by s
 the hair."""
 SHADED = 0.13, 0.95
 """Nor is it shade: less even by the first, or less red by the second, or by a half of each."""
+CAST = 1.3
+"""What lies below a jaw and is darker than the chin's hairs by more octaves is the chin's shade."""
 SPREAD = np.array([0.25, 0.08, 0.03])
 """Least deviations of lightness (octaves), redness (octaves) and fineness (octaves) of a beard and
 of skin."""
@@ -104,6 +106,10 @@ def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: F
     like = _like_a_beard(looks, covered, face.cheeks)
     like[~face.person | _hanging(masks[1], face)] = -1
     found = _followed(like, looks, face)
+    hairs = face.chin & (like > 0)
+    if found.any() and hairs.any() and (np.median(looks[found, 0])
+                                        < np.median(looks[hairs, 0]) - CAST):
+        return None
     whole = _one_piece(((face.lower | face.beside) & (like > 0)) | found, face.chin) & face.person
     shown = [cv2.resize(one.astype(np.float32), matte.shape[::-1], interpolation=cv2.INTER_LINEAR)
              for one in (found, whole)]

@@ -293,9 +293,9 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         near = _nearest(np.where(alpha > 0.5, depth, np.inf))
         face = _Outline.of(faces, small)
         with ThreadPoolExecutor(2) as pool:
-            coming = pool.submit(shot.look, points * mirror, normals * mirror, near, face, shell.voxel,
-                                 shell.owner)
-            look = shot.look(points, normals, near, face, shell.voxel, shell.owner)
+            known = near, face, shell.voxel, shell.owner
+            coming = pool.submit(shot.look, points * mirror, normals * mirror, *known)
+            look = shot.look(points, normals, *known)
         mirrored = coming.result()
         look = look.beside(mirrored)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
