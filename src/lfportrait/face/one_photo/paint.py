@@ -42,6 +42,7 @@ PURE = 0.02
 """Hair and skin mix so far on both sides of a hairline, portrait units: what lies there says
 nothing of what no photo shows."""
 MIRRORED = 0.25  # Weight of what the other side shows.
+UNEVEN = 0.3  # Logarithm of how unlike both sides' light is from place to place, at most.
 SQUARER = (0.3, 0.6)
 """By how much larger cosines of incidence on the other side are from which on, and from which on in
 full, that one's colors are better than a photo's own."""
@@ -440,7 +441,7 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
         weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
         # The light of head and body is one.
-        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, 1), 0, 1)
+        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, True), 0, 1)
         found = _filled(at, photo, weight, matched, known)
         bare = head[place]
         if kind == 2 and bare.any():
@@ -453,13 +454,21 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
-           finest: int = 3) -> Float64:
-    """What colors [N, 3] are to be multiplied with to have the light of others, by wide means."""
+           near: bool = False) -> Float64:
+    """What colors [N, 3] are to be multiplied with to have the light of others.
+
+    By wide means; ``near`` what both show of a place also by that, as far as that is light.
+    """
     both = np.minimum(weight, known)
     if both.sum() <= 100:
         return np.ones_like(colors)
-    ratio = np.clip((others + 0.02) / (colors + 0.02), 0.3, 3.0)
-    return np.asarray(np.exp(_spread(points, np.log(ratio), both, finest)))
+    ratio = np.log(np.clip((others + 0.02) / (colors + 0.02), 0.3, 3.0))
+    wide = _spread(points, ratio, both, 3)
+    if not near:
+        return np.asarray(np.exp(wide))
+    # The corner of a mouth beside a cheek is no light.
+    left = np.clip(ratio - wide, -UNEVEN, UNEVEN)
+    return np.asarray(np.exp(wide + _spread(points, left, both, 1)))
 
 
 def _nearest(depth: NDArray[np.floating]) -> Float64:
