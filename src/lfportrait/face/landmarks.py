@@ -212,8 +212,11 @@ class FacePose:
 def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
     """The pose of a face by its landmarks [68, 2], pixels (x right, y down); NaN rows are unknown.
 
-    Raises `ValueError` if fewer than 20 are known.
+    It is shared with those who asked before: its arrays can't be written to. Raises `ValueError` if
+    fewer than 20 are known, or the landmarks have another shape.
     """
+    if np.shape(landmarks) != (68, 2):
+        raise ValueError(f"landmarks must be [68, 2], not {list(np.shape(landmarks))}")
     return _pose_of(np.ascontiguousarray(landmarks, np.float64).tobytes())
 
 
@@ -224,7 +227,7 @@ def _pose_of(content: bytes) -> FacePose:
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
-    found = np.frombuffer(content).reshape(-1, 2)
+    found = np.frombuffer(content).reshape(68, 2)
     known = np.isfinite(found).all(axis=1)
     if known.sum() < 20:
         raise ValueError("a pose needs 20 landmarks at least")

@@ -8,7 +8,7 @@ from lfportrait import models
 from lfportrait.capture import Camera
 from lfportrait.example.skin.hair import clothes_of_head
 from lfportrait.face.head_prior import generic_prior
-from lfportrait.face.one_photo import cloth
+from lfportrait.face.one_photo import cloth, paint
 from lfportrait.face.one_photo.cloth import clothes_of
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import Shot, _clothed, _Mean, painted
@@ -231,3 +231,25 @@ def test_clothes_that_no_photo_shows_go_on_in_their_own_color(head, shell):
     nape = shell.face & (shell.normals[:, 2] < 0)
     if nape.any():
         assert np.abs(np.median(colors[nape], axis=0) - SKIN).max() < 0.1
+
+
+def test_the_far_side_of_a_turned_face_has_the_near_ones_color(shell, monkeypatch):
+    """A photo of a head that is turned by 25 degrees: its far cheek has a wrong color."""
+    camera = Camera.arc(np.array([25.0]), distance=4.0, width=SIDE, height=SIDE, focal=SIDE * 2.0,
+                        target=(0, 0, 0), pitch=0.0)
+    points = shell.on
+    cheek = shell.face & (np.abs(points[:, 0]) > 0.18) & (shell.normals[:, 2] > 0.2)
+    near, far = cheek & (points[:, 0] > 0), cheek & (points[:, 0] < 0)
+    to_eye = camera.position[0] - points
+    cosine = (to_eye * shell.normals).sum(axis=1) / np.linalg.norm(to_eye, axis=1)
+    slanted = far & (cosine > 0.3) & (cosine < 0.42)
+    assert slanted.sum() > 20 and near.sum() > 20
+    # All skin, but for what is seen on the far side's last degrees.
+    colors = np.tile(SKIN, (SIDE, SIDE, 1)).astype(np.float32)
+    for column, row in np.floor(camera.project(points[slanted])[0][0]).astype(int):
+        colors[row - 1:row + 2, column - 1:column + 2] = 0.1, 0.6, 0.1
+    out = 0.5 + C0 * painted(shell, [Shot.of(camera, colors, None)]).sh[:, :, 0]
+    assert np.abs(np.median(out[slanted], axis=0) - SKIN).max() < 0.15
+    monkeypatch.setattr(paint, "SQUARER", (9.0, 10.0))
+    out = 0.5 + C0 * painted(shell, [Shot.of(camera, colors, None)]).sh[:, :, 0]
+    assert np.abs(np.median(out[slanted], axis=0) - SKIN).max() > 0.2, "the photo shows it"

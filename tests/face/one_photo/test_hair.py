@@ -237,7 +237,7 @@ def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):
 def test_hair_stands_off_the_skull_as_far_as_its_outline():
     prior = generic_prior()
     points, samples = generic_head()
-    camera = Camera.arc(np.zeros(1), distance=40.0, width=SIDE, height=SIDE, focal=5600.0,
+    camera = Camera.arc(np.zeros(1), distance=40.0, width=SIDE, height=SIDE, focal=17.5 * SIDE,
                         target=(0, -0.25, 0), pitch=0.0)
     head, hair = np.zeros((2, SIDE, SIDE), np.uint8)
     line = np.quantile(points[:, 1], 0.85)

@@ -49,7 +49,6 @@ def test_one_photo_becomes_a_field_that_looks_like_it(photo, tmp_path):
     assert field.render(behind, 0).alpha[60:90, 70:90].min() > 0.95
 
 
-@pytest.mark.slow  # a head of its own: above; hats in photos: test_headwear.py
 def test_a_hat_is_kept_by_its_outline(photo, tmp_path, monkeypatch):
     picture = np.array(Image.open(photo))
     row, column = np.mgrid[:440, :440]
@@ -81,7 +80,6 @@ class Enough(Exception):
     """Ends the work."""
 
 
-@pytest.mark.slow  # two heads of their own: above
 def test_the_head_is_shown_before_its_fine_lattice_is_filled(photo, monkeypatch):
     monkeypatch.setattr(portrait, "ROUGH", 40)
     monkeypatch.setattr(Progress, "show", lambda self, make, *, at_once: shown.append(make()))

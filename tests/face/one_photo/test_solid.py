@@ -13,7 +13,7 @@ from lfportrait.face.one_photo.hair import Neck
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import EDGE, METRES, Piece
 from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
-from lfportrait.face.one_photo.solid import _one_neck, _raised, solid_of
+from lfportrait.face.one_photo.solid import LEANING, _one_neck, _raised, solid_of
 
 
 def test_hair_is_only_a_little_beyond_where_it_grows():
@@ -98,6 +98,8 @@ def test_shoulders_may_reach_to_the_ears(bust):
     found = _raised(replace(parts, inside=inside), near, place)
     assert found[row + 12, column + 20:column + 40].all()
     assert found[int(place.end) + 10, column + 20:column + 40].all(), "without a gap above the body"
+    assert not found[int(place.end) + round(LEANING / parts.cell) + 3:].any()
+    assert not found[int(place.end) + 2:, :column].any(), "nor where it is not raised"
     assert not found[:int(place.ears)].any() and not (found & np.isfinite(near)).any()
     higher = inside.copy()
     higher[int(place.ears) - 60:, column + 20:column + 80] = 9.0

@@ -78,7 +78,7 @@ class Beard(NamedTuple):
 
 def beard_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64,
              hair: NDArray[np.floating] | None = None) -> Beard | None:
-    """The beard that a photo shows, or None if none goes on below the jaw.
+    """The beard that a photo shows, or None if none goes on below the jaw, but shade.
 
     From every place of the jaw it is followed down as far as it is more like the chin's than like
     skin or something else, to where the photo has an edge, for all places together.

@@ -1,7 +1,8 @@
 """Colors of a solid from its photo, and of what the photo does not show.
 
-A place has the photo's color as far as the photo looks at it squarely; beyond, that fades into what
-lies around, by parts (hair, beard, clothes, skin): the mirrored side's colors, with their light
+A place has the photo's color as far as the photo looks at it squarely, lies beside no edge of a
+turned face, and does not show the other side's much more so; beyond, that fades into what lies
+around, by parts (hair, beard, clothes, skin): the mirrored side's colors, with their light
 matched, then means over ever wider surroundings (pull and push, Gortler et al. 1996).
 
 Hair that no photo shows has strands that run down from the crown, as strong as those it shows; it
@@ -44,8 +45,8 @@ nothing of what no photo shows."""
 MIRRORED = 0.25  # Weight of what the other side shows.
 UNEVEN = 0.3  # Logarithm of how unlike both sides' light is from place to place, at most.
 SQUARER = (0.3, 0.6)
-"""By how much larger cosines of incidence on the other side are from which on, and from which on in
-full, that one's colors are better than a photo's own."""
+"""Differences of cosines of incidence, the other side's less its own, from which on, and from which
+on in full, a place of a head has the other side's color."""
 STRANDS = 0.15  # How far below the nape hair hangs that has strands in full, portrait units.
 SQUARE = 6  # Power by which one of several photos that looks more squarely counts more.
 WIDTHS = (0.016, 0.032, 0.064, 0.128)  # Widths of strands (3 to 26 mm), portrait units.
@@ -59,14 +60,14 @@ BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
 """Hair has no bays narrower than twice this where no photo sees them; and cells that this is looked
 at in, portrait units."""
 LEDGE, EXACT = 0.006 / METRES, 0.0025 / METRES
-"""Where a turned nose hides a cheek, what lies so much farther or nearer than what is seen right
-beside it may have that one's color: no fitted head meets such an edge more exactly than the second.
-"""
+"""Beside the edge of a turned nose, or of hair, what lies so much farther or nearer than something
+within the second in the photo may have that one's color: no fitted head meets its photo more
+exactly."""
 DEEP, ABOUT = 0.006 / METRES, 0.012 / METRES
 """What lies so much farther behind a face than its outline, and in the photo less than the second
 beside it, may have the face's color: no fitted jaw ends exactly where the photo's does."""
 TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face hides itself so.
-UNDERSIDE = -0.3  # What faces down by more is the underside of a nose.
+UNDERSIDE = -0.3  # What faces down by more, as the underside of a nose, is the photo's at an edge.
 LIP = 0.025 / METRES
 """So far behind what a photo shows of an open mouth things are of the same color."""
 SHARPEST = 0.25
@@ -110,12 +111,13 @@ class Shot:
         unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
         return strand_contrast(self.colors, self.hair > 0.99, unit)
 
-    def look(self, points: Float64, normals: Float64, depth: Float64, face: _Outline, voxel: float,
+    def look(self, points: Float64, normals: Float64, solid: _Depths, voxel: float,
              owner: NDArray[np.uint8]) -> Look:
         """What the photo shows of places [N, 3].
 
-        ``depth`` [h, w] is the solid's in the photo, of any size, in which ``face`` lies; ``owner``
-        is what they belong to: on a head nothing but skin counts, in a beard nothing below it.
+        ``solid`` is how deep all lies in the photo, ``voxel`` a third of how far behind that a
+        place is hidden; ``owner`` is what they belong to: on a head nothing but skin counts, in a
+        beard nothing below it.
         """
         pixels, far = self.camera.project(points)
         pixels, far = pixels[0], far[0]
@@ -127,81 +129,99 @@ class Shot:
         to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
         cosine = (normals * to_eye).sum(axis=1)
         share = np.clip((cosine - LEAST) / (FULL - LEAST), 0, 1)
-        small = np.floor(pixels / size * np.array(depth.shape[::-1])).astype(np.int64)
-        within = (small >= 0).all(axis=1) & (small < np.array(depth.shape[::-1])).all(axis=1)
-        small = np.clip(small, 0, np.array(depth.shape[::-1]) - 1)
-        behind = np.where(within, far - depth[small[:, 1], small[:, 0]], np.inf)
-        seen = behind < 3.0 * voxel
-        weight = np.where(seen, share * share * (3 - 2 * share), 0.0)
+        cells = np.array(solid.all.shape[::-1])
+        small = np.floor(pixels / size * cells).astype(np.int64)
+        within = (small >= 0).all(axis=1) & (small < cells).all(axis=1)
+        small = np.clip(small, 0, cells - 1)
+        behind = np.where(within, far - solid.all[small[:, 1], small[:, 0]], np.inf)
+        weight = np.where(behind < 3.0 * voxel, share * share * (3 - 2 * share), 0.0)
         head = np.flatnonzero((owner == HEAD) & (weight > 0))
-        weight[head] *= 1 - self._beside_ledge(normals[head], depth, small[head], far[head],
-                                               cosine[head])
-        weight *= 1 - np.where(owner == HAIR, 0.0, face.before(small, far))
+        weight[head] *= 1 - solid.beside_edge(small[head], far[head], cosine[head],
+                                              normals[head, 1] < UNDERSIDE)
+        weight *= 1 - np.where(owner == HAIR, 0.0, solid.behind_face(small, far))
+        kept = np.where((owner == HEAD) | (owner == HAIR), 0.0, 1.0)
         if self.mouth is not None:
             # Above teeth lies the underside of a lip, which the photo may not see.
-            weight = np.maximum(weight, (behind < LIP) * Parts.at(self.mouth, at))
+            lips = (behind < LIP) * Parts.at(self.mouth, at)
+            weight, kept = np.maximum(weight, lips), np.maximum(kept, lips)
         for kind, wrong in ((HEAD, self.other), (BEARD, self.beneath)):
             if wrong is not None:
                 weight *= 1 - np.where(owner == kind, Parts.at(wrong, at), 0.0)
         beard = None if self.beard is None else Parts.at(self.beard, at).astype(np.float64)
         worn = None if self.clothes is None else Parts.at(self.clothes, at).astype(np.float64)
+        sure = np.where(behind > -3.0 * voxel, weight, 0.0)
         return Look(colors.astype(np.float64), hair.astype(np.float64), beard, worn, weight,
-                    np.clip(cosine, 0, 1))
-
-    def _beside_ledge(self, normals: Float64, depth: Float64, at: NDArray[np.int64], far: Float64,
-                      cosine: Float64) -> Float64:
-        """How much places [N] of a turned head lie beside an edge where it hides itself, [N].
-
-        ``at`` [N, 2] are columns and rows in ``depth`` [h, w], ``far`` and ``cosine`` [N] the
-        places' own depth and incidence: what is slanted is no edge.
-        """
-        eye = self.camera.position[0]
-        angle = abs(float(np.degrees(np.arctan2(eye[0], eye[2]))))
-        turned = float(np.clip((angle - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1))
-        if turned == 0:
-            return np.zeros(len(far))
-        pixels = (EXACT * depth.shape[1] / float(self.camera.width[0])
-                  * float(self.camera.focal[0, 0] / np.linalg.norm(eye)))
-        wide = 2 * int(np.ceil(pixels)) + 1
-        shown = np.where(np.isfinite(depth), depth, -np.inf)
-        nearest = ndimage.minimum_filter(depth, wide)[at[:, 1], at[:, 0]]
-        farthest = ndimage.maximum_filter(shown, wide)[at[:, 1], at[:, 0]]
-        cosine = np.clip(cosine, LEAST, 1)
-        slope = np.sqrt(1 - cosine ** 2) / cosine
-        # A nose's underside, with its nostrils, is the photo's.
-        before = np.where(normals[:, 1] > UNDERSIDE, farthest - far, 0.0)
-        excess = np.maximum(far - nearest, before) - EXACT * slope
-        return turned * np.clip(excess / LEDGE - 1, 0, 1)
+                    np.clip(cosine, 0, 1), sure, kept)
 
 
-class _Outline(NamedTuple):
-    """Where a face ends in a photo: depth [h, w] of its nearest place, and how near that is."""
+class _Depths(NamedTuple):
+    """How deep things lie in a photo, float64 [h, w] each, along its optical axis.
 
-    depth: Float64
-    near: Float64  # float64 [h, w] in [0, 1], 0 from `ABOUT` beside it on.
+    Of all, and of the nearest and the farthest within `EXACT` of a pixel, infinite beside the
+    person; of the face's nearest place, and how near that is: 1 within the face, 0 from `ABOUT`
+    beside it, or if none is seen. How far the second two look, portrait units, and how much a face
+    that is turned so hides itself.
+    """
+
+    all: Float64
+    nearest: Float64
+    farthest: Float64
+    face: Float64
+    near: Float64
+    reach: float
+    turned: float
 
     @staticmethod
-    def of(face: VoxelField, camera: Camera) -> _Outline:
-        """That of a field of the face alone."""
+    def of(solid: VoxelField, face: VoxelField, camera: Camera, voxel: float) -> _Depths:
+        """Those of a field and of its face alone."""
+        eye = camera.position[0]
+        unit = float(camera.focal[0, 0]) / float(np.linalg.norm(eye))
+        alpha, depth = solid.depth(camera, 0)
+        whole = np.where(alpha > 0.5, depth, np.inf).astype(np.float64)
         alpha, depth = face.depth(camera, 0)
-        if not (alpha > 0.5).any():
-            return _Outline(np.full(alpha.shape, np.inf), np.zeros(alpha.shape))
-        away, nearest = ndimage.distance_transform_edt(alpha <= 0.5, return_indices=True)
-        unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
-        return _Outline(np.float64(depth)[tuple(nearest)],
-                        np.clip(1 - away / (ABOUT * unit), 0, 1))
+        # From below one looks into a face that has no throat.
+        shown = (alpha > 0.5) & (depth < whole + 3.0 * voxel)
+        away, beside = np.full(shown.shape, np.inf), np.full(shown.shape, np.inf)
+        if shown.any():
+            away, nearest = ndimage.distance_transform_edt(~shown, return_indices=True)
+            beside = np.asarray(depth, np.float64)[tuple(nearest)]
+        around = max(1, int(np.ceil(EXACT * unit)))
+        disc = np.hypot(*np.mgrid[-around:around + 1, -around:around + 1]) <= around + 0.5
+        inner = np.where(np.isfinite(whole), whole, -np.inf)
+        yaw = float(np.degrees(np.arcsin(abs(eye[0]) / np.linalg.norm(eye))))
+        return _Depths(_nearest(whole), ndimage.minimum_filter(whole, footprint=disc),
+                       ndimage.maximum_filter(inner, footprint=disc), beside,
+                       np.clip(1 - away / (ABOUT * unit), 0, 1), (around + 0.5) / unit,
+                       float(np.clip((yaw - TURNED[0]) / (TURNED[1] - TURNED[0]), 0, 1)))
 
-    def before(self, at: NDArray[np.int64], far: Float64) -> Float64:
-        """How much it may lie before places [N] at columns and rows [N, 2] and depths [N], [N]."""
+    def beside_edge(self, at: NDArray[np.int64], far: Float64, cosine: Float64, under: Bool,
+                    ) -> Float64:
+        """How much places [N] of a turned head lie beside an edge, where depths jump, [N].
+
+        ``at`` [N, 2] are their columns and rows, ``far`` and ``cosine`` [N] their own depth and
+        incidence: what is slanted is no edge. What lies ``under`` something is none itself.
+        """
+        if self.turned == 0:
+            return np.zeros(len(far))
         place = at[:, 1], at[:, 0]
-        return self.near[place] * np.clip((far - self.depth[place]) / DEEP - 1, 0, 1)
+        cosine = np.clip(cosine, LEAST, 1)
+        slope = self.reach * np.sqrt(1 - cosine ** 2) / cosine
+        before = np.where(under, 0.0, self.farthest[place] - far)
+        excess = np.maximum(far - self.nearest[place], before) - slope
+        return self.turned * np.clip(excess / LEDGE - 1, 0, 1)
+
+    def behind_face(self, at: NDArray[np.int64], far: Float64) -> Float64:
+        """How much the face may lie before places [N] at columns and rows [N, 2], [N]."""
+        place = at[:, 1], at[:, 0]
+        return self.near[place] * np.clip((far - self.face[place]) / DEEP - 1, 0, 1)
 
 
 class Look(NamedTuple):
     """What a photo shows of places [N].
 
     Colors [N, 3], how much hair, and beard and clothes if these are known, how well it is seen (0
-    to 1), and cosines of incidence.
+    to 1), cosines of incidence, how well it is seen where nothing but itself lies there, and how
+    much it is never the other side's.
     """
 
     colors: Float64
@@ -210,12 +230,18 @@ class Look(NamedTuple):
     clothes: Float64 | None
     weight: Float64
     cosine: Float64
+    sure: Float64
+    kept: Float64
 
     def beside(self, mirrored: Look) -> Look:
-        """It without what is seen much more squarely on the other side."""
+        """It without what is seen much more squarely on the other side, and is the same there."""
         better = np.clip((mirrored.cosine - self.cosine - SQUARER[0])
-                         / (SQUARER[1] - SQUARER[0]), 0, 1)
-        return self._replace(weight=self.weight * (1 - better * mirrored.weight))
+                         / (SQUARER[1] - SQUARER[0]), 0, 1) * mirrored.sure * (1 - self.kept)
+        for one, two in ((self.hair, mirrored.hair), (self.beard, mirrored.beard),
+                         (self.clothes, mirrored.clothes)):
+            if one is not None and two is not None:
+                better *= 1 - np.abs(one - two)
+        return self._replace(weight=self.weight * (1 - better))
 
 
 class _Mean:
@@ -289,17 +315,14 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     for shot in shots:
         factor = min(1.0, 1.0 / (shell.voxel * float(shot.camera.focal[0, 0])
                                  / float(np.linalg.norm(shot.camera.position[0]))))
-        small = shot.camera.scaled(factor)
-        alpha, depth = unworn.depth(small, 0)
-        near = _nearest(np.where(alpha > 0.5, depth, np.inf))
-        face = _Outline.of(faces, small)
+        depths = _Depths.of(unworn, faces, shot.camera.scaled(factor), shell.voxel)
         with ThreadPoolExecutor(2) as pool:
-            known = near, face, shell.voxel, shell.owner
-            coming = pool.submit(shot.look, points * mirror, normals * mirror, *known)
-            look = shot.look(points, normals, *known)
+            coming = pool.submit(shot.look, points * mirror, normals * mirror, depths, shell.voxel,
+                                 shell.owner)
+            look = shot.look(points, normals, depths, shell.voxel, shell.owner)
         mirrored = coming.result()
-        look = look.beside(mirrored)
         light = _light(points, look.colors, look.weight, own.colors, own.best)
+        look = look.beside(mirrored)
         # Photos never lie on each other exactly: the squarest look decides.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
         own.add(np.clip(look.colors * light, 0, 1), look, square)

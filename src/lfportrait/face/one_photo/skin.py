@@ -58,8 +58,8 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     hair : [H, W] in [0, 1], or None.
     landmarks : float64 [68, 2] in pixels.
     samples : Of the head, in the camera's world.
-    worn : float32 [H, W], how much of it is clothes (`clothes_of`), if that is known: what is none
-        below the chin is skin, in whatever light it lies.
+    worn : float32 [H, W], how much of it is clothes (`clothes_of`), if that is known: below the
+        chin, what is not clothes is skin, in any light.
     """
     unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
     small = camera.scaled(min(1.0, 1.0 / (CELL * unit)))
