@@ -71,7 +71,7 @@ def deepest_chain(graph: house.Graph) -> list[str]:
 
 
 def statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """All statements within one: expressions, nine tenths of a tree, hold no functions by name."""
+    """A tree and all statements and handlers in it: expressions hold no functions by name."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()

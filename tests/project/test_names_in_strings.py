@@ -23,7 +23,7 @@ def written_orders(name, path):
     """
     text = path.read_text("utf-8")
     # An order ends its string, or something is put into what follows the colon.
-    waiting = [ast.parse(text)] if re.search(r"[\w}]:[A-Za-z_]*\w*[\"'{]", text) else []
+    waiting = [ast.parse(text)] if re.search(r"[\w}]:(?:[A-Za-z_]\w*)?[\"'{]", text) else []
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.JoinedStr):

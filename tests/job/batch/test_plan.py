@@ -124,6 +124,16 @@ def test_only_what_leads_to_something_missing_is_done(small, studio, tmp_path):
         "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
 
 
+@pytest.mark.slow  # of one sitter alone: above
+def test_of_many_only_what_leads_to_something_missing_is_done(made, studio, tmp_path):
+    copy = shutil.copytree(made[0], tmp_path / "results")
+    for name in ("field.npz", "skin-48.npz", "ken/styled.npz", "ken/desk.png"):
+        (copy / "anna" / name).unlink()
+    found = prepare_batch(studio / "jobs.toml", copy)
+    assert [task.name for task in found.plan.to_do(found.done)] == [
+        "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
+
+
 def test_heads_are_fitted_to_faces_where_the_file_does_not_say_otherwise(studio, jobs_text,
                                                                          tmp_path):
     folder = shutil.copytree(studio, tmp_path / "studio")
