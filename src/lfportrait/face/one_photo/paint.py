@@ -115,8 +115,8 @@ class Shot:
              owner: NDArray[np.uint8]) -> Look:
         """What the photo shows of places [N, 3].
 
-        ``solid`` is how deep all lies in the photo, ``voxel`` a third of how far behind that a
-        place is hidden; ``owner`` is what they belong to: on a head nothing but skin counts, in a
+        ``solid`` is how deep all lies in the photo; what is three times ``voxel`` (portrait units)
+        deeper is hidden. ``owner`` is what they belong to: on a head nothing but skin counts, in a
         beard nothing below it.
         """
         pixels, far = self.camera.project(points)
@@ -173,7 +173,7 @@ class _Depths(NamedTuple):
 
     @staticmethod
     def of(solid: VoxelField, face: VoxelField, camera: Camera, voxel: float) -> _Depths:
-        """Those of a field and of its face alone."""
+        """Those of a field and of its face alone; ``voxel`` as in `Shot.look`."""
         eye = camera.position[0]
         unit = float(camera.focal[0, 0]) / float(np.linalg.norm(eye))
         alpha, depth = solid.depth(camera, 0)
@@ -306,9 +306,9 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     The first shot's light is everybody's.
     """
     points, normals = shell.on, shell.normals
-    unworn = shell.field(np.zeros((len(points), 3, 1), np.float32))
+    colorless = np.zeros((len(points), 3, 1), np.float32)
+    unworn, faces = shell.field(colorless), shell.field(colorless)
     unworn.density[shell.owner == WORN] = 0.0  # the photos are without it
-    faces = shell.field(np.zeros((len(points), 3, 1), np.float32))
     faces.density[~shell.whole_face] = 0.0
     own, other = _Mean(len(points)), _Mean(len(points))
     mirror, skin = np.array([-1.0, 1.0, 1.0]), shell.owner == HEAD
@@ -464,7 +464,8 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
         weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
         # The light of head and body is one.
-        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, True), 0, 1)
+        matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, near=True),
+                          0, 1)
         found = _filled(at, photo, weight, matched, known)
         bare = head[place]
         if kind == 2 and bare.any():
@@ -477,10 +478,10 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
-           near: bool = False) -> Float64:
+           *, near: bool = False) -> Float64:
     """What colors [N, 3] are to be multiplied with to have the light of others.
 
-    By wide means; ``near`` what both show of a place also by that, as far as that is light.
+    By wide means; if ``near``, what these leave over by narrower ones, too, up to `UNEVEN`.
     """
     both = np.minimum(weight, known)
     if both.sum() <= 100:
