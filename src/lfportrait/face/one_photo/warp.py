@@ -13,6 +13,7 @@ from scipy import sparse
 
 from ...arrays import Float64
 from ..head_fit import (
+    NEAR_JAW,
     Found,
     HeadFit,
     Picture,
@@ -24,6 +25,7 @@ from ..head_fit import (
     run_alike,
 )
 from ..head_prior import EYES, HeadPrior, with_normals
+from .ears import ear_of, laid_on, moved, shows, upwards
 from .solid import STANDS, standing_out
 
 OUTLINES = 110  # Places of the outline, at most, that are moved to the matte's.
@@ -33,13 +35,15 @@ ALONG = 0.3
 """
 STIFF = 0.3
 """Smoothing of the spline: landmarks that contradict their neighbours are not followed wholly."""
-EAR_MOVES = np.array([0.1, 0.1, 0.4, 0.4, 0.4, 0.4])
-"""Deviations of how an ear moves, and of how it stands out at its middle and changes that up to its
-ends, over its length; along and across. The outline knows its own place to `EAR_OFF`."""
-EAR_OFF = 0.04
 FLAT = 0.4  # An ear is made no flatter than this.
 AROUND = 0.02  # So far around an ear the head moves with it, metres.
-SURE = 6  # Places of an outline that say as much about an ear as that the other one is like it.
+BESIDE = (0.045, 0.15)
+"""Heights (metres, `HeadPrior.rest`) between which the outline is that of an ear, if so much of it
+is seen, and not the head's."""
+SHOWN = 0.25  # Of an ear.
+CHEEKS = (0, 1, 2), (14, 15, 16)
+"""Landmarks of the edges of cheeks before ears."""
+EDGE = 0.2  # Cosine of incidence up to which a cheek ends there.
 CHIN = slice(5, 12)  # Landmarks of the chin.
 NEAR = 0.1  # The matte knows the outline so near to it, over the eyes' distance.
 TURNS, HELD, LONGEST = 2, 0.05, 0.006
@@ -138,6 +142,7 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
     if found:
         from_ = [seen[one.vertices] for one in found]
         by = [one.places - places for one, places in zip(found, from_, strict=True)]
+    beside = [alone and shows(prior, seen, side) > SHOWN for side in (-1, 1)]
     if picture.inside is not None:
         rim = outline_vertices(view, prior, vertices, normals, neck=True)
         away, slope, hair = outline_errors(picture, seen[rim], view)
@@ -145,10 +150,18 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
         # Beside a jaw or a neck the matte's outline may be that of a collar or a shoulder.
         good &= run_alike(view, normals[rim], slope, ALONG)
         rim, away, slope = rim[good], away[good], slope[good]
-        head = np.flatnonzero(~ears[rim])
+        # At its height an ear is the outline.
+        height, shown = prior.rest[rim, 1], np.where(prior.rest[rim, 0] < 0, *beside)
+        head = np.flatnonzero(~ears[rim]
+                              & ~(shown & (height > BESIDE[0]) & (height < BESIDE[1])))
         chosen = head[_spread(seen[rim[head]], OUTLINES)]
         from_.append(seen[rim[chosen]])
         by.append(-away[chosen, None] * slope[chosen])
+    for side, shows_it in zip((-1, 1), beside, strict=True):
+        if shows_it:
+            cheek, move = _cheek(view, prior, vertices, normals, landmarks, side)
+            from_.append(seen[cheek])
+            by.append(move)
     if not found:
         chin, move = _chin(prior, view, vertices, normals, picture)
         from_.append(seen[chin])
@@ -169,59 +182,59 @@ def _moves(prior: HeadPrior, view: View, vertices: Float64, picture: Picture,
     for ball in _eyeballs(prior, vertices):
         out[ball] = out[ball].mean(axis=0)
     if picture.inside is not None and alone:
-        own = ears[rim]
-        rim, slope = rim[own], slope[own]
-        missing = -away[own] - (slope * out[rim]).sum(axis=1)
-        out += _ear_moves(prior, view, vertices, rim, slope, missing)
+        out += _ear_moves(prior, view, vertices, seen + out, picture)
     return out
 
 
-def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, rim: NDArray[np.int64],
-               slope: Float64, missing: Float64) -> Float64:
+def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, seen: Float64, picture: Picture,
+               ) -> Float64:
     """How far vertices [N, 3] of ears are to move besides, pixels [N, 2].
 
     An ear that is turned away, or smaller than the model's, would be folded by its own outline: it
-    moves as a whole, and stands out more or less or elsewhere. The less it is seen the more it does
-    as the other one.
+    moves as a whole, and stands out more or less or elsewhere. One that is not seen does so as the
+    other one.
 
     Parameters
     ----------
-    rim, slope, missing : Vertices on the outline, directions [R, 2] across it, and how far [R] they
-        are to move there.
+    seen : float64 [N, 2], where they lie in the photo by now.
     """
     rest, out = prior.rest, standing_out(prior.rest)
     local = view.to_camera(vertices)
-    found, trust, bases, sizes = [], [], [], []
+    up = upwards(prior, seen)
+    found: list[Float64 | None] = []
+    bases, sizes = [], []
     for side in (-1, 1):
-        ear = (out > STANDS) & (side * rest[:, 0] > 0)
+        ear = ear_of(prior, side)
         low, high = rest[ear].min(axis=0), rest[ear].max(axis=0)
         size, middle = high[1] - low[1], 0.5 * (low + high)
         away = np.linalg.norm(np.maximum(np.maximum(low - rest, rest - high), 0), axis=1)
         near = np.clip(1 - away / AROUND, 0, 1)
         near = near * near * (3 - 2 * near)
+        height = (rest[:, 1] - middle[1]) / size
         stands = np.where(side * rest[:, 0] > 0, out, 0) / size
-        bases.append(np.stack([near, stands, stands * (rest[:, 1] - middle[1]) / (0.5 * size)]))
+        bases.append(np.stack([near, stands, 2 * stands * height, near * height]))
         # Pixels to its length.
         sizes.append(size * view.focal / float(local[ear, 2].mean()))
-        own = side * rest[rim, 0] > 0
-        trust.append(own.sum() / (own.sum() + SURE))
-        rows = (bases[-1][:, rim[own]].T[:, :, None] * slope[own][:, None]).reshape(-1, 6)
-        weight = np.diag(EAR_OFF ** 2 / EAR_MOVES ** 2)
-        best = np.linalg.solve(rows.T @ rows + weight, rows.T @ missing[own] / sizes[-1])
-        found.append(best.reshape(3, 2))
+        found.append(laid_on(prior, seen, bases[-1], sizes[-1], side, picture))
     # Mirrored in the model's plane: how deep it moves no photo shows.
     moves, turn = np.zeros((len(rest), 2)), view.rotation
     for k, side in enumerate((-1, 1)):
-        like = np.linalg.solve(turn[:2, :2], found[1 - k].T) * [[-1.0], [1.0]]
-        like = (turn[:2, :2] @ like).T
-        # Of a head that is turned far the photo shows little of this.
-        most, length = (np.linalg.norm(one, axis=1, keepdims=True) for one in (found[1 - k], like))
-        like *= np.minimum(1.0, most / np.maximum(length, 1e-9))
-        share = trust[k] + (1 - trust[k]) * (1 - trust[1 - k])
-        best = share * found[k] + (1 - share) * like
+        own, other = found[k], found[1 - k]
+        if own is None and other is None:
+            continue
+        if own is None:
+            assert other is not None
+            across = other[:6].reshape(3, 2)
+            like = np.linalg.solve(turn[:2, :2], across.T) * [[-1.0], [1.0]]
+            like = (turn[:2, :2] @ like).T
+            # Of a head that is turned far the photo shows little of this.
+            most, length = (np.linalg.norm(one, axis=1, keepdims=True) for one in (across, like))
+            like *= np.minimum(1.0, most / np.maximum(length, 1e-9))
+            own = np.append(like.ravel(), other[6])
+        best = own[:6].reshape(3, 2).copy()
         flatter = -(best[1] @ turn[:2, 0]) * side + np.abs(best[2] @ turn[:2, 0])
         best[1:] *= min(1.0, (1 - FLAT) / max(float(flatter), 1e-9))
-        moves += sizes[k] * bases[k].T @ best
+        moves += sizes[k] * moved(np.append(best.ravel(), own[6]), bases[k], up)
     return moves
 
 
@@ -238,6 +251,33 @@ def _chin(prior: HeadPrior, view: View, vertices: Float64, normals: Float64, pic
         column, row = np.clip(seen.T.astype(int), 0, [[width - 1], [height - 1]])
         good &= picture.inside[row, column] > NEAR * picture.eyes
     return jaw[good], (away[:, None] * across)[good]
+
+
+def _cheek(view: View, prior: HeadPrior, vertices: Float64, normals: Float64, landmarks: Float64,
+           side: int) -> tuple[NDArray[np.int64], Float64]:
+    """Vertices of a cheek's edge before its ear, and their moves across it.
+
+    Of a face that is turned landmarks of the nearer cheek lie on no edge, and say less.
+    """
+    across = across_jaw(landmarks)
+    local, turned = view.to_camera(vertices), normals @ view.rotation.T
+    facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
+    rim = np.flatnonzero((facing < EDGE) & (prior.part != EYES) & (prior.rest[:, 2] > -0.01)
+                         & (standing_out(prior.rest) <= 0))
+    flat = turned[rim, :2] / np.maximum(np.linalg.norm(turned[rim, :2], axis=1), 1e-9)[:, None]
+    seen, chosen, moves = view.project(vertices[rim]), [], []
+    trust = 1 / (1 + NEAR_JAW * max(0.0, -float(view.rotation[2, 0]) * side))
+    width = float(np.linalg.norm(landmarks[45] - landmarks[36]))
+    for number in CHEEKS[int(side > 0)]:
+        out = across[number]
+        near = np.linalg.norm(vertices[rim] - vertices[prior.landmarks[number]], axis=1) < 0.03
+        level = np.abs((seen - landmarks[number]) @ [-out[1], out[0]]) < 0.05 * width
+        beside = np.flatnonzero(near & level & (flat @ out > 0.7))
+        if len(beside):
+            best = beside[int((seen[beside] @ out).argmax())]
+            chosen.append(int(rim[best]))
+            moves.append(trust * ((landmarks[number] - seen[best]) @ out) * out)
+    return np.array(chosen, np.int64), np.reshape(moves, (-1, 2)).astype(np.float64)
 
 
 def _eyeballs(prior: HeadPrior, vertices: Float64) -> list[NDArray[np.bool_]]:
