@@ -1,11 +1,14 @@
 """A fitted head is laid over its photos."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lfportrait.face.head_fit import HeadFit, Picture, View
 from lfportrait.face.head_prior import HeadPrior, generic_prior
+from lfportrait.face.one_photo.ears import laid_on, shows
 from lfportrait.face.one_photo.parts import signed_distance
 from lfportrait.face.one_photo.solid import STANDS, ear_light, scalp, standing_out
 from lfportrait.face.one_photo.warp import warped, warped_together
@@ -65,6 +68,48 @@ def test_flat_ears_are_laid_back_without_folds():
         line = np.polyfit(standing_out(prior.rest)[ear], side * (points - vertices)[ear, 0], 1)
         left = side * (points - vertices)[ear, 0] - np.polyval(line, standing_out(prior.rest)[ear])
         assert -0.7 < line[0] < -0.2 and np.abs(left).max() < 0.003
+
+
+def test_an_ear_before_hair_is_laid_on_what_is_bare():
+    prior, view = generic_prior(), _view(generic_prior(), 0.0)
+    plain, true = _with_ears(prior, view, 1.5)
+    hair = (plain.inside < 0) & (np.arange(SIZE)[:, None] < SIZE / 2 + 60)
+    hanging = replace(plain, inside=signed_distance((hair | (plain.inside > 0)).astype(np.float32)),
+                      hair=hair.astype(np.float32))
+    vertices = prior.shape(np.zeros(0), np.zeros(0))
+    points = warped(prior, view, vertices, hanging)
+    for side in (-1, 1):
+        ear = _ears(prior, side)
+        tips = ear & (standing_out(prior.rest) > 0.8 * standing_out(prior.rest)[ear].max())
+        start, end, goal = (side * one[tips, 0].mean() for one in (vertices, points, true))
+        assert abs(end - goal) < 0.4 * abs(start - goal)
+
+
+def test_an_ear_under_hair_stays():
+    prior, view = generic_prior(), _view(generic_prior(), 0.0)
+    plain, _ = _with_ears(prior, view, 1.5)
+    seen = view.project(prior.shape(np.zeros(0), np.zeros(0)))
+    over = np.abs(np.arange(SIZE) - SIZE / 2) > np.abs(seen[prior.landmarks[16], 0] - SIZE / 2)
+    hidden = replace(plain, inside=np.maximum(plain.inside, 5.0),
+                     hair=np.broadcast_to(over, (SIZE, SIZE)).astype(np.float32))
+    ear = _ears(prior, 1)
+    bases = np.zeros((4, len(seen)))
+    bases[0] = 1.0
+    assert laid_on(prior, seen, bases, float(np.ptp(seen[ear, 1])), 1, hidden) is None
+
+
+def test_a_narrow_face_shows_its_ears_beside_it():
+    prior, view = generic_prior(), _view(generic_prior(), 0.0)
+    plain, true = _with_ears(prior, view, 1.0)
+    landmarks = plain.landmarks.copy()
+    inward = np.array([6.0] * 3 + [-6.0] * 3)
+    landmarks[[0, 1, 2, 14, 15, 16], 0] += inward
+    points = warped(prior, view, true, replace(plain, landmarks=landmarks))
+    assert shows(prior, view.project(true), 1) > 0.5
+    moved = points[:, :2] / points[:, 2:] * FOCAL + SIZE / 2 - view.project(true)
+    cheeks = (np.abs(prior.rest[:, 0]) > 0.06) & (np.abs(prior.rest[:, 2] - 0.01) < 0.006)
+    cheeks &= (prior.rest[:, 1] > 0.06) & (prior.rest[:, 1] < 0.1)
+    assert (moved[cheeks, 0] * -np.sign(prior.rest[cheeks, 0])).mean() > 2.0
 
 
 def test_an_ear_that_is_not_seen_is_like_the_other():

@@ -21,14 +21,14 @@ LENGTH = 40.0  # Cells to an ear's length in which it is looked for.
 MARGIN, ABOVE, BELOW = 0.5, 0.35, 0.3
 """How far beside, above and below the model's ear one is looked for, over its length."""
 LEAST = 0.12
-"""Less of a model's ear, or bare beside the head over it, is no ear that a photo shows."""
+"""Where less of a model's ear is beside the head, or not behind hair, the photo shows none."""
 GROUND, HIDDEN = 1.0, 0.35
 """What of an ear would lie on ground, or on hair, counts so much as bare places that it lacks: hair
 may hang over it."""
 FAR, FADE = 0.2, 0.15
 """What is bare higher or lower than the model's ear counts so much, from so far on, over its
 length: there the head goes on, and may be wider than the model's."""
-DEVIATIONS = np.array([0.2, 0.2, 0.3, 0.3, 0.3, 0.3, 0.2])
+DEVIATIONS = np.array([0.1, 0.1, 0.4, 0.4, 0.4, 0.4, 0.2])
 """Deviations of how an ear moves, and of how it stands out at its middle and changes that up to its
 ends, along and across, over its length; and of that."""
 HELD = 0.02  # How much the square of a deviation counts, over an ear's area.
@@ -83,9 +83,10 @@ def laid_on(prior: HeadPrior, seen: Float64, bases: Float64, size: float, side: 
     own, head = _drawn(prior, small, ear, person.shape)
     area = float(own.sum())
     bare = person & ~hidden & ~head
-    pieces = ndimage.label(ndimage.binary_opening(bare, np.ones((2, 2))))[0]
+    pieces = ndimage.label(bare)[0]
     bare = np.isin(pieces, np.setdiff1d(pieces[own], 0))
-    if (own & ~head).sum() < LEAST * area or bare.sum() < LEAST * area:
+    known = (own & ~head & ~hidden) | bare
+    if (own & ~head).sum() < LEAST * area or known.sum() < LEAST * area:
         return None
     row = np.arange(len(own))
     ends = np.flatnonzero(own.any(axis=1))[[0, -1]]
@@ -104,7 +105,7 @@ def laid_on(prior: HeadPrior, seen: Float64, bases: Float64, size: float, side: 
                 + HELD * float(((moves / DEVIATIONS) ** 2).sum()))
 
     best, least = np.zeros(7), np.inf
-    for start in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
+    for start in ((0, 0), (2, 0), (-2, 0), (0, 2), (0, -2)):
         moves = np.zeros(7)
         moves[:2] = np.array(start) * DEVIATIONS[:2]
         now = cost(moves)
