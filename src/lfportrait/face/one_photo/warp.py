@@ -25,7 +25,7 @@ from ..head_fit import (
     run_alike,
 )
 from ..head_prior import EYES, HeadPrior, with_normals
-from .ears import ear_of, laid_on, moved, shows, upwards
+from .ears import DEVIATIONS, ear_of, laid_on, moved, shows, upwards
 from .solid import STANDS, standing_out
 
 OUTLINES = 110  # Places of the outline, at most, that are moved to the matte's.
@@ -192,7 +192,7 @@ def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, seen: Float64, p
 
     An ear that is turned away, or smaller than the model's, would be folded by its own outline: it
     moves as a whole, and stands out more or less or elsewhere. One that is not seen does so as the
-    other one.
+    other one, within `DEVIATIONS`.
 
     Parameters
     ----------
@@ -230,7 +230,8 @@ def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, seen: Float64, p
             # Of a head that is turned far the photo shows little of this.
             most, length = (np.linalg.norm(one, axis=1, keepdims=True) for one in (across, like))
             like *= np.minimum(1.0, most / np.maximum(length, 1e-9))
-            own = np.append(like.ravel(), other[6])
+            # One that stands out very far may do so on its side alone.
+            own = np.clip(np.append(like.ravel(), other[6]), -DEVIATIONS, DEVIATIONS)
         best = own[:6].reshape(3, 2).copy()
         flatter = -(best[1] @ turn[:2, 0]) * side + np.abs(best[2] @ turn[:2, 0])
         best[1:] *= min(1.0, (1 - FLAT) / max(float(flatter), 1e-9))
