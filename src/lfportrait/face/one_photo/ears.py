@@ -76,9 +76,9 @@ def laid_on(prior: HeadPrior, seen: Float64, bases: Float64, size: float, side: 
 
     person = cells(picture.inside, -1.0) > 0
     hidden = np.zeros(person.shape, bool)
-    for other in (picture.hair, picture.clothes):
-        if other is not None:
-            hidden |= person & (cells(other, 0.0) > 0.5)
+    for over in (picture.hair, picture.clothes):
+        if over is not None:
+            hidden |= person & (cells(over, 0.0) > 0.5)
     small = (seen - low) * scale
     own, head = _drawn(prior, small, ear, person.shape)
     area = float(own.sum())
