@@ -74,7 +74,8 @@ def test_a_picture_with_hardly_any_background_gets_a_plain_one(least):
     assert np.isfinite(picture).all()
 
 
-@pytest.mark.parametrize("side", [-1, 1])
+# The other side is a mirror image.
+@pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
 def test_light_comes_from_the_lighter_side_of_the_face(side):
     exemplar = drawn_face(400, 300)
     shade = 1 - 0.5 * np.clip(np.linspace(-1, 1, 300) * -side * 2, 0, 1)

@@ -42,8 +42,8 @@ def with_little_room(_, level):
 
 
 @pytest.mark.parametrize("make", [on_cpu, with_little_room])
-# Rows of few coefficients are narrower, and have kernels of their own: eight seconds to compile, for
-# the tests of `--sh-degree` 0 and 1 alone.
+# Rows of few coefficients are narrower, and have kernels of their own, which take eight seconds to
+# compile.
 @pytest.mark.parametrize(("basis", "more"), [
     pytest.param(1, {}, marks=pytest.mark.slow),
     pytest.param(4, {"lambda_tv": 0.02}, marks=pytest.mark.slow),
