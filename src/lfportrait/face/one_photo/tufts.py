@@ -1,0 +1,121 @@
+"""Short hair that no photo shows: its tufts, and the light from above on it.
+
+Short hair has no strands that run down from the crown, but it is not smooth, either: tufts of it
+lie away from a whorl, each a few times as long as wide. They are noise in space that is drawn out
+along the surface (line integral convolution, Cabral and Leedom 1993), so that it has no seam, in
+octaves of a strand's width, each with its contrast in the photo. Light falls from above on most
+heads: how much darker hair is the less it faces upwards is the photo's to say, too.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...arrays import Bool, Float32, Float64
+
+WHORL = np.array([0.0, 0.52, -0.38])  # Tufts lie away from here, portrait frame.
+MOST = 2.0  # About so many standard deviations one is brighter or darker, at most.
+WAVE, TURNED, SPIRAL = 0.2, 0.5, 1.0
+"""Over how much the direction of tufts changes, portrait units; by how much, and how much they turn
+around the whorl, radians."""
+ROUND = 0.1  # So near to it they are no longer than wide, portrait units.
+SIDE = 32  # Of the noise, in a tuft's width, after which it repeats.
+SAMPLES, LENGTH = 6, 5.0  # Along a tuft, and how long it is over its width, at most.
+LONGEST = 0.2  # Portrait units.
+ALIGNED = (0.3, 0.6)
+"""Coherence of a photo's gradients in hair (`aligned`) of which tufts have no direction, as in hair
+of some millimeters, and from which on they are as long as that."""
+BROAD = np.array([1.0, 1.0, 0.8, 0.6])
+"""Parts of octaves that are tufts: the rest is light and cut, which are others behind. Of hair that
+has no direction, their cubes."""
+BRIGHTER = 0.5  # Logarithm of how much brighter what faces up is than what faces sideways, at most.
+SURE = 100.0  # Of so many places at least that a photo shows well that follows.
+
+
+def tufts(points: Float64, normals: Float64, widths: tuple[float, ...], contrast: Float64,
+          coherence: float) -> Float64:
+    """Factors [N] of the brightness of places [N, 3] (portrait frame) in short hair.
+
+    Parameters
+    ----------
+    normals : float64 [N, 3], outward.
+    widths, contrast : Of octaves, portrait units and standard deviations of the logarithm.
+    coherence : By which they are long (`aligned`).
+    """
+    away = points - WHORL
+    along = away - (away * normals).sum(axis=1)[:, None] * normals
+    length = np.linalg.norm(along, axis=1)[:, None]
+    along *= np.clip(length / ROUND, 0, 1) / np.maximum(length, 1e-9)
+    random = np.random.default_rng(7)
+    # It turns around the whorl, and no tuft lies quite like the next.
+    wave = _noise(random.standard_normal((SIDE,) * 3), points / WAVE)[:, None]
+    turn = TURNED * wave + SPIRAL * np.exp(-length / ROUND)
+    along = np.cos(turn) * along + np.sin(turn) * np.cross(normals, along)
+    out = np.zeros(len(points))
+    share = float(np.clip((coherence - ALIGNED[0]) / (ALIGNED[1] - ALIGNED[0]), 0, 1))
+    contrast, longest = contrast * BROAD ** (3 - 2 * share), (LENGTH - 1) * share
+    for width, strength in zip(widths, contrast, strict=True):
+        lattice = random.standard_normal((SIDE,) * 3)
+        noise = np.zeros(len(points))
+        for step in np.linspace(-0.5, 0.5, SAMPLES) * min(longest, LONGEST / width):
+            noise += _noise(lattice, points / width + step * along)
+        out += strength * noise / max(float(noise.std()), 1e-9)
+    strong = float(np.linalg.norm(contrast))
+    bounded = np.tanh(out / max(MOST * strong, 1e-9))
+    return np.asarray(np.exp(bounded * (strong / max(float(bounded.std()), 1e-9))))
+
+
+def _noise(lattice: Float64, places: Float64) -> Float64:
+    """Values of a lattice that repeats, at places [N, 3], [N]."""
+    return np.asarray(ndimage.map_coordinates(lattice, places.T, order=1, mode="grid-wrap"))
+
+
+def aligned(colors: NDArray[np.floating], hair: Bool, pixels: float, width: float) -> float:
+    """How much a photo's hair runs in one direction from place to place, 0 to 1.
+
+    The coherence of its structure tensor (Bigun and Granlund 1987), in the octave of a width.
+
+    Parameters
+    ----------
+    colors, hair : [H, W, 3] in [0, 1]; bool [H, W].
+    pixels, width : Of a portrait unit; in portrait units.
+    """
+    factor = min(1.0, 4.0 / (width * pixels))
+    size = tuple(max(2, round(side * factor)) for side in hair.shape[::-1])
+    light = np.log(cv2.resize(np.asarray(colors, np.float32).mean(axis=2), size,
+                              interpolation=cv2.INTER_AREA) + np.float32(0.02))
+    inside = cv2.resize(hair.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.99
+    known, scale = inside.astype(np.float32), width * pixels * factor
+
+    def mean(values: NDArray[np.floating], sigma: float) -> Float32:
+        return np.asarray(cv2.GaussianBlur(values * known, (0, 0), sigma * scale)
+                          / np.maximum(cv2.GaussianBlur(known, (0, 0), sigma * scale), 1e-3),
+                          np.float32)
+
+    octave = mean(light, 0.3) - mean(light, 0.6)
+    x, y = (cv2.Sobel(octave, cv2.CV_32F, *one, ksize=3) for one in ((1, 0), (0, 1)))
+    xx, yy, xy = (mean(one, 0.8) for one in (x * x, y * y, x * y))
+    total = float((xx + yy)[inside].sum())
+    return float(np.hypot(xx - yy, 2 * xy)[inside].sum()) / total if total > 0 else 0.0
+
+
+def from_above(normals: Float64, colors: Float64, weight: Float64) -> Float64:
+    """How bright light from above makes places [N] of hair, by those that photos show.
+
+    Parameters
+    ----------
+    normals : float64 [N, 3], outward.
+    colors, weight : [N, 3] as photos show them, and how well they do, [N].
+    """
+    total = float(weight.sum())
+    if total < SURE:
+        return np.ones(len(normals))
+    up = np.clip(normals[:, 1], 0, 1)
+    light = np.log(colors.mean(axis=1) + 0.02)
+    up_mean, mean = (float(weight @ one) / total for one in (up, light))
+    spread = float(weight @ (up - up_mean) ** 2)
+    slope = float(weight @ ((up - up_mean) * (light - mean))) / max(spread, 1e-9)
+    return np.asarray(np.exp(np.clip(slope, 0, BRIGHTER) * up))
