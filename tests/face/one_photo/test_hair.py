@@ -27,7 +27,8 @@ from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, filled
 from lfportrait.face.one_photo.samples import depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
-from lfportrait.face.one_photo.tufts import aligned, from_above, tufts
+from lfportrait.face.one_photo.tufts import LOW, MIDDLE, aligned, from_above, tufts
+from lfportrait.field import C0
 
 from .generic import generic_head
 
@@ -121,6 +122,21 @@ def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
     away, owner = long.distance(points, 0.3)
     beside = (np.abs(points[:, 0]) > 0.45) & (away < 0)
     assert beside.sum() > 20 and (owner[beside] == HAIR).all()
+
+
+@pytest.mark.slow  # paints a head
+def test_short_hair_that_no_photo_shows_is_no_smooth_dome(bare):
+    shell, parts = shell_of(bare, 48), bare.parts
+    noise = np.random.default_rng(0).standard_normal((*parts.hair.shape, 1))
+    spread = []
+    for strength in (0.0, 0.2):
+        colors = np.asarray(0.4 * np.exp(strength * noise) * np.ones(3), np.float32)
+        sh = painted(shell, [Shot.of(parts.camera, colors, parts.hair.astype(np.float32))])[0]
+        x, y, z = shell.on.T
+        back = (np.abs(x) < 0.2) & (np.abs(y - 0.2) < 0.2) & (z < -0.4)
+        spread.append(np.std(np.log(0.5 + C0 * sh[back].mean(axis=1))))
+    assert back.sum() > 50
+    assert spread[0] < 0.01 and 0.05 < spread[1] < 0.3
 
 
 @pytest.mark.slow  # paints a head
@@ -235,14 +251,13 @@ def test_hair_in_a_photo_has_a_direction_or_none():
 @pytest.mark.parametrize(("slope", "found"), [(0.3, 0.3), (-0.3, 0.0), (2.0, 0.5)])
 def test_hair_is_lit_from_above_as_in_the_photo(slope, found):
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 400)
-    normals = np.stack([np.zeros(400), np.sin(angle), np.cos(angle)], axis=1)
-    up = np.clip(normals[:, 1], 0, 1)
-    colors = np.exp(np.log(0.2) + slope * up)[:, None] * np.ones(3) * np.linspace(
-        0.99, 1.01, 400)[:, None]
-    light = from_above(normals, colors, np.ones(400))
-    assert light[up == 0].max() == 1
-    assert np.log(light.max()) == pytest.approx(found, abs=0.05)
-    assert (from_above(normals, colors, np.zeros(400)) == 1).all()
+    up = np.sin(angle)
+    points = 0.5 * np.stack([np.zeros(400), up, np.cos(angle)], axis=1) + MIDDLE
+    colors = np.exp(np.log(0.2) + slope * up)[:, None] * np.ones(3)
+    light = from_above(points, colors, (up > LOW) * 1.0)
+    assert (light[up < LOW] == 1).all()
+    assert np.log(light.max()) == pytest.approx((1 - LOW) * found, abs=0.05)
+    assert (from_above(points, colors, np.zeros(400)) == 1).all()
 
 
 def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):

@@ -7,7 +7,8 @@ matched, then means over ever wider surroundings (pull and push, Gortler et al. 
 
 Hair that no photo shows has strands that run down from the crown, as strong as those it shows; it
 would else be as smooth as a helmet. They are noise that is long in the direction in which hair
-falls, in octaves of a strand's width, each with its contrast in the photo.
+falls, in octaves of a strand's width, each with its contrast in the photo. Short hair has tufts
+(`tufts`).
 """
 
 from __future__ import annotations
@@ -348,11 +349,11 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         worn = _clothed(shell, own)
     else:
         own.worn[:], other.worn[:] = 0.0, 0.0
-    lit = from_above(normals, own.colors, own.pure(0))
+    lit = from_above(points, own.colors, own.pure(0))
     fill = _fill(points, own, other, _parts(hair, beard, worn), skin, lit)
     if hair.any():
         # Short hair is too fine for strands.
-        grown = (hair > 0.5) & (own.best < 1)
+        grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
         length = np.clip((NAPE - np.percentile(points[hair > 0.5, 1], 1)) / STRANDS, 0, 1)
         contrast, coherence = shots[0].contrast()
         fine = (strands(points[grown], length * contrast)

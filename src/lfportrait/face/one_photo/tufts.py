@@ -21,17 +21,21 @@ MOST = 2.0  # About so many standard deviations one is brighter or darker, at mo
 WAVE, TURNED, SPIRAL = 0.2, 0.5, 1.0
 """Over how much the direction of tufts changes, portrait units; by how much, and how much they turn
 around the whorl, radians."""
-ROUND = 0.1  # So near to it they are no longer than wide, portrait units.
+ROUND, SHORTER = 0.1, 0.7
+"""Over how much they turn so, portrait units; and they are no longer than such a part of the way to
+the whorl."""
 SIDE = 32  # Of the noise, in a tuft's width, after which it repeats.
-SAMPLES, LENGTH = 6, 5.0  # Along a tuft, and how long it is over its width, at most.
+SAMPLES, LENGTH = 5, 5.0  # Along a tuft, and how long it is over its width, at most.
 LONGEST = 0.2  # Portrait units.
 ALIGNED = (0.3, 0.6)
 """Coherence of a photo's gradients in hair (`aligned`) of which tufts have no direction, as in hair
 of some millimeters, and from which on they are as long as that."""
-BROAD = np.array([1.0, 1.0, 0.8, 0.6])
+BROAD = np.array([1.0, 1.0, 0.7, 0.5])
 """Parts of octaves that are tufts: the rest is light and cut, which are others behind. Of hair that
 has no direction, their cubes."""
-BRIGHTER = 0.5  # Logarithm of how much brighter what faces up is than what faces sideways, at most.
+MIDDLE, LOW = np.array([0.0, 0.1, -0.1]), -0.3
+"""Of a head, portrait frame; sine of how far below it hair is as dark as it gets."""
+BRIGHTER = 0.5  # Logarithm of how much brighter it is above than beside the middle, at most.
 SURE = 100.0  # Of so many places at least that a photo shows well that follows.
 
 
@@ -45,10 +49,12 @@ def tufts(points: Float64, normals: Float64, widths: tuple[float, ...], contrast
     widths, contrast : Of octaves, portrait units and standard deviations of the logarithm.
     coherence : By which they are long (`aligned`).
     """
+    if not contrast.any():
+        return np.ones(len(points))
     away = points - WHORL
     along = away - (away * normals).sum(axis=1)[:, None] * normals
     length = np.linalg.norm(along, axis=1)[:, None]
-    along *= np.clip(length / ROUND, 0, 1) / np.maximum(length, 1e-9)
+    along /= np.maximum(length, 1e-9)
     random = np.random.default_rng(7)
     # It turns around the whorl, and no tuft lies quite like the next.
     wave = _noise(random.standard_normal((SIDE,) * 3), points / WAVE)[:, None]
@@ -60,8 +66,9 @@ def tufts(points: Float64, normals: Float64, widths: tuple[float, ...], contrast
     for width, strength in zip(widths, contrast, strict=True):
         lattice = random.standard_normal((SIDE,) * 3)
         noise = np.zeros(len(points))
-        for step in np.linspace(-0.5, 0.5, SAMPLES) * min(longest, LONGEST / width):
-            noise += _noise(lattice, points / width + step * along)
+        whole = np.minimum(min(longest, LONGEST / width), SHORTER / width * length) * along
+        for step in np.linspace(-0.5, 0.5, SAMPLES) if longest else np.zeros(1):
+            noise += _noise(lattice, points / width + step * whole)
         out += strength * noise / max(float(noise.std()), 1e-9)
     strong = float(np.linalg.norm(contrast))
     bounded = np.tanh(out / max(MOST * strong, 1e-9))
@@ -102,18 +109,21 @@ def aligned(colors: NDArray[np.floating], hair: Bool, pixels: float, width: floa
     return float(np.hypot(xx - yy, 2 * xy)[inside].sum()) / total if total > 0 else 0.0
 
 
-def from_above(normals: Float64, colors: Float64, weight: Float64) -> Float64:
-    """How bright light from above makes places [N] of hair, by those that photos show.
+def from_above(points: Float64, colors: Float64, weight: Float64) -> Float64:
+    """How bright light from above makes places [N, 3] (portrait frame) of hair, [N].
+
+    As those that photos show say; how far up a place lies from a head's middle is smoother than how
+    far up it faces.
 
     Parameters
     ----------
-    normals : float64 [N, 3], outward.
     colors, weight : [N, 3] as photos show them, and how well they do, [N].
     """
     total = float(weight.sum())
     if total < SURE:
-        return np.ones(len(normals))
-    up = np.clip(normals[:, 1], 0, 1)
+        return np.ones(len(points))
+    away = points - MIDDLE
+    up = np.maximum(away[:, 1] / np.maximum(np.linalg.norm(away, axis=1), 1e-9), LOW) - LOW
     light = np.log(colors.mean(axis=1) + 0.02)
     up_mean, mean = (float(weight @ one) / total for one in (up, light))
     spread = float(weight @ (up - up_mean) ** 2)
