@@ -21,10 +21,10 @@ MARGIN = 0.12  # Of the grid around the photo, over its width.
 ON_TOP = 0.11  # How thick hair lies on a crown that no photo shows, portrait units.
 TREND = 0.10
 """Below a photo's upper edge, how far an outline tells where it goes on, portrait units."""
-FLATTEST, ROUND = 0.2, (1.7, 2.8)
-"""How tall at least what was cut off is, over half its width; powers of its outline: a parabola has
-2."""
-ASIDE = 0.25  # The highest place is no nearer to either side, parts of the width.
+FLATTEST, CIRCLE, ROUND = 0.2, 0.7, (1.7, 2.8)
+"""How tall at least what was cut off is, over half its width, and over the circle as that its
+outline goes on; powers of its outline: a parabola has 2."""
+ASIDE = 0.25  # It is no highest so near to either side, parts of its width.
 LEAST_HAIR = 0.06  # Hair covers at least this part of the area of a face, or there is none.
 LINK = 0.06  # What hangs from hair by less than twice so much may be none, over a face's width.
 OTHER_HAIR = 8.0  # Difference in CIELAB from which on that is not of the same hair.
@@ -346,9 +346,9 @@ def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
     sides = np.maximum([left - lower[0], lower[1] - right], 0) / below
     inwards = float(sides.mean())
     tall = (ON_TOP if covered.any() else 0.0) / cell - highest
+    # Big hair ends higher than that above the skull.
+    least = max(FLATTEST, CIRCLE * (float(np.hypot(1, inwards)) - inwards)) * half
     # Where it has almost closed, no more than its slope says is missing.
-    # Of big hair that ends higher, half of the circle that goes on so.
-    least = max(FLATTEST, 0.5 * (float(np.hypot(1, inwards)) - inwards)) * half
     tall = max(min(tall, half / (ROUND[0] * max(inwards, 1e-6))), least)
     power = np.clip(half / max(tall * inwards, 1e-6), *ROUND)
     rows = int(np.ceil(tall)) + round(ON_TOP / cell)
