@@ -27,7 +27,7 @@ from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, filled
 from lfportrait.face.one_photo.samples import depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
-from lfportrait.face.one_photo.tufts import LOW, MIDDLE, aligned, from_above, tufts
+from lfportrait.face.one_photo.tufts import aligned, tufts
 from lfportrait.field import C0
 
 from .generic import generic_head
@@ -246,18 +246,6 @@ def test_hair_in_a_photo_has_a_direction_or_none():
     combed, cropped = (aligned(np.repeat((0.3 + 0.05 * wave / wave.std())[..., None], 3, axis=2),
                                hair, unit, WIDTHS[0]) for wave in waves)
     assert combed > 0.6 and cropped < 0.35
-
-
-@pytest.mark.parametrize(("slope", "found"), [(0.3, 0.3), (-0.3, 0.0), (2.0, 0.5)])
-def test_hair_is_lit_from_above_as_in_the_photo(slope, found):
-    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 400)
-    up = np.sin(angle)
-    points = 0.5 * np.stack([np.zeros(400), up, np.cos(angle)], axis=1) + MIDDLE
-    colors = np.exp(np.log(0.2) + slope * up)[:, None] * np.ones(3)
-    light = from_above(points, colors, (up > LOW) * 1.0)
-    assert (light[up < LOW] == 1).all()
-    assert np.log(light.max()) == pytest.approx((1 - LOW) * found, abs=0.05)
-    assert (from_above(points, colors, np.zeros(400)) == 1).all()
 
 
 def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):

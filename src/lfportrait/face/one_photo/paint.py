@@ -33,7 +33,7 @@ from .lattice import Shell
 from .parts import Parts
 from .piece import METRES
 from .solid import HAIR, HEAD, WORN
-from .tufts import aligned, from_above, tufts
+from .tufts import aligned, tufts
 
 LEAST, FULL = 0.25, 0.45
 """Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
@@ -349,8 +349,7 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         worn = _clothed(shell, own)
     else:
         own.worn[:], other.worn[:] = 0.0, 0.0
-    lit = from_above(points, own.colors, own.pure(0))
-    fill = _fill(points, own, other, _parts(hair, beard, worn), skin, lit)
+    fill = _fill(points, own, other, _parts(hair, beard, worn), skin)
     if hair.any():
         # Short hair is too fine for strands.
         grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
@@ -470,11 +469,11 @@ def _closed(points: Float64, inside: Bool, bare: Float64) -> Float64:
 
 
 def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...], head: Bool,
-          lit: Float64) -> Float64:
+          ) -> Float64:
     """Colors [N, 3] of what the photos do not show: of each of the parts (`_parts`) by its own.
 
     What is no clothes on the ``head`` goes on by itself: where clothes are not known they are seen
-    on no cheek, but necks go on in skin. Hair is ``lit`` so, [N].
+    on no cheek, but necks go on in skin.
     """
     def filled(kind: int) -> Float64:
         out, place = np.zeros_like(points), parts[kind] > 0
@@ -482,8 +481,6 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
             return out
         weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
-        if kind == 0:
-            photo, mirrored = photo / lit[place, None], mirrored / lit[place, None]
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, near=True),
                           0, 1)
@@ -491,8 +488,7 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
         bare = head[place]
         if kind == 2 and bare.any():
             found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
-        share = parts[kind] * lit if kind == 0 else parts[kind]
-        out[place] = share[place, None] * found
+        out[place] = parts[kind][place, None] * found
         return out
 
     with ThreadPoolExecutor(2) as pool:

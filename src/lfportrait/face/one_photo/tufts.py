@@ -1,10 +1,10 @@
-"""Short hair that no photo shows: its tufts, and the light from above on it.
+"""The tufts of short hair that no photo shows.
 
 Short hair has no strands that run down from the crown, but it is not smooth, either: tufts of it
 lie away from a whorl, each a few times as long as wide. They are noise in space that is drawn out
 along the surface (line integral convolution, Cabral and Leedom 1993), so that it has no seam, in
-octaves of a strand's width, each with its contrast in the photo. Light falls from above on most
-heads: how much darker hair is the less it faces upwards is the photo's to say, too.
+octaves of a strand's width, each with its contrast in the photo, and as long as hair there has a
+direction.
 """
 
 from __future__ import annotations
@@ -33,10 +33,6 @@ of some millimeters, and from which on they are as long as that."""
 BROAD = np.array([1.0, 1.0, 0.7, 0.5])
 """Parts of octaves that are tufts: the rest is light and cut, which are others behind. Of hair that
 has no direction, their cubes."""
-MIDDLE, LOW = np.array([0.0, 0.1, -0.1]), -0.3
-"""Of a head, portrait frame; sine of how far below it hair is as dark as it gets."""
-BRIGHTER = 0.5  # Logarithm of how much brighter it is above than beside the middle, at most.
-SURE = 100.0  # Of so many places at least that a photo shows well that follows.
 
 
 def tufts(points: Float64, normals: Float64, widths: tuple[float, ...], contrast: Float64,
@@ -49,7 +45,7 @@ def tufts(points: Float64, normals: Float64, widths: tuple[float, ...], contrast
     widths, contrast : Of octaves, portrait units and standard deviations of the logarithm.
     coherence : By which they are long (`aligned`).
     """
-    if not contrast.any():
+    if not (len(points) and contrast.any()):
         return np.ones(len(points))
     away = points - WHORL
     along = away - (away * normals).sum(axis=1)[:, None] * normals
@@ -107,25 +103,3 @@ def aligned(colors: NDArray[np.floating], hair: Bool, pixels: float, width: floa
     xx, yy, xy = (mean(one, 0.8) for one in (x * x, y * y, x * y))
     total = float((xx + yy)[inside].sum())
     return float(np.hypot(xx - yy, 2 * xy)[inside].sum()) / total if total > 0 else 0.0
-
-
-def from_above(points: Float64, colors: Float64, weight: Float64) -> Float64:
-    """How bright light from above makes places [N, 3] (portrait frame) of hair, [N].
-
-    As those that photos show say; how far up a place lies from a head's middle is smoother than how
-    far up it faces.
-
-    Parameters
-    ----------
-    colors, weight : [N, 3] as photos show them, and how well they do, [N].
-    """
-    total = float(weight.sum())
-    if total < SURE:
-        return np.ones(len(points))
-    away = points - MIDDLE
-    up = np.maximum(away[:, 1] / np.maximum(np.linalg.norm(away, axis=1), 1e-9), LOW) - LOW
-    light = np.log(colors.mean(axis=1) + 0.02)
-    up_mean, mean = (float(weight @ one) / total for one in (up, light))
-    spread = float(weight @ (up - up_mean) ** 2)
-    slope = float(weight @ ((up - up_mean) * (light - mean))) / max(spread, 1e-9)
-    return np.asarray(np.exp(np.clip(slope, 0, BRIGHTER) * up))
