@@ -7,7 +7,8 @@ matched, then means over ever wider surroundings (pull and push, Gortler et al. 
 
 Hair that no photo shows has strands that run down from the crown, as strong as those it shows; it
 would else be as smooth as a helmet. They are noise that is long in the direction in which hair
-falls, in octaves of a strand's width, each with its contrast in the photo.
+falls, in octaves of a strand's width, each with its contrast in the photo. Short hair has tufts
+(`tufts`).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from .lattice import Shell
 from .parts import Parts
 from .piece import METRES
 from .solid import HAIR, HEAD, WORN
+from .tufts import aligned, tufts
 
 LEAST, FULL = 0.25, 0.45
 """Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
@@ -59,6 +61,9 @@ UNDER = 0.008 / METRES
 BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
 """Hair has no bays narrower than twice this where no photo sees them; and cells that this is looked
 at in, portrait units."""
+GAP, WIDE = 0.1, 3 * BAY
+"""Nor gaps that photos show to be less bare than the first, in the mean, and that are less than
+twice the second wide."""
 LEDGE, EXACT = 0.006 / METRES, 0.0025 / METRES
 """Beside the edge of a turned nose, or of hair, what lies so much farther or nearer than something
 within the second in the photo may have that one's color: no fitted head meets its photo more
@@ -105,11 +110,13 @@ class Shot:
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
         return Shot(camera, colors, soft, other, beard, beneath, mouth, clothes)
 
-    def contrast(self) -> Float64:
-        """How strong strands of hair are in it (`strand_contrast`)."""
+    def contrast(self) -> tuple[Float64, float]:
+        """How strong strands of hair are in it (`strand_contrast`), and how much `aligned`."""
         assert self.hair is not None
         unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
-        return strand_contrast(self.colors, self.hair > 0.99, unit)
+        within = self.hair > 0.99
+        return (strand_contrast(self.colors, within, unit),
+                aligned(self.colors, within, unit, WIDTHS[0]))
 
     def look(self, points: Float64, normals: Float64, solid: _Depths, voxel: float,
              owner: NDArray[np.uint8]) -> Look:
@@ -344,11 +351,14 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         own.worn[:], other.worn[:] = 0.0, 0.0
     fill = _fill(points, own, other, _parts(hair, beard, worn), skin)
     if hair.any():
-        # Short hair is too fine for them.
-        grown = hair > 0.5
-        length = np.clip((NAPE - np.percentile(points[grown, 1], 1)) / STRANDS, 0, 1)
-        fill[grown] *= (strands(points[grown], length * shots[0].contrast())[:, None]
-                        ** (1 - other.best[grown, None]))
+        # Short hair is too fine for strands.
+        grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
+        length = np.clip((NAPE - np.percentile(points[hair > 0.5, 1], 1)) / STRANDS, 0, 1)
+        contrast, coherence = shots[0].contrast()
+        fine = (strands(points[grown], length * contrast)
+                * tufts(points[grown], normals[grown], WIDTHS, (1 - length) * contrast,
+                        coherence))
+        fill[grown] *= fine[:, None] ** (1 - other.best[grown, None])
     # An ear that no photo shows is not flat.
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]
@@ -426,15 +436,17 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     out = np.maximum(hair, np.maximum(grown * unseen, shell.scalp * shown))
     # At a temple that a photo hardly sees the outline of hair has bays.
     head = (shell.owner == HEAD) | (shell.owner == HAIR)
-    within = _closed(shell.on[head], out[head] > 0.5)
+    bare = np.maximum(own.best * (1 - own.share), alike * (1 - other.share))
+    within = _closed(shell.on[head], out[head] > 0.5, bare[head])
     out[head] = np.maximum(out[head], within * unseen[head])
     return np.asarray(out)
 
 
-def _closed(points: Float64, inside: Bool) -> Float64:
+def _closed(points: Float64, inside: Bool, bare: Float64) -> Float64:
     """How far a surface's points [N, 3] belong to a part without bays narrower than twice `BAY`.
 
-    By cells: what is near the part, but for what is as near to anything that is not. [N] in [0, 1].
+    By cells: what is near the part, but for what is as near to anything that is not. Nor does it
+    have small gaps that photos hardly show ``bare``, [N]. [N] in [0, 1].
     """
     places = ((points - points.min(axis=0)) / BAY_CELL + 1).T
     cells = tuple(np.round(places).astype(int))
@@ -443,7 +455,13 @@ def _closed(points: Float64, inside: Bool) -> Float64:
     surface[cells] = True
     part[tuple(axis[inside] for axis in cells)] = True
     reach = BAY / BAY_CELL
-    beyond = surface & (ndimage.distance_transform_edt(~part) > reach)
+    deep = ndimage.distance_transform_edt(~part)
+    beyond = surface & (deep > reach)
+    pieces, count = ndimage.label(beyond, np.ones((3, 3, 3)))
+    at = pieces[cells]
+    shown = np.bincount(at, bare, count + 1) >= GAP * np.bincount(at, minlength=count + 1)
+    shown |= ndimage.maximum(deep, pieces, np.arange(count + 1)) > WIDE / BAY_CELL
+    beyond &= shown[pieces]
     if not beyond.any():
         return np.ones(len(points))
     away = ndimage.map_coordinates(ndimage.distance_transform_edt(~beyond), places, order=1)
