@@ -321,7 +321,9 @@ def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float6
     if shoulders.any():
         covered = parts.hair & (parts.inside * cell > WITHIN) & (rows > top)
         domain |= convex_hull_image(shoulders | known) & covered
+    # Seen along the neck its band is a ring.
     domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
+    domain |= convex_hull_image(known) & person & ~parts.hair
     # From the model's nape on it recedes: downwards and to both sides.
     places, depths = parts.places(end)
     middle = 0.5 * float(depths.min() + depths.max())
