@@ -21,7 +21,7 @@ BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
 """How far beside a neck, and below and above its end, a collar may stand, portrait units."""
 ROW, TURNS = 0.02, 96
 """Steps of a picture of what is around a neck: down, portrait units, and how many around it."""
-WINDOWS = ((1.0, 2.0), (1.4, 4.0), (2.0, 8.0), (4.0, 16.0), (16.0, 48.0))
+WINDOWS = ((1.0, 2.0), (1.4, 4.0), (2.0, 8.0), (2.5, 16.0), (16.0, 48.0))
 """Deviations of ever wider means there, in steps down and around."""
 FEW = 0.02  # Part of a window that must be known to say half of what is there.
 SURE = (0.2, 0.5)  # What is known less well than the first says nothing, from the second on all.
