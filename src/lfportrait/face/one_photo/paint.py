@@ -71,13 +71,15 @@ TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face
 UNDERSIDE = -0.3  # What faces down by more, as the underside of a nose, is the photo's at an edge.
 LIP = 0.025 / METRES
 """So far behind what a photo shows of an open mouth things are of the same color."""
-CLOSE_BY = 0.1, 0.3
-"""Up to so far from what a photo shows clothes go on as what is around them, from the second on as
-what lies as far from the neck's end (`collar`), portrait units."""
+CLOSE_BY, EDGE_BY = (0.1, 0.3), (0.03, 0.15)
+"""Up to so far from what a photo shows clothes and their edge go on as what is around them, from
+the second on as what lies as far from the neck's end (`collar`), portrait units."""
 LIT = 3
 """Power by which clothes that are seen squarely count more there: along outlines lies other light.
 """
-HEM = 6.0  # How many times as sharp as a mean over surroundings the edge of clothes is.
+HEM, SOFT_HEM = 6.0, 3.0
+"""How many times as sharp as a mean over surroundings the edge of clothes is, on a body and on a
+neck."""
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -401,11 +403,14 @@ def _clothed(shell: Shell, own: _Mean) -> Float64:
         # Of a collar beside a neck it has nothing.
         used = asked if asked is neck and known[neck].sum() > 10 else part
         on, shares, sure = shell.on[used], own.clothes[used][:, None], known[used]
-        around, far = _spread(on, shares, sure, 0)[:, 0], _far(on, sure)
-        around += far * (spread_around(shell.collar.around(on), shares, sure)[:, 0] - around)
+        around, sharp = _spread(on, shares, sure, 0)[:, 0], SOFT_HEM
+        if asked is not neck:
+            sharp = HEM
+            around += _far(on, sure, EDGE_BY) * (
+                spread_around(shell.collar.around(on), shares, sure)[:, 0] - around)
         seen = own.best[asked]
         out[asked] = (seen * own.clothes[asked] + (1 - seen)
-                      * np.clip(HEM * (around[asked[used]] - 0.5) + 0.5, 0, 1))
+                      * np.clip(sharp * (around[asked[used]] - 0.5) + 0.5, 0, 1))
     return out
 
 
@@ -482,9 +487,9 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                           0, 1)
         found = _filled(at, photo, weight, matched, known)
         if ring is not None and kind == 3:
-            far = _far(at, weight)[:, None]
-            square = weight * own.square[place]
-            found += far * (1 - known)[:, None] * (spread_around(ring[place], photo, square) - found)
+            far = _far(at, weight, CLOSE_BY)[:, None]
+            along = spread_around(ring[place], photo, weight * own.square[place])
+            found += far * (1 - known)[:, None] * (along - found)
         bare = head[place]
         if kind == 2 and bare.any():
             found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
@@ -538,15 +543,15 @@ def _filled(points: Float64, photo: Float64, weight: Float64, matched: Float64,
     return np.asarray(known[:, None] * matched + (1 - known[:, None]) * around)
 
 
-def _far(points: Float64, known: Float64) -> Float64:
-    """How much places [N, 3] are far from what is known, [N], by `CLOSE_BY`."""
+def _far(points: Float64, known: Float64, between: tuple[float, float]) -> Float64:
+    """How much places [N, 3] are far from what is known, [N]: 0 to 1 between two distances."""
     place = np.rint((points - points.min(axis=0)) / CELL).astype(int).T
     unknown = np.ones(place.max(axis=1) + 1, bool)
     unknown[tuple(place[:, known > 0.5])] = False
     if unknown.all():
         return np.zeros(len(points))
     away = CELL * ndimage.distance_transform_edt(unknown)[tuple(place)]
-    return np.clip((away - CLOSE_BY[0]) / (CLOSE_BY[1] - CLOSE_BY[0]), 0, 1)
+    return np.clip((away - between[0]) / (between[1] - between[0]), 0, 1)
 
 
 def _spread(points: Float64, values: Float64, weights: Float64, finest: int) -> Float64:

@@ -60,8 +60,7 @@ class Parts:
         return np.stack([pixels[0, :, 1], pixels[0, :, 0]]) - 0.5, depth[0]
 
     def of_photo(self, values: NDArray[np.floating], camera: Camera) -> Float32:
-        """Values [H, W] of the photo that a camera took on this grid, [h, w]; the border's beyond.
-        """
+        """Values [H, W] of a camera's photo on this grid, [h, w]; the border's beyond it."""
         height, width = self.inside.shape
         factor = float(camera.focal[0, 0] / self.camera.focal[0, 0])
         column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
