@@ -46,10 +46,20 @@ def test_a_collar_goes_on_around_the_neck_with_its_edge():
     for high, low, worn in ((-0.2, -0.08, 0.0), (0.05, 0.1, 1.0), (0.23, 0.6, 0.0)):
         rows = behind & (down > high) & (down < low)
         assert np.abs(found[rows, 0] - worn).max() < 0.35
-    assert found[behind & (down > 0.4), 1].min() > 0.9
+    assert found[behind & (down > 0.4), 1].min() > 0.85
     # Both ends of the picture are one place.
     first, last = (found[turn == end, 0] for end in (turn.min(), turn.max()))
     assert np.abs(first - last).max() < 0.02
+
+
+def test_what_one_side_hides_is_as_on_the_other():
+    """A shirt is seen at the throat; the jacket beside it is seen on one side alone."""
+    down, turn = (part.ravel() for part in np.meshgrid(
+        np.arange(0, 0.2, 0.5 * ROW), np.linspace(-0.5, 0.5, 200, endpoint=False)))
+    known = ((turn > -0.3) & (turn < 0.1)).astype(float)
+    jacket = (np.abs(turn) > 0.1).astype(float)
+    found = spread_around(np.stack([down, turn], axis=1), jacket[:, None], known)[:, 0]
+    assert found[np.abs(turn) > 0.3].min() > 0.8 and found[np.abs(turn) < 0.05].max() < 0.2
 
 
 def test_what_is_hardly_known_says_nothing():

@@ -24,6 +24,7 @@ ROW, TURNS = 0.02, 96
 WINDOWS = ((1.0, 2.0), (1.4, 4.0), (2.0, 8.0), (2.5, 16.0), (16.0, 48.0))
 """Deviations of ever wider means there, in steps down and around."""
 FEW = 0.02  # Part of a window that must be known to say half of what is there.
+MIRRORED = 0.3  # Weight of what the other side shows.
 SURE = (0.2, 0.5)  # What is known less well than the first says nothing, from the second on all.
 
 
@@ -84,6 +85,8 @@ def spread_around(places: Float64, values: Float64, weights: Float64) -> Float64
     known = np.column_stack([weights[:, None] * values, weights])
     cells = np.stack([(np.bincount(flat, one, len(count)) / count).reshape(size)
                       for one in known.T])
+    # What one side hides is as on the other, or a shirt at a throat would go round a jacket.
+    cells += MIRRORED * (1 - cells[-1]) * np.roll(cells[..., ::-1], 1, axis=2)
     total = known.sum(axis=0)
     out = np.zeros(cells[:-1].shape) + (total[:-1] / max(total[-1], 1e-9))[:, None, None]
     for down, about in WINDOWS[::-1]:
