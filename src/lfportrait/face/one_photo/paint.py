@@ -77,9 +77,8 @@ the second on as what lies as far from the neck's end (`collar`), portrait units
 LIT = 3
 """Power by which clothes that are seen squarely count more there: along outlines lies other light.
 """
-HEM, SOFT_HEM = 6.0, 3.0
-"""How many times as sharp as a mean over surroundings the edge of clothes is, on a body and on a
-neck."""
+SEEN = 6e-4  # How much of a neck must be seen to say what it wears, portrait units squared.
+HEM = 6.0  # How many times as sharp as a mean over surroundings the edge of clothes is.
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -401,16 +400,17 @@ def _clothed(shell: Shell, own: _Mean) -> Float64:
         if not asked.any():
             continue
         # Of a collar beside a neck it has nothing.
-        used = asked if asked is neck and known[neck].sum() > 10 else part
+        enough = asked is neck and known[neck].sum() * shell.voxel ** 2 > SEEN
+        used = asked if enough else part
         on, shares, sure = shell.on[used], own.clothes[used][:, None], known[used]
-        around, sharp = _spread(on, shares, sure, 0)[:, 0], SOFT_HEM
-        if asked is not neck:
-            sharp = HEM
-            around += _far(on, sure, EDGE_BY) * (
-                spread_around(shell.collar.around(on), shares, sure)[:, 0] - around)
+        places = shell.collar.around(on)
+        if asked is neck:
+            places[:, 1] = 0  # all around as it is in the mean: not as what is before one side
+        around, far = _spread(on, shares, sure, 0)[:, 0], _far(on, sure, EDGE_BY)
+        around += far * (spread_around(places, shares, sure)[:, 0] - around)
         seen = own.best[asked]
         out[asked] = (seen * own.clothes[asked] + (1 - seen)
-                      * np.clip(sharp * (around[asked[used]] - 0.5) + 0.5, 0, 1))
+                      * np.clip(HEM * (around[asked[used]] - 0.5) + 0.5, 0, 1))
     return out
 
 

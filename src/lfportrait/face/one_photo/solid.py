@@ -160,7 +160,7 @@ def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tup
     # Of the head nothing goes where it is all there is, and what is beside it ends smoothly.
     whole = way == 0
     out[whole] = np.minimum(head[whole], out[whole])
-    return out, (way >= 0.5) | (beside < head - ALIKE)
+    return out, (way >= 0.5) | (beside < head - np.where(whole, 0.2, 1.0) * ALIKE)
 
 
 def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None,
