@@ -187,7 +187,8 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None,
     neck = _plane(end)
     place = Neck.of(parts, samples)
     raised = _raised(parts, near, place, clothes)
-    body = _body(parts, near, raised, depth_maps(samples, parts, band), end, sensed)
+    front = np.isfinite(depth_maps(samples, parts, height > NECK_TOP)[0])
+    body = _body(parts, near, raised, front, depth_maps(samples, parts, band), end, sensed)
     hair = None
     if parts.hair.any():
         grown = depth_maps(samples, parts, scalp(samples.rest))[1]
@@ -303,9 +304,9 @@ def _raised(parts: Parts, near: Float64, neck: Neck, clothes: Bool | None = None
     return high
 
 
-def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float64], end: Float64,
-          sensed: Sensed | None) -> Piece | None:
-    """Neck and shoulders as a piece that begins at the model's neck."""
+def _body(parts: Parts, near: Float64, raised: Bool, front: Bool, band: tuple[Float64, Float64],
+          end: Float64, sensed: Sensed | None) -> Piece | None:
+    """Neck and shoulders as a piece that begins at the model's neck; ``front`` is the head's."""
     cell = parts.cell
     known = np.isfinite(band[0])
     if not known.any():
@@ -353,7 +354,7 @@ def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float6
         middles = middle_behind(sensed, np.where(domain, squares[0], 0), middles, known, cell)
     # There is none where hair alone hangs down, nor in a head: it would be torn beside a jaw.
     nearest = ndimage.distance_transform_edt(~person, return_distances=False, return_indices=True)
-    there = ~(person & ~domain)[tuple(nearest)]
+    there = ~((parts.hair | front) & person & ~domain)[tuple(nearest)]
     return Piece(squares[0], squares[1], middles, there, there)
 
 
