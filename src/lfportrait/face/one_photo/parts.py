@@ -60,6 +60,16 @@ class Parts:
         pixels, depth = self.camera.project(points)
         return np.stack([pixels[0, :, 1], pixels[0, :, 0]]) - 0.5, depth[0]
 
+    def of_photo(self, values: NDArray[np.floating], camera: Camera) -> Float32:
+        """Values [H, W] of a camera's photo on this grid, [h, w]; the border's beyond it."""
+        height, width = self.inside.shape
+        factor = float(camera.focal[0, 0] / self.camera.focal[0, 0])
+        column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        middle, center = self.camera.center[0], camera.center[0]
+        return Parts.at(values, np.stack([
+            (row.ravel() - middle[1]) * factor + center[1] - 0.5,
+            (column.ravel() - middle[0]) * factor + center[0] - 0.5])).reshape(height, width)
+
     @staticmethod
     def at(values: NDArray[np.floating], places: Float64) -> Float32:
         """Values [h, w] or [h, w, C] at places [2, N], between cells; the border's beyond it."""
