@@ -50,8 +50,15 @@ def module_files(source: Path = SOURCE, package: str = "") -> dict[str, Path]:
 @functools.cache
 def import_lines(path: Path) -> list[ast.Import | ast.ImportFrom]:
     """Imports of a module, and of the stub beside it, which says what a package loads lazily."""
-    return imports_in([statement for file in (path, path.with_suffix(".pyi")) if file.is_file()
-                       for statement in ast.parse(file.read_text("utf-8")).body])
+    return [line for file in (path, path.with_suffix(".pyi")) if file.is_file()
+            for line in imports_of(file)[0]]
+
+
+@functools.cache
+def imports_of(file: Path) -> tuple[list[ast.Import | ast.ImportFrom], ...]:
+    """All imports of a file, and those at once (`imports_in`): to parse takes longest."""
+    statements = ast.parse(file.read_text("utf-8")).body
+    return imports_in(statements), imports_in(statements, at_once=True)
 
 
 def imports_in(statements: list[ast.stmt], *, at_once: bool = False,

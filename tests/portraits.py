@@ -1,5 +1,7 @@
 """A face drawn with a few shapes and a ball of a head: small inputs whose truth is known."""
 
+import functools
+
 import numpy as np
 
 from lfportrait.example import Exemplar
@@ -31,6 +33,12 @@ CANONICAL = _canonical()
 def drawn_face(height, width, seed=0, skin=(225, 180, 150), hair=(60, 40, 30),
                ground=(90, 130, 170)):
     """An exemplar of the given size: flat colors with a little grain, its mask known."""
+    image, landmarks, mask = _drawn(height, width, seed, tuple(skin), tuple(hair), tuple(ground))
+    return Exemplar(image.copy(), landmarks.copy(), "drawn", mask.copy())
+
+
+@functools.lru_cache(maxsize=32)  # a fiftieth of a second, and many tests draw the same
+def _drawn(height, width, seed, skin, hair, ground):
     scale = 0.36 * min(width / 1.15, height / 1.55)
     centre = np.array([width / 2, height * 0.52])
     y, x = np.mgrid[:height, :width] + 0.5
@@ -55,7 +63,7 @@ def drawn_face(height, width, seed=0, skin=(225, 180, 150), hair=(60, 40, 30),
         image[(np.abs(y - line) < 0.04) & (x > points[0, 0]) & (x < points[-1, 0])] = hair
     image += np.random.default_rng(seed).normal(0, 6, image.shape)
     mask = (face | head | body).astype(np.float32)
-    return Exemplar(np.clip(image, 0, 255).astype(np.uint8), landmarks, "drawn", mask)
+    return np.clip(image, 0, 255).astype(np.uint8), landmarks, mask
 
 
 def _on_ball(points, radius=0.6):

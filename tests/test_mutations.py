@@ -4,6 +4,7 @@ Each test takes a good file, changes a few things in it at random, and reads it.
 """
 
 import json
+import os
 import warnings
 from pathlib import Path
 
@@ -33,6 +34,14 @@ from tests.inputs import DESIGN, JOBS, landmarks_text
 from tests.mutations import bytes_changed, changed, strange_array
 
 
+def rounds(count):
+    """So many changes, one after the other; of quick tests a third.
+
+    `scripts/fuzz_readers.py` goes on where these end.
+    """
+    return range(count if os.environ.get("LFPORTRAIT_SLOW") == "1" else count // 3)
+
+
 def one_line(read, *given):
     """Read; a mistake in the file is one line."""
     with warnings.catch_warnings():
@@ -48,7 +57,7 @@ def one_line(read, *given):
 def each_damaged(folder, files, count, random):
     """Load a data set so many times, each time with one of its files damaged."""
     good = {path: path.read_bytes() for path in files}
-    for _ in range(count):
+    for _ in rounds(count):
         path = files[random.integers(len(files))]
         path.write_bytes(bytes_changed(good[path], random))
         one_line(Capture.load, folder)
@@ -64,7 +73,7 @@ def test_transforms(tmp_path):
     for _ in range(60):
         file.write_text(json.dumps(changed(good, random)))
         read += one_line(Capture.load, tmp_path)
-    for _ in range(50):
+    for _ in rounds(50):
         file.write_bytes(bytes_changed(json.dumps(good).encode(), random))
         one_line(Capture.load, tmp_path)
     assert read > 2
@@ -76,7 +85,7 @@ def test_own_captures(tmp_path):
     make_capture(3).save(tmp_path / "capture")
     file, random = tmp_path / "capture" / "transforms.json", np.random.default_rng(1)
     good = json.loads(file.read_text())
-    for _ in range(75):
+    for _ in rounds(75):
         file.write_text(json.dumps(changed(good, random)))
         one_line(Capture.load, tmp_path / "capture")
 
@@ -110,7 +119,7 @@ def test_documents_of_programs(tmp_path, write):
     write(tmp_path, centred())
     file = next(path for path in tmp_path.iterdir() if path.is_file())
     good, random = json.loads(file.read_text()), np.random.default_rng(8)
-    for _ in range(75):
+    for _ in rounds(75):
         file.write_text(json.dumps(changed(good, random)))
         one_line(Capture.load, tmp_path)
 
@@ -123,7 +132,7 @@ def test_exports_of_phones(tmp_path, write):
     random = np.random.default_rng(9)
     each_damaged(tmp_path, files, 50, random)
     good = json.loads(files[0].read_text())
-    for _ in range(50):
+    for _ in rounds(50):
         files[0].write_text(json.dumps(changed(good, random)))
         one_line(Capture.load, tmp_path)
 
@@ -134,13 +143,13 @@ def test_jobs(tmp_path):
     (tmp_path / "anna").mkdir()
     good = JOBS
     path, random = tmp_path / "jobs.toml", np.random.default_rng(10)
-    for _ in range(100):
+    for _ in rounds(100):
         path.write_bytes(bytes_changed(good, random))
         one_line(load_jobs, path)
     values = [b"true", b"-1", b"1e999", b"nan", b"[]", b"{}", b'""', b'"\\u0000"', b"1979-05-27",
               b'["x", 1]', b"0x7fffffffffffffffff", b'"../../.."']
     lines = good.splitlines()
-    for _ in range(75):
+    for _ in rounds(75):
         changed_lines = list(lines)
         number = random.integers(len(lines))
         key = lines[number].split(b" = ")[0]
@@ -160,12 +169,12 @@ def test_answers_to_a_study(tmp_path):
     file, random = tmp_path / "a.json", np.random.default_rng(11)
     file.write_text(json.dumps(good))
     assert one_line(read_answers, [file], tmp_path)
-    for _ in range(100):
+    for _ in rounds(100):
         file.write_text(json.dumps(changed(good, random)))
         one_line(read_answers, [file], tmp_path)
         one_line(read_answers, [file])
     file.write_text(json.dumps(good))
-    for _ in range(75):
+    for _ in rounds(75):
         (tmp_path / "study.json").write_text(json.dumps(changed(design, random)))
         one_line(read_answers, [file], tmp_path)
 
@@ -175,7 +184,7 @@ def test_fields(tmp_path):
     shell_field(size=8).save(path)
     with np.load(path) as data:
         good = dict(data)
-    for _ in range(100):
+    for _ in rounds(100):
         arrays = dict(good)
         for _ in range(random.integers(1, 3)):
             name = sorted(arrays)[random.integers(len(arrays))]
@@ -183,7 +192,7 @@ def test_fields(tmp_path):
         np.savez(path, **arrays)
         one_line(VoxelField.load, path)
     content = path.read_bytes()
-    for _ in range(50):
+    for _ in rounds(50):
         path.write_bytes(bytes_changed(content, random))
         one_line(VoxelField.load, path)
 
@@ -192,7 +201,7 @@ def test_displays(tmp_path):
     path, random = tmp_path / "panel.toml", np.random.default_rng(5)
     Display.preset("lookingglass-16").save(path)
     good = path.read_bytes()
-    for _ in range(75):
+    for _ in rounds(75):
         path.write_bytes(bytes_changed(good, random))
         one_line(Display.load, path)
 
@@ -200,7 +209,7 @@ def test_displays(tmp_path):
 def test_landmarks(tmp_path):
     path, random = tmp_path / "x.landmarks.txt", np.random.default_rng(6)
     good = landmarks_text(random, 0, 500).encode()
-    for _ in range(100):
+    for _ in rounds(100):
         path.write_bytes(bytes_changed(good, random))
         one_line(read_landmarks, path)
 
@@ -214,7 +223,7 @@ def test_exemplars_pictures(tmp_path):
         path = Path(tmp_path / f"p{suffix}")
         write_image(path, random.integers(0, 256, (12, 16, 3), np.uint8))
         good = path.read_bytes()
-        for _ in range(60):
+        for _ in rounds(60):
             path.write_bytes(bytes_changed(good, random))
             one_line(read_image, path)
 
@@ -230,7 +239,7 @@ def test_exemplars(tmp_path):
     write_image(tmp_path / "a.mask.png", np.full((40, 30, 3), 255, np.uint8))
     files = sorted(tmp_path.iterdir())
     good = {file: file.read_bytes() for file in files}
-    for _ in range(100):
+    for _ in rounds(100):
         file = files[random.integers(len(files))]
         file.write_bytes(bytes_changed(good[file], random))
         one_line(Exemplar.load, path)

@@ -12,7 +12,7 @@ from lfportrait.example.kernels.vote import elect, vote
 from lfportrait.example.styleblit import label_words, pack_colors, shift_planes
 from tests.reference import transfer as reference
 
-SHAPES = [(9, 7), (20, 16), (17, 45), (33, 64)]
+SHAPES = [(9, 7), (20, 16), (11, 37), (33, 64)]
 
 
 def _planes(shape, factor, count, random):

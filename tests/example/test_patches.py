@@ -117,9 +117,12 @@ def test_the_error_is_the_weighted_difference_and_the_way_from_the_wanted_place(
     assert np.allclose(_errors(untrusted, field, radius), untrusted.errors(field, radius), atol=0.1)
 
 
-@pytest.mark.parametrize("radius", [1, 2])
-@pytest.mark.parametrize("forward", [True, False])
-@pytest.mark.parametrize("height", [26, BAND + 5])
+# Each radius, direction and height once.
+@pytest.mark.parametrize(("radius", "forward", "height"), [
+    (1, True, 26), (2, False, 26), (2, True, BAND + 5),
+    *(pytest.param(*one, marks=pytest.mark.slow) for one in (
+        (1, False, 26), (2, True, 26), (1, True, BAND + 5), (1, False, BAND + 5),
+        (2, False, BAND + 5)))])
 def test_search_equals_the_plain_form(radius, forward, height):
     problem = _problem(2, height=height)
     field, guided, penalty = _places(problem, 3), _places(problem, 4), _penalty(problem, 5, 300)

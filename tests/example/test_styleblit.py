@@ -51,7 +51,7 @@ def made_of(guides, weights, style, config, label_weight=0.0, seed=0, scale=None
     (1.0, 48), (None, 37), *(pytest.param(*both, marks=pytest.mark.slow)
                              for both in ((1.0, 37), (None, 48)))])
 def test_equals_the_plain_form(scale, width):
-    guides, weights, style = _problem(width=width)
+    guides, weights, style = _problem(height=28, width=width)
     own = made_of(guides, weights, style, BlitConfig(threshold=-1.0, tolerance=-1e9, radius=0),
                   scale=scale)
     assert (own.level == 0).all()

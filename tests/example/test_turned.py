@@ -130,7 +130,7 @@ def test_the_generic_head_is_symmetric_and_its_depth_is_that_of_its_landmarks():
     assert np.abs(generic_depth(x, y) - generic_depth(-x, y)).max() < 0.01
 
 
-@some_sides(-40.0, 20.0, slow=(-20.0, 40.0))
+@some_sides(-40.0, slow=(-20.0, 20.0, 40.0))
 def test_the_side_that_was_painted_is_shown_as_it_was_painted(yaw):
     exemplar = portrait(posed(yaw))
     found = frontal_view(exemplar, face_pose(exemplar.landmarks))

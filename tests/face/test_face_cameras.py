@@ -44,7 +44,7 @@ def found_from(pixels, focal=None):
     return cameras_from_faces(list(pixels), [(SIDE, SIDE)] * count, [focal] * count, [0] * count)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(some.integers(0, 10 ** 6), some.floats(700.0, 1100.0), some.booleans())
 def test_cameras_are_found_by_the_face(seed, focal, noted):
     cameras, pixels = photographed(person(seed), focal, 1.0, seed)
@@ -57,7 +57,7 @@ def test_cameras_are_found_by_the_face(seed, focal, noted):
 
 
 def test_photos_of_somebody_else_and_without_a_face_are_left_out():
-    _, pixels = photographed(person(1), 900.0, 0.5)
+    pixels = photographed(person(1), 900.0, 0.5)[1][:6]
     random = np.random.default_rng(2)
     faces = [*pixels, None, random.uniform(200, 400, (68, 2))]
     count = len(faces)

@@ -94,7 +94,9 @@ def _turned(degrees):
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-@pytest.mark.parametrize("degrees", [0, 70, 135, 180])
+# Ahead, and over the shoulder.
+@pytest.mark.parametrize("degrees", [
+    0, pytest.param(70, marks=pytest.mark.slow), 135, pytest.param(180, marks=pytest.mark.slow)])
 def test_the_face_is_found_wherever_it_looks(monkeypatch, degrees):
     """The cameras go all around; the face need not look to +z."""
     cameras = Camera.arc(np.arange(0.0, 360.0, 2.0), distance=4.0, width=600, height=600,

@@ -491,7 +491,9 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path,
     assert figures["train"]["rays"] == 2048 * (round(0.03e6 / 2048) + round(0.05e6 / 2048))
 
 
-@pytest.mark.parametrize("at", [10, 21])  # 21: some of the states that are averaged are behind
+@pytest.mark.parametrize("at", [
+    pytest.param(10, marks=pytest.mark.slow),
+    21])  # some of the states that are averaged are behind
 def test_a_run_stopped_in_the_middle_of_a_level_goes_on_from_there(tmp_path, monkeypatch, at):
     capture = ball_capture(count=8, size=32)
     config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=(2048,))

@@ -122,7 +122,9 @@ def test_mattes_that_were_right_stay_right(monkeypatch):
     assert wrong(end.alphas, truth.alphas) < 0.003
 
 
-@pytest.mark.parametrize(("step", "left"), [(10, 1), (120, 0)])
+# The one that still has mattes to correct; the other reads what the first has written.
+@pytest.mark.parametrize(("step", "left"), [
+    (10, 1), pytest.param(120, 0, marks=pytest.mark.slow)])
 def test_a_stopped_run_goes_on_with_the_mattes_it_had(step, left, mended, tmp_path, monkeypatch):
     capture, first = with_wrong_mattes(photos()), mended[0]
     checkpoint = tmp_path / "state.npz"

@@ -48,7 +48,9 @@ def test_a_batchs_sweep_keeps_to_the_cone(done):
     assert filmed == [40.0, 30.0]
 
 
-@pytest.mark.parametrize("cone, limit", [(0.0, 20.0), (60.0, 30.0), (360.0, None)])
+# One that is asked for, and none.
+@pytest.mark.parametrize("cone, limit", [
+    (0.0, 20.0), pytest.param(60.0, 30.0, marks=pytest.mark.slow), (360.0, None)])
 def test_a_batchs_page_keeps_to_the_cone_unless_another_is_asked_for(done, cone, limit):
     page = done[0]("page", "portrait.html", MakeConfig(page=PageConfig(cone=cone)))
     header = json.loads(re.search(r'id="portrait">(.*?)</script>', page.read_text())[1])

@@ -31,7 +31,8 @@ def seen_from(head: np.ndarray, yaw: float, pitch: float = 0.0) -> np.ndarray:
     return camera.project(head)[0][0]
 
 
-@pytest.mark.parametrize("yaw", [-60, -30, 0, 25, 50])
+@pytest.mark.parametrize("yaw", [
+    -60, 0, 50, *(pytest.param(yaw, marks=pytest.mark.slow) for yaw in (-30, 25))])
 def test_the_side_from_which_a_face_is_seen(head, yaw):
     # From the person's left one sees a face that is turned to the picture's left.
     assert -face_pose(seen_from(head, yaw)).yaw == pytest.approx(yaw, abs=2 + 0.15 * abs(yaw))
@@ -170,7 +171,10 @@ def test_capture_check_as_a_command(tmp_path, faces, capsys):
     assert data["seconds"]["wall"] + 0.01 > data["seconds"]["check"] > 0
 
 
-@pytest.mark.parametrize("name", ["capture-check.png", "check.png", "check.jpg"])
+# The name that others are least like.
+@pytest.mark.parametrize("name", [
+    "check.jpg", pytest.param("capture-check.png", marks=pytest.mark.slow),
+    pytest.param("check.png", marks=pytest.mark.slow)])
 def test_its_own_picture_is_no_photo_the_second_time(tmp_path, faces, monkeypatch, name):
     for number in range(4):
         write_image(tmp_path / f"{number}.jpg", np.full((64, 48, 3), 60 * number, np.uint8))

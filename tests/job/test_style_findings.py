@@ -42,7 +42,9 @@ def test_small_faces_are_coarse_by_so_much(large):
     assert f"{680 / pixels:.1f} times" in found.text
 
 
-@pytest.mark.parametrize(("color", "inset"), [((250, 250, 250), 0), ((20, 18, 15), 25)])
+# A frame of another color and width is found in the same way.
+@pytest.mark.parametrize(("color", "inset"), [
+    ((250, 250, 250), 0), pytest.param((20, 18, 15), 25, marks=pytest.mark.slow)])
 def test_oval_frames_are_found(large, color, inset):
     left, top, right, bottom = oval_frame(framed(large.image, color, inset))
     height, width = large.image.shape[:2]

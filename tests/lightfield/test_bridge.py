@@ -208,7 +208,7 @@ def test_views_focus_and_depth_reach_bridge(server, quilt):
 
 
 def test_a_field_becomes_a_quilt_for_the_very_display(server, tmp_path, monkeypatch):
-    monkeypatch.setattr("lfportrait.cli.panels.quilt_of", lambda field, display, config:
+    monkeypatch.setattr("lfportrait.lightfield.quilt_of", lambda field, display, config:
                         quilt_of(field, dataclasses.replace(display, quilt_size=(96, 96)), config))
     field = shell_field(basis=1, size=12)
     field.save(tmp_path / "head.npz")

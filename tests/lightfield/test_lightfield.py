@@ -42,8 +42,11 @@ LOOKING_GLASS = {"screenW": {"value": 2560.0}, "screenH": {"value": 1600.0},
                  "flipSubp": {"value": 0.0}, "serial": {"value": "LKG-TEST"}}
 
 
-def grid(display):
-    rows, columns = np.ogrid[:display.height, :display.width]
+EVERY = 7  # Rows of large panels that are looked at: all follow one formula.
+
+
+def grid(display, every=1):
+    rows, columns = np.ogrid[:display.height:every, :display.width]
     return np.stack([display.view_of(rows, columns, k) for k in range(3)], -1)
 
 
@@ -52,12 +55,12 @@ def test_views_follow_equation_8(name):
     display = Display.preset(name)
     display = dataclasses.replace(display, inverted=False)
     # The paper's i, j, k: row, mirrored column, sub-pixel; its value is centred.
-    i = np.arange(display.height)[:, None, None]
+    i = np.arange(0, display.height, EVERY)[:, None, None]
     j = (display.width - np.arange(display.width))[None, :, None]
     k = np.arange(3)[None, None]
     mirrored = 3 * (display.width - j) + 3 * i * math.tan(display.slant) + k + display.offset
     vd = (mirrored % display.pitch - display.pitch / 2) * display.views / display.pitch
-    away = np.abs(grid(display) - (vd + display.views / 2))
+    away = np.abs(grid(display, EVERY) - (vd + display.views / 2))
     # On a lens' border rounding may put a sub-pixel on either side of it.
     assert np.minimum(away, display.views - away).max() < 1e-6
 
@@ -69,7 +72,7 @@ def looking_glass_views(calibration, views):
     pitch = value["pitch"] * width / value["DPI"] * math.cos(math.atan(1 / value["slope"]))
     tilt = height / (width * value["slope"])
     s = ((np.arange(width) + 0.5) / width)[None, :, None]
-    t = (1 - (np.arange(height) + 0.5) / height)[:, None, None]
+    t = (1 - (np.arange(0, height, EVERY) + 0.5) / height)[:, None, None]
     k = np.arange(3)[None, None]
     a = (s + t * tilt + k / (3 * width)) * pitch - value["center"]
     a = a - np.floor(a)
@@ -84,7 +87,7 @@ def test_views_follow_looking_glass(change):
     calibration = {**LOOKING_GLASS, **{key: {"value": v} for key, v in change.items()}}
     display = Display.from_looking_glass(calibration, views=45)
     wanted = looking_glass_views(calibration, 45)
-    away = np.abs(grid(display) - wanted)
+    away = np.abs(grid(display, EVERY) - wanted)
     assert np.minimum(away, 45 - away).max() < 1e-6
 
 

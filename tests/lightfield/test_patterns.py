@@ -42,8 +42,10 @@ def lamps(picture, display):
     return values
 
 
-@pytest.mark.parametrize("change", [{}, {"inverted": True}, {"subpixels": "BGR"},
-                                    {"cells": CELLS, "cell_pattern": "checkerboard"}])
+# The order of sub-pixels is asked of the display, as are their places (`cells`).
+@pytest.mark.parametrize("change", [
+    {"inverted": True}, {"cells": CELLS, "cell_pattern": "checkerboard"},
+    *(pytest.param(change, marks=pytest.mark.slow) for change in ({}, {"subpixels": "BGR"}))])
 def test_the_lamp_of_the_view_that_reaches_the_eye_is_lit(change):
     display = dataclasses.replace(PANEL, **change)
     image = pattern(display, "views")

@@ -50,7 +50,7 @@ def test_the_others_of_a_folder_are_taken(tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
+@pytest.mark.parametrize("mode", ["RGB", "L", pytest.param("CMYK", marks=pytest.mark.slow)])
 def test_flat_pictures_are_sound(tmp_path, kind, mode):
     """Their compressed data are long runs of equal bytes."""
     half = np.concatenate([scene(200, 1600), np.full((1400, 1600, 3), 255, np.uint8)])

@@ -1,6 +1,5 @@
 """The house keeps its order: imports run one way, between stages and between files."""
 
-import ast
 import re
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from house import (
     graph_of,
     import_lines,
     imported,
-    imports_in,
+    imports_of,
     laboratory_imports,
     module_files,
     place,
@@ -46,7 +45,7 @@ def test_modules_can_be_imported_in_any_order(monkeypatch):
                         lambda path: alone[path] if path in alone else import_lines(path))
     for name, path in FILES.items():
         place = Path(name) / path.name  # nowhere: what is read of a file is kept under its path
-        alone[place] = imports_in(ast.parse(path.read_text("utf-8")).body, at_once=True)
+        alone[place] = imports_of(path)[1]
         others = imported(name, place, FILES)
         doors = {".".join(other.split(".")[:depth]) for other in others
                  for depth in range(1, other.count(".") + 1)}

@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lfportrait.demo import demo_capture
 from lfportrait.face import write_landmarks
@@ -11,6 +12,8 @@ from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.files import write_image
 from lfportrait.media.pictures import read_image
 from tests.portraits import drawn_face
+
+pytestmark = pytest.mark.slow  # a script that no user runs
 
 
 def _script():

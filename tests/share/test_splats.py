@@ -88,7 +88,7 @@ def test_slopes_equal_finite_differences():
 
     slopes = splat_view(splats, camera()).slopes(weight)
     step = 1e-4
-    for n in range(0, 12, 2):
+    for n in range(0, 12, 4):
         for name, found, factor in (("opacity", slopes.opacity[n:n + 1], 1.0),
                                     ("sh", slopes.colors[n] * C0, 1.0),
                                     ("scales", slopes.scales[n], splats.scales[n])):

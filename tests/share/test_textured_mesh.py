@@ -175,9 +175,10 @@ def test_an_obj_names_its_own_files_and_leaves_others_alone(tmp_path, field):
                                    if name != "head.png")
 
 
+# Letters beyond ASCII lose the most.
 @pytest.mark.parametrize("stem", [
-    "-Kd 1", "a'b\"c", "頭", *(pytest.param(stem, marks=pytest.mark.slow) for stem in (
-        "my head", "Zoë", "a#b", "Кирилл", " ", "x" * 70 + " y"))])
+    "頭", *(pytest.param(stem, marks=pytest.mark.slow) for stem in (
+        "-Kd 1", "a'b\"c", "my head", "Zoë", "a#b", "Кирилл", " ", "x" * 70 + " y"))])
 def test_the_names_inside_an_obj_are_plain_letters(tmp_path, field, stem):
     export_field(field, tmp_path / f"{stem}.obj", TEXTURED)
     named = {}

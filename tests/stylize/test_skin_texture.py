@@ -119,7 +119,9 @@ def test_maps_of_previews_come_back_from_the_cache(looked_up, painting, kept_fol
             chart_lattice(other, replace(painting.skin, kept={"key": key}), 2)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, -70.0, 150.0])
+# Before and behind.
+@pytest.mark.parametrize("degrees", [
+    30.0, 150.0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (0.0, -70.0))])
 def test_views_show_the_strokes_as_they_were_painted(field, looked_up, painting, texture, degrees):
     camera = Camera.arc([degrees], distance=4.0, width=300, height=300, focal=980.0, pitch=8.0)
     bare = looked_up.render(camera, 0)

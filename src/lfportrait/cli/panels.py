@@ -21,9 +21,9 @@ import tyro
 from .. import lightfield, share
 from ..errors import UserError
 from ..files import write_image
-from ..lightfield import Display, EncodeConfig, InterlaceConfig, QuiltHint, QuiltLayout, quilt_of
+from ..lightfield import Display, EncodeConfig, InterlaceConfig, QuiltHint, QuiltLayout
 from ..lightfield.screens import URL, Bridge, DepthPicture, Device, Entry
-from ..share import QUILTS, SECONDS, DrivePlan, QuiltName, SequenceConfig
+from ..share import QUILTS, SECONDS, QuiltName, SequenceConfig
 from .common import Common
 
 
@@ -64,8 +64,8 @@ class Encode(Common):
             image, figures = encode_with_figures(voxels, panel, config, device=self.device)
         lightfield.write_coded(self.out, image, panel)
         if self.quilt is not None:
-            picture, name = quilt_of(voxels, panel, config, name=self.quilt.name,
-                                      device=self.device)
+            picture, name = lightfield.quilt_of(voxels, panel, config,
+                                                 name=self.quilt.name, device=self.device)
             layout = QuiltLayout.of_name(self.quilt.name, panel) or QuiltLayout.of_name(name)
             assert layout is not None
             share.write_quilt(self.quilt, picture, layout)
@@ -316,9 +316,9 @@ class Cast(Common):
                             "--rgbd and --views")
         if os.name == "nt" and re.fullmatch("[A-Za-z]:", str(drive)):
             drive = Path(f"{drive}\\")  # E: alone is whatever folder was last open there
-        plan = DrivePlan(drive, [Path(source) for source in self.sources], self.title,
-                         self.display, self.picture, self.seconds, self.config,
-                         QuiltHint.of_options(self.columns, self.rows, self.aspect))
+        plan = share.DrivePlan(drive, [Path(source) for source in self.sources], self.title,
+                               self.display, self.picture, self.seconds, self.config,
+                               QuiltHint.of_options(self.columns, self.rows, self.aspect))
         with self.progress("cast", len(plan.sources)) as progress:
             figures = share.fill_drive(plan, lambda number, _: progress.update(
                 number, plan.sources[number].name))
@@ -389,7 +389,7 @@ class Cast(Common):
         panel = device.display()
         field = VoxelField.load(Path(source))
         with self.progress("quilt"):
-            quilt, name = quilt_of(field, panel, self.config)
+            quilt, name = lightfield.quilt_of(field, panel, self.config)
         layout = QuiltLayout.of_name(name)
         assert layout is not None
         out = Path(source).with_suffix("")
@@ -425,10 +425,12 @@ class Show(Common):
     """With --live: placement of the head at first."""
 
     def run(self) -> dict[str, Any]:
-        from ..lightfield.screens import PygameDriver, screen_sizes, show
+        from ..lightfield.screens import PygameDriver, show
 
         if self.list:
             if self.live:
+                from ..lightfield.screens import screen_sizes
+
                 screens = screen_sizes()
             else:
                 driver = PygameDriver()

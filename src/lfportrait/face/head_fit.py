@@ -486,14 +486,15 @@ def jaw_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float
     facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
     rim = np.flatnonzero((facing < 0.25) & (prior.part != EYES))
     flat = turned[rim, :2] / np.maximum(np.linalg.norm(turned[rim, :2], axis=1), 1e-9)[:, None]
-    seen = view.project(vertices[rim])
+    places = vertices[rim]
+    seen = view.project(places)
     out = prior.landmarks[:17].copy()
     for number, start in enumerate(prior.landmarks[:17]):
-        near = np.linalg.norm(vertices[rim] - vertices[start], axis=1) < 0.025
-        near &= flat @ across[number] > 0.7
-        if near.any():
+        near = np.flatnonzero(flat @ across[number] > 0.7)  # few are left to be measured
+        near = near[np.linalg.norm(places[near] - vertices[start], axis=1) < 0.025]
+        if len(near):
             away = np.linalg.norm(seen[near] - landmarks[number], axis=1)
-            out[number] = rim[near][int(np.argmin(away))]
+            out[number] = rim[near[int(np.argmin(away))]]
     return out
 
 

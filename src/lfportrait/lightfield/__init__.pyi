@@ -1,3 +1,4 @@
+from .coded_files import lossless, read_coded, write_coded
 from .coding import (
     ViewMask,
     code_on_device,
@@ -12,20 +13,16 @@ from .coding import (
 from .display import Display, customary_views
 from .ground import Ground, backdrop_of, ground_of, world_ground
 from .interlacing import (
-    InterlaceConfig,
     assemble_quilt,
     deinterlace,
     each_view,
     interlace,
-    lossless,
     quilt_tiles,
-    read_coded,
     read_views,
     simulate,
-    write_coded,
 )
 from .patterns import pattern
-from .placement import DepthReport, EncodeConfig, Placement
+from .placement import DepthReport, EncodeConfig, InterlaceConfig, Placement
 from .quilts import QuiltHint, QuiltLayout, layout_for, layout_of_file, quilt_part
 from .views import Renderer, eight_bit, encode_views, quilt_of, render_views
 

@@ -1,10 +1,7 @@
-"""Coded pictures: made of quilts and views, kept in files, taken apart, and seen by an eye.
+"""Coded pictures: made of quilts and views, taken apart, and seen by an eye.
 
 Each sub-pixel takes its color from its view, at its own place on the panel. (A field is coded
 directly, by `coding.encode`, without pictures of views.)
-
-In memory a coded picture is as the viewer sees the panel. A panel that shows its picture mirrored
-needs it mirrored; that happens here, on the way to a file and back, and nowhere else.
 
 A view owns but few sub-pixels of each row, one in V_n at most. The rest of its picture is filled in
 from its own sub-pixels nearby, coarse to fine: sums over blocks of 2, 4, 8, ... pixels stand in
@@ -20,68 +17,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from ..arrays import Bool, Float32, UInt8
 from ..errors import UserError
-from ..files import write_image
 from ..media.folders import list_pictures, say_left_out
 from ..media.kinds import kind_of
 from ..media.pictures import read_image
+from .coded_files import check_size
 from .display import Display
 from .kernels.panel import gather_views, interlace_views, lens_of, see_panel
+from .placement import InterlaceConfig
 from .quilts import QuiltLayout, layout_for, warn_of_misfit
-
-
-def check_size(image: UInt8, display: Display) -> None:
-    """Raise `UserError` if a picture does not have the panel's size."""
-    if image.shape[:2] != (display.height, display.width):
-        raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
-                        f"display {display.name} has {display.width} x {display.height}: a coded "
-                        "picture must not be scaled")
-
-
-def lossless(path: str | Path) -> Path:
-    """The path, if its format keeps every sub-pixel."""
-    path = Path(path)
-    if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
-        raise UserError("a coded picture must keep every sub-pixel: write it as .png, not "
-                        f"{path.suffix or 'without a suffix'}")
-    return path
-
-
-def read_coded(path: str | Path, display: Display) -> UInt8:
-    """A coded picture as the viewer sees the panel, uint8 [H, W, 3]."""
-    image = np.ascontiguousarray(read_image(path)[..., :3])
-    check_size(image, display)
-    return display.to_panel(image)
-
-
-def write_coded(path: str | Path, image: UInt8, display: Display) -> None:
-    """Write a coded picture, uint8 [H, W, 3] as seen, so that the panel shows it right."""
-    check_size(image, display)
-    write_image(lossless(path), display.to_panel(image), fast=True)
-
-
-@dataclass(frozen=True)
-class InterlaceConfig:
-    """Parameters of coding pictures of views."""
-
-    sample: Literal["linear", "nearest"] = "linear"
-    """Interpolation within a view's picture: linear is smoother, nearest copies pixels exactly."""
-    blend: Literal["nearest", "linear"] = "nearest"
-    """nearest: a sub-pixel shows its nearest view; linear: its own place between two views, softer
-    from view to view but less sharp off the panel."""
-    fit: Literal["contain", "cover", "stretch"] = "contain"
-    """If the views' aspect differs from the panel's: show all with bars, fill and crop, or
-    stretch."""
-    focus: float = 0.0
-    """Shift the views so that content this far behind the panel (in half panel heights) moves onto
-    it, where it is sharpest; negative: content in front."""
 
 
 def quilt_tiles(quilt: UInt8, layout: QuiltLayout) -> UInt8:

@@ -4,6 +4,8 @@ A point at z in front of the panel moves by b z / (D - z) on the panel from one 
 where b is the distance of neighbouring eye points and D the viewing distance. As soon as that is
 more than the width of a lens, detail is drawn twice or blurs (Zwicker et al. 2006): the range in
 which it is less is the depth budget.
+
+The options of coding fields and views are here, too: commands list them without any kernel.
 """
 
 from __future__ import annotations
@@ -80,6 +82,23 @@ class EncodeConfig(PlacementConfig):
         if not 0 <= self.ground_depth <= 20:
             raise UserError(f"--ground-depth must lie between 0 and 20 half panel heights, not "
                             f"{self.ground_depth:g}")
+
+
+@dataclass(frozen=True)
+class InterlaceConfig:
+    """Parameters of coding pictures of views."""
+
+    sample: Literal["linear", "nearest"] = "linear"
+    """Interpolation within a view's picture: linear is smoother, nearest copies pixels exactly."""
+    blend: Literal["nearest", "linear"] = "nearest"
+    """nearest: a sub-pixel shows its nearest view; linear: its own place between two views, softer
+    from view to view but less sharp off the panel."""
+    fit: Literal["contain", "cover", "stretch"] = "contain"
+    """If the views' aspect differs from the panel's: show all with bars, fill and crop, or
+    stretch."""
+    focus: float = 0.0
+    """Shift the views so that content this far behind the panel (in half panel heights) moves onto
+    it, where it is sharpest; negative: content in front."""
 
 
 @dataclass(frozen=True)

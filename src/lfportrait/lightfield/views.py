@@ -27,9 +27,9 @@ from ..gpu import attempted
 from .coding import composed, pictures_on_gpu, view_camera
 from .display import Display
 from .ground import Ground, ground_of
-from .interlacing import InterlaceConfig, interlace
+from .interlacing import interlace
 from .kernels.slices import view_kernel
-from .placement import EncodeConfig
+from .placement import EncodeConfig, InterlaceConfig
 from .quilts import QuiltLayout
 
 _FAINTEST = 2e-4  # Slices leave out samples that hold back less light than this.

@@ -1,5 +1,5 @@
-from .frames.files import SECONDS, FrameConfig, QuiltName
-from .frames.quilts import QUILTS, DrivePlan, fill_drive, write_quilt
+from .frames.files import QUILTS, SECONDS, FrameConfig, QuiltName
+from .frames.quilts import DrivePlan, fill_drive, write_quilt
 from .kinds import (
     Export,
     ExportConfig,

@@ -28,7 +28,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,11 +40,14 @@ from ..cache import key_of
 from ..capture import Camera
 from ..color import to_uint8
 from ..errors import UserError
-from ..field import VoxelField
 from ..files import atomic_path, read_json, write_json
-from ..lightfield import Display, EncodeConfig, Ground, Placement, ViewMask
+from ..lightfield import Display, EncodeConfig, Placement
 from ..measure import usable_cores
 from .kinds import ExportContext, LoopConfig
+
+if TYPE_CHECKING:  # commands ask for `SequenceConfig` alone
+    from ..field import VoxelField
+    from ..lightfield import Ground
 
 DISTANCE = 4.0  # Of the cameras from what they look at, in world units.
 _MARGIN = 1.04
@@ -349,7 +352,7 @@ def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
 
     ``config`` is the beginning of the motion.
     """
-    mask = ViewMask.build(display)
+    mask = lightfield.ViewMask.build(display)
     for frame in range(sequence.frames):
         yield lightfield.encode(field, display, sequence.at(config, frame), mask=mask)
 
@@ -382,7 +385,7 @@ def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
         raise UserError(f"{out} holds other pictures; choose another folder with --out")
     write_json(record, {"key": key, "display": display.name, "frames": sequence.frames,
                         "fps": sequence.fps})
-    mask = ViewMask.build(display)
+    mask = lightfield.ViewMask.build(display)
     there = 0
     for frame, name in enumerate(names):
         # A picture appears under its name only when it is complete.

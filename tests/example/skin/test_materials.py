@@ -199,7 +199,10 @@ def _bearded(exemplar, beard, chin, lip):
     return Exemplar(image, points), there["beard"] > 0
 
 
-@pytest.mark.parametrize("color", [(170, 80, 30), (70, 50, 40), (25, 25, 25), (150, 150, 155)])
+# A red one and a grey one; dark ones are most unlike skin.
+@pytest.mark.parametrize("color", [
+    (170, 80, 30), (150, 150, 155),
+    *(pytest.param(color, marks=pytest.mark.slow) for color in ((70, 50, 40), (25, 25, 25)))])
 def test_a_beard_stays_in_the_face_whatever_its_color(painter, color):
     regions, labels = painter.transfer.regions, painter.transfer.labels
     bare = painted_shares(painter.exemplar, regions, labels)

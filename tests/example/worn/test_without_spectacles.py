@@ -11,7 +11,7 @@ from tests.example.worn.drawn_spectacles import KINDS, put_on
 
 
 def test_rims_go_with_their_shade_and_eyes_leave_no_smear():
-    bare = demo_exemplar("impression")
+    bare = demo_exemplar("impression", width=360, height=480)
     kind = replace(KINDS["small round"], shadow=0.6)
     worn, lines = put_on(bare.image, bare.landmarks, kind)
     out = without_spectacles(replace(bare, image=worn)).image

@@ -78,7 +78,8 @@ def test_a_sitter_alone_stays(monkeypatch):
     assert Scene().sitter().alone(monkeypatch) is None
 
 
-@pytest.mark.parametrize("x", [330, 70])
+# The other side is a mirror image.
+@pytest.mark.parametrize("x", [330, pytest.param(70, marks=pytest.mark.slow)])
 def test_somebody_out_of_focus_behind_a_shoulder_goes(monkeypatch, x):
     other = disc(x, 100, 60, 70) | disc(x, 170, 45, 80)
     left = Scene().add(other, COAT, blurred=True).sitter().alone(monkeypatch)

@@ -10,6 +10,7 @@ from lfportrait.example.skin.hair import clothes_of_head
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo import cloth, paint
 from lfportrait.face.one_photo.cloth import clothes_of
+from lfportrait.face.one_photo.collar import Collar
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.paint import Shot, _clothed, _Mean, painted
 from lfportrait.face.one_photo.parts import parts_of
@@ -39,12 +40,18 @@ def _no_network(monkeypatch):
     monkeypatch.setattr(models, "available", lambda name: False)
 
 
+HULLS: dict[int, tuple[Head, np.ndarray]] = {}
+"""Heads by their id, and their outlines: to project all samples takes longest."""
+
+
 def person(head: Head) -> np.ndarray:
     """Head, neck and shoulders, bool [H, W]."""
     camera, samples, landmarks = head
     out = np.zeros((SIDE, SIDE), np.uint8)
-    pixels = camera.project(samples.points)[0][0]
-    cv2.fillConvexPoly(out, cv2.convexHull(np.rint(pixels).astype(np.int32)), 1)
+    if id(head) not in HULLS:
+        pixels = camera.project(samples.points)[0][0]
+        HULLS[id(head)] = head, cv2.convexHull(np.rint(pixels).astype(np.int32))
+    cv2.fillConvexPoly(out, HULLS[id(head)][1], 1)
     x, y = landmarks[8]
     shoulders = [(x - 45, y - 20), (x + 45, y - 20), (x + 55, y + 35), (x + 175, y + 75),
                  (x + 185, SIDE), (x - 185, SIDE), (x - 175, y + 75), (x - 55, y + 35)]
@@ -86,8 +93,8 @@ def found(head: Head, colors: np.ndarray, **more: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("color", [
-    # The darkest, and the one that is most like skin, stay quick.
-    pytest.param((0.03, 0.03, 0.035), id="black"),
+    # The one that is most like skin stays quick.
+    pytest.param((0.03, 0.03, 0.035), id="black", marks=pytest.mark.slow),
     pytest.param((0.92, 0.92, 0.93), id="white", marks=pytest.mark.slow),
     pytest.param((0.2, 0.25, 0.45), id="blue", marks=pytest.mark.slow),
     pytest.param((0.36, 0.36, 0.36), id="grey", marks=pytest.mark.slow),
@@ -159,6 +166,8 @@ class _Shell:
         self.owner = np.where(high > -0.6, HEAD, BODY).astype(np.uint8)
         self.face = high > -0.3
         self.scalp = np.zeros(count, bool)
+        self.voxel = 0.05
+        self.collar = Collar(np.array([0, -0.6, 0]), 0.3, np.array([0.0, 1.0, 0.0]))
 
 
 def test_what_no_photo_shows_of_a_body_is_worn_as_what_it_shows(head):
@@ -174,6 +183,10 @@ def test_what_no_photo_shows_of_a_body_is_worn_as_what_it_shows(head):
     worn = _clothed(shell, own)
     assert worn[(shell.owner == HEAD) & ~shell.face].min() > 0.9
     assert worn[shell.face].max() == 0
+    aside = shell.normals[:, 0] > 0.8
+    own.worn[:] = front * aside  # something before one side of the neck
+    behind = (shell.owner == HEAD) & (shell.normals[:, 2] < -0.3)
+    assert _clothed(shell, own)[behind].max() < 0.1
     own.worn[:] = 0
     assert _clothed(shell, own).max() == 0
 
@@ -231,6 +244,38 @@ def test_clothes_that_no_photo_shows_go_on_in_their_own_color(head, shell):
     nape = shell.face & (shell.normals[:, 2] < 0)
     if nape.any():
         assert np.abs(np.median(colors[nape], axis=0) - SKIN).max() < 0.1
+
+
+def test_a_collar_of_another_color_goes_round_the_neck(head, shell):
+    """Behind it a white collar is white, and what is below it is not."""
+    camera, (x, y) = head[0], head[2][8]
+    down = np.hypot(np.maximum(np.abs(np.arange(SIDE)[None] - x) - 45, 0),
+                    np.maximum(np.arange(SIDE)[:, None] - y - 15, 0))
+    worn = (np.arange(SIDE)[:, None] > y + 15) & (down > 8)
+    colors = np.tile(SKIN, (SIDE, SIDE, 1)).astype(np.float32)
+    colors[worn] = (0.1, 0.2, 0.7)
+    colors[worn & (down < 40)] = 0.9
+    found = painted(shell, [Shot.of(camera, colors, None, clothes=worn.astype(np.float32))])
+    assert found.clothes is not None
+    out = 0.5 + C0 * found.sh[:, :, 0]
+    below = shell.collar.around(shell.on)[:, 0]
+    behind = (shell.owner == BODY) & (shell.normals[:, 2] < -0.3)
+    for low, high, color in ((0.16, 0.26, (0.9, 0.9, 0.9)), (0.4, 0.6, (0.1, 0.2, 0.7))):
+        some = behind & (below > low) & (below < high)
+        assert some.sum() > 20 and found.clothes[some].mean() > 200
+        assert np.abs(np.median(out[some], axis=0) - color).max() < 0.15
+
+
+def test_bare_backs_go_on_from_the_neck(head, shell):
+    """The nape is as bright as the throat's shade, or a seam is seen where the back begins."""
+    shot = Shot.of(head[0], photo(head, None), None, clothes=np.zeros((SIDE, SIDE), np.float32))
+    out = 0.5 + C0 * painted(shell, [shot]).sh[:, :, 0]
+    below = shell.collar.around(shell.on)[:, 0]
+    behind = shell.normals[:, 2] < -0.3
+    neck = behind & (shell.owner == HEAD) & ~shell.face & (below > -0.1)
+    back = behind & (shell.owner == BODY) & (below < 0.1)
+    assert neck.sum() > 20 and back.sum() > 20
+    assert np.abs(np.median(out[neck], axis=0) - np.median(out[back], axis=0)).max() < 0.04
 
 
 def test_the_far_side_of_a_turned_face_has_the_near_ones_color(shell, monkeypatch):

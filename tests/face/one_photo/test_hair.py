@@ -27,6 +27,8 @@ from lfportrait.face.one_photo.parts import ground_in_hair, parts_of
 from lfportrait.face.one_photo.piece import BROAD, filled
 from lfportrait.face.one_photo.samples import depth_maps
 from lfportrait.face.one_photo.solid import HAIR, HEAD, Solid, solid_of
+from lfportrait.face.one_photo.tufts import aligned, tufts
+from lfportrait.field import C0
 
 from .generic import generic_head
 
@@ -123,6 +125,21 @@ def test_no_shoulder_is_seen_where_hair_alone_hangs_down(long):
 
 
 @pytest.mark.slow  # paints a head
+def test_short_hair_that_no_photo_shows_is_no_smooth_dome(bare):
+    shell, parts = shell_of(bare, 48), bare.parts
+    noise = np.random.default_rng(0).standard_normal((*parts.hair.shape, 1))
+    spread = []
+    for strength in (0.0, 0.2):
+        colors = np.asarray(0.4 * np.exp(strength * noise) * np.ones(3), np.float32)
+        sh = painted(shell, [Shot.of(parts.camera, colors, parts.hair.astype(np.float32))])[0]
+        x, y, z = shell.on.T
+        back = (np.abs(x) < 0.2) & (np.abs(y - 0.2) < 0.2) & (z < -0.4)
+        spread.append(np.std(np.log(0.5 + C0 * sh[back].mean(axis=1))))
+    assert back.sum() > 50
+    assert spread[0] < 0.01 and 0.05 < spread[1] < 0.3
+
+
+@pytest.mark.slow  # paints a head
 def test_a_head_knows_its_hair_whatever_its_color(long):
     shell, parts = shell_of(long, 64), long.parts
     fair = np.full((*parts.hair.shape, 3), 0.7, np.float32)
@@ -204,6 +221,33 @@ def test_strands_are_as_strong_as_in_the_photo_and_run_down():
     assert (strands(ring, np.zeros(len(WIDTHS))) == 1).all()
 
 
+def test_short_hair_is_as_uneven_as_in_the_photo_and_lies_away_from_the_whorl():
+    side = np.linspace(-0.3, 0.3, 120)
+    across, down = np.meshgrid(side, side)
+    points = np.stack([across.ravel(), down.ravel() - 0.5, np.full(14400, -0.6)], axis=1)
+    normals = np.broadcast_to([0.0, 0, -1], points.shape)
+    contrast = np.array([0.0, 0.1, 0, 0])
+    long, round_ = (np.log(tufts(points, normals, WIDTHS, contrast, one)) for one in (0.8, 0.2))
+    for found in (long, round_):
+        assert found.std() == pytest.approx(0.1, rel=0.1)
+        assert abs(np.corrcoef(found[:7200], found[7200:])[0, 1]) < 0.5, "no repeats"
+    rough = [[np.abs(np.diff(found.reshape(120, 120), axis=axis)).mean() for axis in (1, 0)]
+             for found in (long, round_)]
+    assert rough[0][0] > 1.6 * rough[0][1], "down"
+    assert rough[1][0] < 1.3 * rough[1][1]
+    assert (tufts(points, normals, WIDTHS, np.zeros(4), 0.8) == 1).all()
+
+
+def test_hair_in_a_photo_has_a_direction_or_none():
+    unit, hair = 400.0, np.zeros((240, 240), bool)
+    hair[20:200, 30:220] = True
+    noise = np.random.default_rng(0).standard_normal((240, 240))
+    waves = [cv2.GaussianBlur(noise, (0, 0), 1.0, sigmaY=y) for y in (8.0, 1.0)]
+    combed, cropped = (aligned(np.repeat((0.3 + 0.05 * wave / wave.std())[..., None], 3, axis=2),
+                               hair, unit, WIDTHS[0]) for wave in waves)
+    assert combed > 0.6 and cropped < 0.35
+
+
 def test_what_is_filled_far_from_a_small_head_is_as_by_whole_blurs(monkeypatch):
     values = np.full((260, 200), np.nan)
     values[90:150, 70:120] = 3 + np.add.outer(np.arange(60) / 60, np.arange(50) / 50)
@@ -267,10 +311,23 @@ def test_a_surface_part_loses_bays_but_not_its_shape():
     part = (down < 0.5).ravel()
     bay = (np.abs(across - 0.2) < narrow / 2) & (down > 0.3) & (down < 0.5)
     gulf = (np.abs(across - 0.7) < wide / 2) & (down > 0.3) & (down < 0.5)
-    found = _closed(points, part & ~(bay | gulf).ravel())
+    bare = np.zeros(len(points))
+    found = _closed(points, part & ~(bay | gulf).ravel(), bare)
     assert found[bay.ravel()].mean() > 0.9
     deep = (np.abs(across - 0.7) < wide / 2 - BAY) & (down > 0.3 + BAY)
     assert found[deep.ravel()].max() < 0.1
     assert found[part & ~(bay | gulf).ravel()].min() > 0.4
     assert found[(down > 0.5 + BAY_CELL * 2).ravel()].max() < 0.1
-    assert (_closed(points, np.ones(len(points), bool)) == 1).all()
+    assert (_closed(points, np.ones(len(points), bool), bare) == 1).all()
+
+
+def test_hair_has_no_gap_around_an_ear_that_no_photo_shows():
+    across, down = np.meshgrid(np.arange(0.0, 1.0, 0.008), np.arange(0.0, 1.0, 0.008))
+    points = np.stack([across.ravel(), down.ravel(), np.zeros(across.size)], axis=1)
+    ears = [(np.hypot(across - place, down - 0.2) < 2 * BAY).ravel() for place in (0.2, 0.8)]
+    face = (down > 0.5).ravel()
+    hair = ~(ears[0] | ears[1] | face)
+    found = _closed(points, hair, np.where(ears[1], 0.5, 0.0))
+    assert found[ears[0]].min() > 0.9, "it lies under hair"
+    assert found[ears[1]].min() < 0.1, "it is seen"
+    assert found[(down > 0.6).ravel()].max() < 0.1, "a face is no gap"

@@ -7,6 +7,7 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.face.one_photo import lattice
+from lfportrait.face.one_photo.collar import Collar
 from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
@@ -112,7 +113,7 @@ def test_no_blade_stands_beside_a_neck():
     lock = np.maximum(np.maximum(np.abs(x - 51) - 1.5, np.abs(z - 30) - 3), np.abs(y - 33) - 12)
     away = np.minimum(away, step * lock).astype(np.float32)
     up = np.array([0.0, 1.0, 0.0])
-    body, neck = lock > 1, lattice._Collar(30 * step * np.ones(3), 0.2, up)
+    body, neck = lock > 1, Collar(30 * step * np.ones(3), 0.2, up)
     found = lattice._without_blades(away, body, neck, first, step)
     assert (found[lock < 0] == away[lock < 0]).all(), "what is beside it stays"
     above = (blade < 0) & (y > 34)

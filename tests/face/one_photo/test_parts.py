@@ -56,6 +56,43 @@ def test_a_crown_that_has_almost_closed_becomes_no_cone():
     assert 0 < int((parts.inside[:more] > 0).any(axis=1).sum()) < 12
 
 
+def leaning(lean: float, steep: tuple[float, float], high: float = 0.5) -> tuple[Parts, int]:
+    """A head whose outline comes in so fast to both sides, cut off beside its middle.
+
+    And how many rows there are above the photo. ``high`` is the middle of its skull.
+    """
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=500.0,
+                        target=(0, 0, 0), pitch=0.0)
+    column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+    middle = 120 + lean
+    matte = ((column > middle - 15 - row * steep[0]) & (column < middle + 15 + row * steep[1])
+             ).astype(np.float32)
+    angle = np.linspace(0, 2 * np.pi, 90)
+    skull = np.column_stack([0.5 * np.cos(angle), high + 0.5 * np.sin(angle), np.zeros(90)])
+    parts = parts_of(camera, matte, matte, 4.0, skull)
+    return parts, len(parts.inside) - len(parts_of(camera, matte, matte, 4.0).inside)
+
+
+def test_the_crown_of_a_head_that_leans_is_closed_too():
+    parts, more = leaning(-40.0, (1.0, 1.0))
+    assert (parts.inside[:more] > 0).any(axis=1).sum() > 3
+    # It is highest nearer to the steeper side.
+    places = []
+    for steep in ((2.0, 0.5), (1.0, 1.0), (0.5, 2.0)):
+        parts, more = leaning(-40.0, steep)
+        above = parts.inside[:more] > 0
+        columns = np.flatnonzero(above[np.argmax(above.any(axis=1))])
+        places.append(columns.mean())
+    assert places[0] > places[1] + 2 and places[2] < places[1] - 2
+
+
+def test_big_hair_ends_round():
+    parts, more = leaning(0.0, (0.0, 0.0), -0.2)
+    wide = (parts.inside[more + 2] > 0).sum()
+    tall = (parts.inside[:more] > 0).any(axis=1).sum()
+    assert tall > 0.22 * wide, "half a circle's height"
+
+
 def test_a_crown_that_the_photo_shows_stays():
     one, two = maps(0.1, ON_TOP), maps(0.1, ON_TOP, False)
     np.testing.assert_array_equal(one.inside, two.inside)

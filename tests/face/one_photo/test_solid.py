@@ -13,7 +13,7 @@ from lfportrait.face.one_photo.hair import Neck
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import EDGE, METRES, Piece
 from lfportrait.face.one_photo.samples import MeshSamples, depth_maps
-from lfportrait.face.one_photo.solid import LEANING, _one_neck, _raised, solid_of
+from lfportrait.face.one_photo.solid import BODY, LEANING, _beside, _one_neck, _raised, solid_of
 
 
 def test_hair_is_only_a_little_beyond_where_it_grows():
@@ -53,8 +53,10 @@ def bust():
     return solid_of(parts, MeshSamples.of(points, prior.outer, prior.rest))
 
 
-@pytest.mark.parametrize("across", [-0.2, 0.0, 0.2])
-@pytest.mark.parametrize("side", [-1, 1])
+# Each side and each lean once.
+@pytest.mark.parametrize(("across", "side"), [
+    (-0.2, 1), (0.2, -1), *(pytest.param(*one, marks=pytest.mark.slow) for one in (
+        (-0.2, -1), (0.0, -1), (0.0, 1), (0.2, 1)))])
 def test_a_neck_runs_into_the_shoulders_without_a_ledge(bust, across, side):
     heights = np.arange(-0.6, -1.0, -0.02)
     depths = np.arange(0.0, 1.2, 0.005)
@@ -104,8 +106,62 @@ def test_shoulders_may_reach_to_the_ears(bust):
     higher = inside.copy()
     higher[int(place.ears) - 60:, column + 20:column + 80] = 9.0
     assert not _raised(replace(parts, inside=higher), near, place)[:, column:].any(), "a chair"
+    # What is bare above a collar is neck; bare shoulders stay.
+    collar = np.zeros(inside.shape, bool)
+    collar[row + 20:] = True
+    worn = _raised(replace(parts, inside=inside), near, place, collar)
+    assert np.array_equal(worn, found & collar) and (found & ~collar).any()
+    bare = _raised(replace(parts, inside=inside), near, place, np.zeros_like(collar))
+    assert np.array_equal(bare, found)
     inside[int(place.jaw):] = -9.0
     assert not _raised(replace(parts, inside=inside), near, place).any(), "no body holds them"
+
+
+def test_raised_shoulders_end_smoothly(bust):
+    """Not in steps of the cells of their mask."""
+    shown = np.zeros((60, 60), bool)
+    rows, columns = np.mgrid[:60, :60]
+    shown[rows > 20 + 0.37 * columns] = True
+    away = _beside(shown, 0.0075) / 0.0075
+    true = (20 + 0.37 * columns - rows) / np.hypot(1, 0.37)
+    near = (np.abs(true) < 6) & (np.abs(columns - 30) < 15)
+    assert np.abs(away - true)[near].max() < 1.0
+    assert np.std((away - true)[near]) < 0.25
+    parts = bust.parts
+    row, column = (int(one) for one in Neck.of(parts, bust.head)[2:4])
+    high = np.zeros(parts.inside.shape, bool)
+    high[row - 30:row + 10, column - 60:column - 10] = True
+    block = Piece(*(np.full(high.shape, one) for one in (0.04, 0.04, bust.body.middle.mean())))
+    solid = replace(bust, body=block, raised=_beside(high, parts.cell))
+    eye, rays = parts.camera.rays(0, np.array([[column - 35.0, r + 0.5] for r in
+                                               np.arange(row - 40.0, row - 20, 0.1)]))
+    forward = parts.camera.pose[0, :3, 2]
+    points = eye + rays * (bust.body.middle.mean() / (rays @ forward))[:, None]
+    distance, owner = solid.distance(points, 0.1)
+    edge = int(np.argmax(distance < 0))
+    assert (distance[edge:edge + 20] < 0).all() and (owner[edge:edge + 20] == BODY).all()
+    assert np.abs(np.diff(distance[edge - 20:edge + 20])).max() < 0.003, "no jump at the edge"
+
+
+def test_a_body_ends_smoothly_beside_a_neck():
+    """At the joint's upper end distances do not jump from within to far outside."""
+    above = np.linspace(-0.1, 0.1, 201)
+    head, body = np.full(201, 0.5), np.full(201, -0.2)
+    found, of_body = _one_neck(head, body, (above < 0).astype(float), above)
+    assert np.abs(np.diff(found)).max() < 0.005 and of_body[:100].all()
+    assert (found[:100] < 0).all() and (found[101:] > 0).all()
+    # What is head stays where the body is far.
+    found, _ = _one_neck(np.full(9, -0.1), np.full(9, 0.5), np.zeros(9), np.linspace(-0.1, 0.1, 9))
+    assert found == pytest.approx(np.full(9, -0.1))
+
+
+def test_a_body_is_not_in_the_head_that_hides_it(bust):
+    """There it would be torn where a jaw meets a shoulder."""
+    near = depth_maps(bust.head, bust.parts)[0]
+    place = Neck.of(bust.parts, bust.head)
+    face = np.isfinite(near)
+    face[int(place.jaw):] = False
+    assert face.any() and bust.body.ahead is not None and not bust.body.ahead[face].any()
 
 
 def test_shoulders_without_a_collar_lose_nothing(bust, monkeypatch):

@@ -36,7 +36,7 @@ from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.lightfield.test_ground import analytic, checkered, nothing
 
-SHEETS = [(40, 600, "30x40mm"), (60.12, 720, "25x30mm"), (75, 1440, "25x25mm")]
+SHEETS = [(40, 600, "24x32mm"), (60.12, 720, "25x30mm"), (75, 1440, "25x25mm")]
 EACH = [SHEETS[0], *(pytest.param(*sheet, marks=pytest.mark.slow) for sheet in SHEETS[1:])]
 PLAIN = {"bleed": 0.0, "margin": 0.0}
 

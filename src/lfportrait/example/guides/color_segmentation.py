@@ -7,12 +7,14 @@ The soft result follows the picture's edges by a guided filter (He et al. 2010).
 
 from __future__ import annotations
 
+import functools
+
 import cv2
 import numpy as np
 from PIL import Image
 from scipy.ndimage import gaussian_filter, zoom
 
-from ...arrays import Bool, Float32, Int64
+from ...arrays import Bool, Float32, Int32, Int64
 from ...color import LUMA
 
 BINS = 14
@@ -59,43 +61,65 @@ def overlap(image: Float32, first: Float32, second: Float32) -> float:
     return float(np.sqrt(one / one.sum() * two / two.sum()).sum())
 
 
-def _minimum_cut(image: Float32, unary: Float32, smoothness: float) -> Bool:
-    """Labels of least energy: ``unary`` > 0 pulls a pixel into the class."""
-    # Here: a twentieth of a second, for what networks have mostly seen.
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+_PAIRS = ((slice(None), slice(0, -1), slice(None), slice(1, None), 1.0),
+          (slice(0, -1), slice(None), slice(1, None), slice(None), 1.0),
+          (slice(0, -1), slice(0, -1), slice(1, None), slice(1, None), 0.7),
+          (slice(0, -1), slice(1, None), slice(1, None), slice(0, -1), 0.7))
+"""Rows and columns of neighbours, of the first and the second one, and how near they are."""
 
-    height, width = unary.shape
-    index = np.arange(height * width).reshape(height, width)
-    rows, columns, capacities = [], [], []
-    pairs = [(slice(None), slice(0, -1), slice(None), slice(1, None), 1.0),
-             (slice(0, -1), slice(None), slice(1, None), slice(None), 1.0),
-             (slice(0, -1), slice(0, -1), slice(1, None), slice(1, None), 0.7),
-             (slice(0, -1), slice(1, None), slice(1, None), slice(0, -1), 0.7)]
+
+def _bonds(image: Float32, smoothness: float) -> Float32:
+    """What it costs to part neighbours: both ways, one kind of `_PAIRS` after the other."""
     spread = max(float(np.mean((image[:, 1:] - image[:, :-1]) ** 2)) * 6, 1e-4)
-    for a, b, c, d, near in pairs:
+    found = []
+    for a, b, c, d, near in _PAIRS:
         difference = ((image[a, b] - image[c, d]) ** 2).sum(axis=-1)
-        weight = smoothness * near * (0.1 + 0.9 * np.exp(-difference / spread))
+        weight = (smoothness * near * (0.1 + 0.9 * np.exp(-difference / spread))).ravel()
+        found += [weight, weight]
+    return np.concatenate(found)
+
+
+@functools.lru_cache(maxsize=16)
+def _edges(height: int, width: int) -> tuple[Int32, Int32, Int64]:
+    """The graph of a picture by rows: column of each edge, each row's first, and their order.
+
+    Edges are ordered from those of `_bonds`, then those from the source to each pixel and from each
+    pixel to the sink. SciPy takes no arrays that are read only.
+    """
+    index = np.arange(height * width).reshape(height, width)
+    source, sink = index.size, index.size + 1
+    rows, columns = [], []
+    for a, b, c, d, _ in _PAIRS:
         first, second = index[a, b].ravel(), index[c, d].ravel()
         rows += [first, second]
         columns += [second, first]
-        capacities += [weight.ravel(), weight.ravel()]
-    source, sink = height * width, height * width + 1
+    rows += [np.full(index.size, source), index.ravel()]
+    columns += [index.ravel(), np.full(index.size, sink)]
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    order = np.lexsort((column, row))
+    starts = np.searchsorted(row[order], np.arange(sink + 2))
+    return column[order].astype(np.int32), starts.astype(np.int32), order
+
+
+def _minimum_cut(bonds: Float32, unary: Float32) -> Bool:
+    """Labels of least energy: ``unary`` > 0 pulls a pixel into the class."""
+    # Here: a twentieth of a second, for what networks have mostly seen.
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
     pull = unary.ravel()
-    rows += [np.full(pull.size, source), index.ravel()]
-    columns += [index.ravel(), np.full(pull.size, sink)]
-    capacities += [np.maximum(pull, 0), np.maximum(-pull, 0)]
-    capacity = np.rint(np.concatenate(capacities) * 1000).astype(np.int32)
-    graph = coo_matrix((capacity, (np.concatenate(rows), np.concatenate(columns))),
-                       shape=(sink + 1, sink + 1)).tocsr()
-    flow = maximum_flow(graph, source, sink).flow
-    residual = graph - flow
+    source, sink = pull.size, pull.size + 1
+    columns, starts, order = _edges(*unary.shape)
+    capacity = np.concatenate([bonds, np.maximum(pull, 0), np.maximum(-pull, 0)])
+    graph = csr_matrix((np.rint(capacity * 1000).astype(np.int32)[order], columns, starts),
+                       shape=(sink + 1, sink + 1))
+    residual = graph - maximum_flow(graph, source, sink).flow
     residual.data = np.maximum(residual.data, 0)
     residual.eliminate_zeros()
     reached = breadth_first_order(residual, source, return_predecessors=False)
     inside = np.zeros(sink + 1, bool)
     inside[reached] = True
-    return inside[:source].reshape(height, width)
+    return inside[:source].reshape(unary.shape)
 
 
 SIZE = 128  # Longer side of the picture that is cut.
@@ -125,11 +149,14 @@ def separate(image: Float32, prior: Float32, *, smoothness: float = 3.0,
     fixed_in, fixed_out = belief > 1 - SURE, belief < SURE
     odds = np.log(np.clip(belief, 0.01, 0.99) / np.clip(1 - belief, 0.01, 0.99))
     soft = np.asarray(belief ** 4 / (belief ** 4 + (1 - belief) ** 4), np.float32)
+    bonds = _bonds(small, smoothness)
     for _ in range(ROUNDS):
         inside, outside = _histogram(cells, soft), _histogram(cells, 1 - soft)
         unary = np.clip(np.log(inside / outside)[cells], -REACH, REACH) + odds
         unary = np.where(fixed_in, 50, np.where(fixed_out, -50, unary)).astype(np.float32)
-        soft = _minimum_cut(small, unary, smoothness).astype(np.float32)
+        before, soft = soft, _minimum_cut(bonds, unary).astype(np.float32)
+        if np.array_equal(soft, before):
+            break  # the next round would find the same colors, and the same labels
     rough = np.clip(zoom(soft, np.array(image.shape[:2]) / shape, order=1), 0, 1)
     rough = resize(gaussian_filter(rough, 1.0 / shrink * 0.5).astype(np.float32), image.shape[:2])
     luma = np.asarray(image @ LUMA)

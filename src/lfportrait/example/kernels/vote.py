@@ -20,7 +20,7 @@ from ...simd.vectors import LANES
 _floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
 _load, _store, _bits, _lane = LANES.load, LANES.store, LANES.bits, LANES.lane
 _floor, _absolute = LANES.floor, LANES.absolute
-_minimum, _maximum = LANES.minimum, LANES.maximum
+_minimum, _maximum, _iota = LANES.minimum, LANES.maximum, LANES.iota
 
 
 @shared("picture")
@@ -40,12 +40,15 @@ def pack(since, until, picture, out):
 def _beside(anchors, n, ax, ay, reach):
     """Whether the anchors of the pixels n .. n + 15 lie near (ax, ay), lane by lane.
 
-    Beyond the picture's ends they are those of other pixels nearby: there are no shifts there.
+    Beyond the picture's ends they are its first or last one's: there are no shifts there.
     """
-    n = min(max(n, 0), anchors.size // 2 - 16)
-    if n < 0:
-        return ax == ax
-    bx, by = load_pairs(anchors, 2 * n)
+    last = anchors.size // 2 - 1
+    if n >= 0 and n + 15 <= last:
+        bx, by = load_pairs(anchors, 2 * n)
+    else:
+        pixel = _minimum(_maximum(_iota() + np.int32(n), np.int32(0)), np.int32(last))
+        bx = gather_signed(anchors, pixel * np.int32(2))
+        by = gather_signed(anchors, pixel * np.int32(2) + np.int32(1))
     return _absolute(ax - bx) + _absolute(ay - by) < reach
 
 

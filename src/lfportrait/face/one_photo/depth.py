@@ -84,7 +84,7 @@ def sensed_depth(depth: DepthMap, camera: Camera, parts: Parts, near: Float64) -
     if not off < min(OFF, FLAT * relief):
         return None
     sure &= (found > nearest - AHEAD) & (found < nearest + BEHIND)
-    return Sensed(_smoothed(np.where(sure, found, np.nan), SMOOTH / parts.cell), off)
+    return Sensed(smoothed(np.where(sure, found, np.nan), SMOOTH / parts.cell), off)
 
 
 def _inverse(depth: DepthMap, camera: Camera, parts: Parts) -> Float64:
@@ -133,7 +133,7 @@ def _line(at: Float64, values: Float64) -> tuple[float, float]:
     return float(found[0]) / unit, float(found[1] - found[0] * middle / unit)
 
 
-def _smoothed(values: Float64, sigma: float) -> Float64:
+def smoothed(values: Float64, sigma: float) -> Float64:
     """A map smoothed over its known places; unknown (NaN) ones stay so."""
     known = np.isfinite(values)
     total = cv2.GaussianBlur(np.where(known, values, 0.0), (0, 0), sigma)

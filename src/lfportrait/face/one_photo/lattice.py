@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,8 @@ from ...arrays import Bool, Float32, Float64
 from ...field import VoxelField
 from ...measure import usable_cores
 from .beard import BEARD
-from .solid import BODY, HAIR, HEAD, NECK_END, WORN, Solid, ear_light, scalp
+from .collar import HIGHER, Collar
+from .solid import BODY, HAIR, HEAD, WORN, Solid, ear_light, scalp
 from .wires import Wires
 
 Places = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
@@ -31,8 +31,6 @@ has."""
 CRUMB = 0.01  # What is apart from all else and smaller than this part of it is no person.
 APART = 4  # Points of that lattice between the two, at least.
 BLADE = 0.03  # What of a body is thinner than twice this beside a neck is none, portrait units.
-BESIDE, LOWER, HIGHER = 0.25, 0.05, 0.35
-"""How far beside a neck, and below and above its end, a collar may stand, portrait units."""
 STEEP = 4.0  # Optical depth of a voxel one voxel below the surface; at most twice that.
 CHIN = 0.01  # Height above the model's chin (metres) below which there is throat and neck.
 UNDER_CHIN = -0.008  # The same, with the chin's own underside above it.
@@ -58,19 +56,21 @@ class Shell:
     face : bool [N], what belongs to the head and lies above the chin.
     whole_face : bool [N], the same with the chin.
     light : float64 [N], how much of it reaches them within ears.
+    collar : Where the neck ends.
     center, radius : Of the lattice's box.
     voxel : Distance of points.
     """
 
     def __init__(self, solid: Solid, voxel: float, wires: Wires | None = None) -> None:
         self.voxel = voxel
+        self.collar = Collar.of(solid.head, solid.neck[:3])
         distance = _Distance(solid, wires, voxel)
         step = COARSE * voxel
         half = np.ceil(REACH / step).astype(int)
         first, coarse = _coarse(distance, half, step)
         first, coarse = _cropped(first, _closed(coarse)[0], step)
         middle, owner = _finer(distance, first, coarse, step)
-        middle = _without_blades(middle, owner == BODY, _Collar.of(solid), first, 0.5 * step)
+        middle = _without_blades(middle, owner == BODY, self.collar, first, 0.5 * step)
         middle = _without_crumbs(middle, owner == WORN, owner == HEAD, 1.5 * step)
         self._fill(distance, first, *_closed(middle), owner)
         self.scalp = self.owner == HEAD
@@ -238,29 +238,7 @@ def _apart(links: NDArray[np.int32], inside: Bool) -> Bool:
     return np.asarray(inside & (sizes < CRUMB * sizes.max(initial=0)))
 
 
-class _Collar(NamedTuple):
-    """Where a collar may stand: around the end of a neck, portrait units."""
-
-    middle: Float64  # float64 [3].
-    radius: float
-    normal: Float64  # float64 [3], up the neck.
-
-    @staticmethod
-    def of(solid: Solid) -> _Collar:
-        """The one of a person."""
-        ring = solid.head.points[np.abs(solid.head.rest[:, 1] - NECK_END) < 0.0015]
-        middle = 0.5 * (ring.min(axis=0) + ring.max(axis=0))
-        radius = float(np.linalg.norm((ring - middle)[:, ::2], axis=1).max())
-        return _Collar(middle, radius, solid.neck[:3])
-
-    def holds(self, points: Float64) -> Bool:
-        """Whether points [N, 3] lie beside the neck or over its end."""
-        to = points - self.middle
-        beside, above = np.linalg.norm(to[:, ::2], axis=1), to @ self.normal
-        return np.asarray((beside < self.radius + BESIDE) & (above > -LOWER) & (above < HIGHER))
-
-
-def _without_blades(distance: Float32, body: Bool, collar: _Collar, first: Float64, step: float,
+def _without_blades(distance: Float32, body: Bool, collar: Collar, first: Float64, step: float,
                     ) -> Float32:
     """Distances [z, y, x] without what is thin of a body around its neck.
 

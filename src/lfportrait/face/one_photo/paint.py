@@ -7,7 +7,8 @@ matched, then means over ever wider surroundings (pull and push, Gortler et al. 
 
 Hair that no photo shows has strands that run down from the crown, as strong as those it shows; it
 would else be as smooth as a helmet. They are noise that is long in the direction in which hair
-falls, in octaves of a strand's width, each with its contrast in the photo.
+falls, in octaves of a strand's width, each with its contrast in the photo. Short hair has tufts
+(`tufts`).
 """
 
 from __future__ import annotations
@@ -27,11 +28,13 @@ from ...arrays import Bool, Float32, Float64, UInt8
 from ...capture import Camera
 from ...field import C0, VoxelField
 from .beard import BEARD
+from .collar import spread_around
 from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
 from .piece import METRES
 from .solid import HAIR, HEAD, WORN
+from .tufts import aligned, tufts
 
 LEAST, FULL = 0.25, 0.45
 """Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
@@ -59,6 +62,9 @@ UNDER = 0.008 / METRES
 BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
 """Hair has no bays narrower than twice this where no photo sees them; and cells that this is looked
 at in, portrait units."""
+GAP, WIDE = 0.1, 3 * BAY
+"""Nor gaps that photos show to be less bare than the first, in the mean, and that are less than
+twice the second wide."""
 LEDGE, EXACT = 0.006 / METRES, 0.0025 / METRES
 """Beside the edge of a turned nose, or of hair, what lies so much farther or nearer than something
 within the second in the photo may have that one's color: no fitted head meets its photo more
@@ -70,6 +76,14 @@ TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face
 UNDERSIDE = -0.3  # What faces down by more, as the underside of a nose, is the photo's at an edge.
 LIP = 0.025 / METRES
 """So far behind what a photo shows of an open mouth things are of the same color."""
+CLOSE_BY, EDGE_BY = (0.1, 0.3), (0.03, 0.15)
+"""Up to so far from what a photo shows clothes and their edge go on as what is around them, from
+the second on as what lies as far from the neck's end (`collar`), portrait units."""
+LIT = 3
+"""Power by which clothes that are seen squarely count more there: along outlines lies other light.
+"""
+SEEN = 6e-4  # How much of a neck must be seen to say what it wears, portrait units squared.
+HEM = 6.0  # How many times as sharp as a mean over surroundings the edge of clothes is.
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -105,11 +119,13 @@ class Shot:
         soft = np.asarray(np.clip(0.5 + 0.5 * away, 0, 1), np.float32)
         return Shot(camera, colors, soft, other, beard, beneath, mouth, clothes)
 
-    def contrast(self) -> Float64:
-        """How strong strands of hair are in it (`strand_contrast`)."""
+    def contrast(self) -> tuple[Float64, float]:
+        """How strong strands of hair are in it (`strand_contrast`), and how much `aligned`."""
         assert self.hair is not None
         unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
-        return strand_contrast(self.colors, self.hair > 0.99, unit)
+        within = self.hair > 0.99
+        return (strand_contrast(self.colors, within, unit),
+                aligned(self.colors, within, unit, WIDTHS[0]))
 
     def look(self, points: Float64, normals: Float64, solid: _Depths, voxel: float,
              owner: NDArray[np.uint8]) -> Look:
@@ -252,7 +268,7 @@ class _Mean:
         # Beard, and how much is known of it: not every photo shows enough of a chin.
         self.bearded = np.zeros((count, 2))
         self.worn = np.zeros(count)
-        self.best = np.zeros(count)
+        self.best, self.square = np.zeros((2, count))
 
     def add(self, colors: Float64, look: Look, weight: Float64) -> None:
         self.total += weight[:, None] * np.column_stack([colors, look.hair])
@@ -262,6 +278,7 @@ class _Mean:
         if look.clothes is not None:
             self.worn += weight * look.clothes
         self.best = np.maximum(self.best, look.weight)
+        self.square = np.maximum(self.square, look.weight * look.cosine ** LIT)
 
     @property
     def colors(self) -> Float64:
@@ -342,13 +359,17 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         worn = _clothed(shell, own)
     else:
         own.worn[:], other.worn[:] = 0.0, 0.0
-    fill = _fill(points, own, other, _parts(hair, beard, worn), skin)
+    fill = _fill(points, own, other, _parts(hair, beard, worn), skin,
+                 shell.collar.around(points) if known else None)
     if hair.any():
-        # Short hair is too fine for them.
-        grown = hair > 0.5
-        length = np.clip((NAPE - np.percentile(points[grown, 1], 1)) / STRANDS, 0, 1)
-        fill[grown] *= (strands(points[grown], length * shots[0].contrast())[:, None]
-                        ** (1 - other.best[grown, None]))
+        # Short hair is too fine for strands.
+        grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
+        length = np.clip((NAPE - np.percentile(points[hair > 0.5, 1], 1)) / STRANDS, 0, 1)
+        contrast, coherence = shots[0].contrast()
+        fine = (strands(points[grown], length * contrast)
+                * tufts(points[grown], normals[grown], WIDTHS, (1 - length) * contrast,
+                        coherence))
+        fill[grown] *= fine[:, None] ** (1 - other.best[grown, None])
     # An ear that no photo shows is not flat.
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]
@@ -377,22 +398,29 @@ def _whole(shares: Float64) -> UInt8:
 def _clothed(shell: Shell, own: _Mean) -> Float64:
     """How much of a shell's points is clothes, or would be where it is hair, [N].
 
-    What no photo shows of a body or a neck goes on as that does; a head wears none.
+    What no photo shows of a body goes on around the neck, a neck as what it shows of one; a head
+    wears none.
     """
-    out, bare = np.zeros(len(shell.on)), np.zeros(len(shell.on), bool)
-    bare[shell.face] = True
-    bare |= shell.scalp | (shell.owner == WORN)
-    neck = (shell.owner == HEAD) & ~bare
+    out, part = np.zeros(len(shell.on)), np.ones(len(shell.on), bool)
+    part[shell.face] = False
+    part &= ~shell.scalp & (shell.owner != WORN)
+    neck = part & (shell.owner == HEAD)
     known = own.best * np.clip(1 - 2 * own.share, 0, 1)
-    for part in (neck, ~bare & ~neck):
-        if not part.any():
+    for asked in (neck, part & ~neck):
+        if not asked.any():
             continue
-        # A neck that no photo shows goes on as what is around it.
-        used = part if known[part].sum() > 10 else ~bare
-        around = _spread(shell.on[used], own.clothes[used][:, None], known[used], 0)[:, 0]
-        seen = own.best[part]
-        out[part] = (seen * own.clothes[part]
-                     + (1 - seen) * np.clip(3 * around[part[used]] - 1, 0, 1))
+        # Of a collar beside a neck it has nothing.
+        enough = asked is neck and known[neck].sum() * shell.voxel ** 2 > SEEN
+        used = asked if enough else part
+        on, shares, sure = shell.on[used], own.clothes[used][:, None], known[used]
+        places = shell.collar.around(on)
+        if asked is neck:
+            places[:, 1] = 0  # all around as it is in the mean: not as what is before one side
+        around, far = _spread(on, shares, sure, 0)[:, 0], _far(on, sure, EDGE_BY)
+        around += far * (spread_around(places, shares, sure)[:, 0] - around)
+        seen = own.best[asked]
+        out[asked] = (seen * own.clothes[asked] + (1 - seen)
+                      * np.clip(HEM * (around[asked[used]] - 0.5) + 0.5, 0, 1))
     return out
 
 
@@ -426,15 +454,17 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     out = np.maximum(hair, np.maximum(grown * unseen, shell.scalp * shown))
     # At a temple that a photo hardly sees the outline of hair has bays.
     head = (shell.owner == HEAD) | (shell.owner == HAIR)
-    within = _closed(shell.on[head], out[head] > 0.5)
+    bare = np.maximum(own.best * (1 - own.share), alike * (1 - other.share))
+    within = _closed(shell.on[head], out[head] > 0.5, bare[head])
     out[head] = np.maximum(out[head], within * unseen[head])
     return np.asarray(out)
 
 
-def _closed(points: Float64, inside: Bool) -> Float64:
+def _closed(points: Float64, inside: Bool, bare: Float64) -> Float64:
     """How far a surface's points [N, 3] belong to a part without bays narrower than twice `BAY`.
 
-    By cells: what is near the part, but for what is as near to anything that is not. [N] in [0, 1].
+    By cells: what is near the part, but for what is as near to anything that is not. Nor does it
+    have small gaps that photos hardly show ``bare``, [N]. [N] in [0, 1].
     """
     places = ((points - points.min(axis=0)) / BAY_CELL + 1).T
     cells = tuple(np.round(places).astype(int))
@@ -443,7 +473,13 @@ def _closed(points: Float64, inside: Bool) -> Float64:
     surface[cells] = True
     part[tuple(axis[inside] for axis in cells)] = True
     reach = BAY / BAY_CELL
-    beyond = surface & (ndimage.distance_transform_edt(~part) > reach)
+    deep = ndimage.distance_transform_edt(~part)
+    beyond = surface & (deep > reach)
+    pieces, count = ndimage.label(beyond, np.ones((3, 3, 3)))
+    at = pieces[cells]
+    shown = np.bincount(at, bare, count + 1) >= GAP * np.bincount(at, minlength=count + 1)
+    shown |= ndimage.maximum(deep, pieces, np.arange(count + 1)) > WIDE / BAY_CELL
+    beyond &= shown[pieces]
     if not beyond.any():
         return np.ones(len(points))
     away = ndimage.map_coordinates(ndimage.distance_transform_edt(~beyond), places, order=1)
@@ -451,11 +487,12 @@ def _closed(points: Float64, inside: Bool) -> Float64:
 
 
 def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...], head: Bool,
-          ) -> Float64:
+          ring: Float64 | None = None) -> Float64:
     """Colors [N, 3] of what the photos do not show: of each of the parts (`_parts`) by its own.
 
     What is no clothes on the ``head`` goes on by itself: where clothes are not known they are seen
-    on no cheek, but necks go on in skin.
+    on no cheek, but necks go on in skin. ``ring`` is where places are
+    around the neck [N, 2] (`Collar.around`), if clothes are known: they go on around it.
     """
     def filled(kind: int) -> Float64:
         out, place = np.zeros_like(points), parts[kind] > 0
@@ -467,9 +504,18 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, near=True),
                           0, 1)
         found = _filled(at, photo, weight, matched, known)
+        if ring is not None and kind == 3:
+            far = _far(at, weight, CLOSE_BY)[:, None]
+            along = spread_around(ring[place], photo, weight * own.square[place])
+            found += far * (1 - known)[:, None] * (along - found)
         bare = head[place]
         if kind == 2 and bare.any():
             found[bare] = _filled(*(part[bare] for part in (at, photo, weight, matched, known)))
+            if ring is not None and not bare.all():
+                # What is bare of a body goes on from the neck.
+                shown, whole = weight[bare, None], photo.copy()
+                whole[bare] = shown * photo[bare] + (1 - shown) * found[bare]
+                found[~bare] = _spread(at, whole, np.maximum(weight, 0.5 * bare), 0)[~bare]
         out[place] = parts[kind][place, None] * found
         return out
 
@@ -513,6 +559,17 @@ def _filled(points: Float64, photo: Float64, weight: Float64, matched: Float64,
     around = _spread(points, mixed, both_weights, 0)
     # Where the other side is seen well, its detail.
     return np.asarray(known[:, None] * matched + (1 - known[:, None]) * around)
+
+
+def _far(points: Float64, known: Float64, between: tuple[float, float]) -> Float64:
+    """How much places [N, 3] are far from what is known, [N]: 0 to 1 between two distances."""
+    place = np.rint((points - points.min(axis=0)) / CELL).astype(int).T
+    unknown = np.ones(place.max(axis=1) + 1, bool)
+    unknown[tuple(place[:, known > 0.5])] = False
+    if unknown.all():
+        return np.zeros(len(points))
+    away = CELL * ndimage.distance_transform_edt(unknown)[tuple(place)]
+    return np.clip((away - between[0]) / (between[1] - between[0]), 0, 1)
 
 
 def _spread(points: Float64, values: Float64, weights: Float64, finest: int) -> Float64:

@@ -21,9 +21,10 @@ MARGIN = 0.12  # Of the grid around the photo, over its width.
 ON_TOP = 0.11  # How thick hair lies on a crown that no photo shows, portrait units.
 TREND = 0.10
 """Below a photo's upper edge, how far an outline tells where it goes on, portrait units."""
-FLATTEST, ROUND = 0.2, (1.7, 2.8)
-"""How tall at least what was cut off is, over half its width; powers of its outline: a parabola has
-2."""
+FLATTEST, CIRCLE, ROUND = 0.2, 0.7, (1.7, 2.8)
+"""How tall at least what was cut off is, over half its width, and over the circle as that its
+outline goes on; powers of its outline: a parabola has 2."""
+ASIDE = 0.25  # It is no highest so near to either side, parts of its width.
 LEAST_HAIR = 0.06  # Hair covers at least this part of the area of a face, or there is none.
 LINK = 0.06  # What hangs from hair by less than twice so much may be none, over a face's width.
 OTHER_HAIR = 8.0  # Difference in CIELAB from which on that is not of the same hair.
@@ -58,6 +59,16 @@ class Parts:
         """(row, column) of points [N, 3] for `at`, [2, N], and their depths [N]."""
         pixels, depth = self.camera.project(points)
         return np.stack([pixels[0, :, 1], pixels[0, :, 0]]) - 0.5, depth[0]
+
+    def of_photo(self, values: NDArray[np.floating], camera: Camera) -> Float32:
+        """Values [H, W] of a camera's photo on this grid, [h, w]; the border's beyond it."""
+        height, width = self.inside.shape
+        factor = float(camera.focal[0, 0] / self.camera.focal[0, 0])
+        column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        middle, center = self.camera.center[0], camera.center[0]
+        return Parts.at(values, np.stack([
+            (row.ravel() - middle[1]) * factor + center[1] - 0.5,
+            (column.ravel() - middle[0]) * factor + center[0] - 0.5])).reshape(height, width)
 
     @staticmethod
     def at(values: NDArray[np.floating], places: Float64) -> Float32:
@@ -331,28 +342,48 @@ def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
     if len(matte) < 2:
         return None
     skull = head[head[:, 1] < head[:, 1].mean()]
-    middle, highest = float(np.median(skull[:, 0])), float(head[:, 1].min())
-    below = min(len(matte) - 1, max(1, round(TREND / cell)))
-    cut, lower = (_run(matte[row] > 0.5, middle) for row in (0, below))
-    if cut is None or lower is None or cut[1] - cut[0] < 3:
+    highest, below = float(head[:, 1].min()), min(len(matte) - 1, max(1, round(TREND / cell)))
+    # The crown of a head that leans lies beside its middle.
+    cut = _widest(matte[0] > 0.5, float(skull[:, 0].min()), float(skull[:, 0].max()))
+    if cut is None or cut[1] - cut[0] < 3:
         return None
-    (left, right), (lower_left, lower_right) = cut, lower
+    left, right = cut
+    lower = _run(matte[below] > 0.5, 0.5 * (left + right))
+    if lower is None:
+        return None
     half, covered = 0.5 * (right - left), hair[0, left:right] > 0.5
     # The outline goes on as it comes, and ends above the skull.
-    inwards = max(0.5 * ((left - lower_left) + (lower_right - right)) / below, 0.0)
+    sides = np.maximum([left - lower[0], lower[1] - right], 0) / below
+    inwards = float(sides.mean())
     tall = (ON_TOP if covered.any() else 0.0) / cell - highest
+    # Big hair ends higher than that above the skull.
+    least = max(FLATTEST, CIRCLE * (float(np.hypot(1, inwards)) - inwards)) * half
     # Where it has almost closed, no more than its slope says is missing.
-    tall = max(min(tall, half / (ROUND[0] * max(inwards, 1e-6))), FLATTEST * half)
+    tall = max(min(tall, half / (ROUND[0] * max(inwards, 1e-6))), least)
     power = np.clip(half / max(tall * inwards, 1e-6), *ROUND)
     rows = int(np.ceil(tall)) + round(ON_TOP / cell)
     height = np.arange(rows, 0, -1)[:, None] - 0.5
-    across = np.abs(np.arange(matte.shape[1]) + 0.5 - 0.5 * (left + right)) / half
+    # It is highest nearer to the side that is steeper.
+    share = float(np.clip(sides[0] / max(sides.sum(), 1e-6), ASIDE, 1 - ASIDE)) if inwards else 0.5
+    across = (np.arange(matte.shape[1]) + 0.5 - left) / (2 * half) - share
+    across = np.abs(across) / np.where(across < 0, share, 1 - share)
     person = np.clip(tall * (1 - np.minimum(across, 1) ** power) - height + 0.5, 0, 1)
     person[:, across >= 1] = 0
     above = np.broadcast_to(hair[:1], person.shape)
     if covered.mean() > 0.5:
         above = np.ones_like(person)
     return np.asarray(person, np.float32), np.asarray(above, np.float32)
+
+
+def _widest(row: Bool, first: float, last: float) -> tuple[int, int] | None:
+    """Where the widest run of a row that lies between two columns begins and ends, or None."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]]).astype(int)))
+    runs = ends.reshape(-1, 2)
+    runs = runs[(runs[:, 1] > first) & (runs[:, 0] < last)]
+    if not len(runs):
+        return None
+    one, two = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+    return int(one), int(two)
 
 
 def _run(row: Bool, column: float) -> tuple[int, int] | None:

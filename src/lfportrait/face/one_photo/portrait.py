@@ -374,10 +374,12 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note(progress, "hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
-    solid = solid_of(parts, samples, sensed)
     wires, images = _bare(capture, fit, pictures, local, samples)
     shots = [_shot(capture, view, images[view], pictures[view], beards[view], samples)
              for view in range(len(capture))]
+    worn = shots[0].clothes
+    solid = solid_of(parts, samples, sensed,
+                     None if worn is None else parts.of_photo(worn, camera) > 0.5)
     seconds = 0.0
     if points > ROUGH:
         looked = time.perf_counter()

@@ -18,7 +18,8 @@ from skimage.morphology import convex_hull_image
 
 from ...arrays import Bool, Float64
 from .beard import BEARD, beard_piece
-from .depth import Sensed, hair_before, middle_behind
+from .collar import NECK_END
+from .depth import Sensed, hair_before, middle_behind, smoothed
 from .hair import Neck, grown_out, hair_piece, with_rims
 from .knot import knot_of, knot_piece, without_knot
 from .parts import Parts, opened
@@ -29,8 +30,7 @@ HEAD, HAIR, BODY, WORN = range(4)
 """What a place of the surface belongs to."""
 CHEST = 0.10 / METRES  # Half the thickness of a body at most.
 BACK = 0.05  # How much farther behind than a scalp ears and a neck may lie, portrait units.
-NECK_TOP, NECK_END = -0.006, -0.015
-"""Heights above the model's chin (metres) between which its neck goes over into the body's."""
+NECK_TOP = -0.006  # Height above the model's chin (metres) below which there is neck alone.
 JOINT, AROUND = 0.018, 0.25
 """How far down from there (metres) the model's neck goes over into the body, which it does within
 this height of the joint's upper end, portrait units."""
@@ -57,6 +57,8 @@ SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767),
 DARK, HOLLOW = 0.04, 17
 """Metres deep in an ear at which a third of the light is left; what is no wider than so many
 millimeters is hollow."""
+EVEN = 0.015  # Over so much a neck's thickness is smoothed, portrait units.
+ROUNDED = 0.015  # Over so much the edges of raised shoulders are smoothed, portrait units.
 LEANING = 0.2  # How much lower a neck may end on one side, portrait units.
 STANDS = 0.0025  # What stands out by more is ear, metres.
 
@@ -76,7 +78,8 @@ class Solid:
     before: Float64 | None = None
     beard: Piece | None = None  # Below the jaw.
     knot: Piece | None = None  # Of hair, above the head.
-    raised: Bool | None = None  # bool [h, w], shoulders that reach higher than the neck, or None.
+    # float64 [h, w], how far beside shoulders that reach higher than the neck, portrait units.
+    raised: Float64 | None = None
 
     def distance(self, points: Float64, reach: float, near: Bool | None = None,
                  ) -> tuple[Float64, NDArray[np.uint8]]:
@@ -107,10 +110,9 @@ class Solid:
             head, of_body = _one_neck(head, body, way, above)
             owner[of_body] = BODY
             if self.raised is not None:
-                size = np.array(self.raised.shape)[:, None] - 1
-                row, column = np.clip(np.rint(places), 0, size).astype(int)
-                high = self.raised[row, column] & (body < head)
-                head[high], owner[high] = body[high], BODY
+                raised = np.maximum(body, Parts.at(self.raised, places))
+                high = raised < head
+                head[high], owner[high] = raised[high], BODY
         if self.before is not None:
             head = np.maximum(head, Parts.at(self.before, places) - depth)
         out = head
@@ -139,7 +141,8 @@ def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tup
     """The distance of a head whose neck goes over into a body's, and what is body's, [N].
 
     Each would end there with a ledge, as both are only about as thick as a neck: over a joint the
-    surface goes over from one to the other instead. A collar or a shoulder beside it stays.
+    surface goes over from one to the other instead. A collar or a shoulder beside it stays, up to
+    the joint's upper end.
 
     Parameters
     ----------
@@ -147,25 +150,28 @@ def _one_neck(head: Float64, body: Float64, way: Float64, above: Float64) -> tup
     way : 0 where the head is all there is, 1 where the body is, in the joint in between.
     above : Heights over the joint's upper end.
     """
-    out = np.where(way > 0, body, head)
-    within = (way > 0) & (way < 1)
-    one, two, share = head[within], body[within], way[within]
-    share = share * share * (3 - 2 * share)
-    apart = np.maximum(two, above[within])
-    both = np.isfinite(one) & np.isfinite(two)
-    alike = np.clip(2 - np.abs(one[both] - two[both]) / ALIKE, 0, 1)
-    apart[both] += alike * (one[both] + share[both] * (two[both] - one[both]) - apart[both])
-    out[within] = apart
-    return out, (way >= 0.5) | (within & (body < head - ALIKE))
+    share = way * way * (3 - 2 * way)
+    beside = np.maximum(body, above)
+    out = beside.copy()
+    both = np.isfinite(head) & np.isfinite(body)
+    one, two, apart = head[both], body[both], beside[both]
+    alike = np.clip(2 - np.abs(one - two) / ALIKE, 0, 1)
+    out[both] += alike * (one + share[both] * (two - one) - apart)
+    # Of the head nothing goes where it is all there is, and what is beside it ends smoothly.
+    whole = way == 0
+    out[whole] = np.minimum(head[whole], out[whole])
+    return out, (way >= 0.5) | (beside < head - np.where(whole, 0.2, 1.0) * ALIKE)
 
 
-def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -> Solid:
+def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None,
+             clothes: Bool | None = None) -> Solid:
     """The solid of a person.
 
     Parameters
     ----------
     samples : Of the head, warped to the photo.
     sensed : The photo's own depth, where it has one.
+    clothes : bool [h, w], where the photo shows any, if that is known.
     """
     near, far = depth_maps(samples, parts)
     knot = None
@@ -180,8 +186,9 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
     end = samples.points[np.abs(height - NECK_END) < 0.0015]
     neck = _plane(end)
     place = Neck.of(parts, samples)
-    raised = _raised(parts, near, place)
-    body = _body(parts, near, raised, depth_maps(samples, parts, band), end, sensed)
+    raised = _raised(parts, near, place, clothes)
+    front = np.isfinite(depth_maps(samples, parts, height > NECK_TOP)[0])
+    body = _body(parts, near, raised, front, depth_maps(samples, parts, band), end, sensed)
     hair = None
     if parts.hair.any():
         grown = depth_maps(samples, parts, scalp(samples.rest))[1]
@@ -196,7 +203,7 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None) -
         beard = beard_piece(parts, parts.beard, face, _down(parts, samples), body)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before, beard,
-                 knot, raised if raised.any() else None)
+                 knot, _beside(raised, parts.cell) if raised.any() else None)
 
 
 def _down(parts: Parts, samples: MeshSamples) -> Float64:
@@ -269,8 +276,17 @@ def _plane(points: Float64) -> Float64:
     return np.append(normal, normal @ middle)
 
 
-def _raised(parts: Parts, near: Float64, neck: Neck) -> Bool:
-    """Where shoulders beside a head [h, w] reach higher than its neck, at most to its ears."""
+def _beside(part: Bool, cell: float) -> Float64:
+    """How far cells [h, w] are beside a part, portrait units, less than 0 within; smoothed."""
+    away = ndimage.distance_transform_edt(~part) - ndimage.distance_transform_edt(part)
+    return np.asarray(cell * cv2.GaussianBlur(away, (0, 0), ROUNDED / cell), np.float64)
+
+
+def _raised(parts: Parts, near: Float64, neck: Neck, clothes: Bool | None = None) -> Bool:
+    """Where shoulders beside a head [h, w] reach higher than its neck, at most to its ears.
+
+    Where most of one is clothed, what is not is neck.
+    """
     beside = (parts.inside > 0) & ~parts.hair & ~np.isfinite(near)
     ears, end = (int(np.clip(row, 0, len(near) - 1)) for row in (neck.ears, neck.end))
     high = opened(beside, BROAD / parts.cell)
@@ -279,15 +295,18 @@ def _raised(parts: Parts, near: Float64, neck: Neck) -> Bool:
     # What is higher than ears is no shoulder, but somebody else's, or a chair.
     held = np.setdiff1d(pieces[end], np.append(pieces[ears], 0))
     high &= np.isin(pieces, held)
+    if clothes is not None:
+        worn = ndimage.mean(clothes, pieces, np.arange(pieces.max() + 1))
+        high &= clothes | ~(np.asarray(worn) > 0.5)[pieces]
     # The neck of a head that leans ends lower on one side.
     lower = slice(end + 1, end + 1 + round(LEANING / parts.cell))
     high[lower] = beside[lower] & high[end]
     return high
 
 
-def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float64], end: Float64,
-          sensed: Sensed | None) -> Piece | None:
-    """Neck and shoulders as a piece that begins at the model's neck."""
+def _body(parts: Parts, near: Float64, raised: Bool, front: Bool, band: tuple[Float64, Float64],
+          end: Float64, sensed: Sensed | None) -> Piece | None:
+    """Neck and shoulders as a piece that begins at the model's neck; ``front`` is the head's."""
     cell = parts.cell
     known = np.isfinite(band[0])
     if not known.any():
@@ -303,7 +322,9 @@ def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float6
     if shoulders.any():
         covered = parts.hair & (parts.inside * cell > WITHIN) & (rows > top)
         domain |= convex_hull_image(shoulders | known) & covered
+    # Seen along the neck its band is a ring.
     domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
+    domain |= convex_hull_image(known) & person & ~parts.hair
     # From the model's nape on it recedes: downwards and to both sides.
     places, depths = parts.places(end)
     middle = 0.5 * float(depths.min() + depths.max())
@@ -319,6 +340,7 @@ def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float6
     for side in range(2):
         # Seen from above or below, a cell may show one side of the neck alone.
         thickness = (middles - band[0], band[1] - middles)[side]
+        thickness = smoothed(np.where(thickness > 0, thickness, np.nan), EVEN / cell)
         sure = (thickness > 0) & (parts.inside * cell > BAND)
         # The neck stays as thick as it is when all is bounded below.
         share = np.minimum(np.where(sure, thickness, 0.0) / CHEST, 0.95)
@@ -330,11 +352,9 @@ def _body(parts: Parts, near: Float64, raised: Bool, band: tuple[Float64, Float6
         squares.append(outside(q, parts, domain, 0.0))
     if sensed is not None:
         middles = middle_behind(sensed, np.where(domain, squares[0], 0), middles, known, cell)
-    there = None
-    if parts.hair.any():  # where hair alone hangs down there is none
-        nearest = ndimage.distance_transform_edt(~person, return_distances=False,
-                                                 return_indices=True)
-        there = ~(parts.hair & ~domain)[tuple(nearest)]
+    # There is none where hair alone hangs down, nor in a head: it would be torn beside a jaw.
+    nearest = ndimage.distance_transform_edt(~person, return_distances=False, return_indices=True)
+    there = ~((parts.hair | front) & person & ~domain)[tuple(nearest)]
     return Piece(squares[0], squares[1], middles, there, there)
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from ...arrays import UInt8
 from ...errors import UserError
+from ..coded_files import check_size
 from ..display import Display
-from ..interlacing import check_size
 
 
 class PygameDriver:

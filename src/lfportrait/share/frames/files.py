@@ -81,6 +81,8 @@ class FrameConfig:
 
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
+QUILTS = PICTURES
+"""Endings of the formats that quilts are written in with all that goes with them."""
 VIDEOS = (".mp4", ".mov", ".mkv", ".webm")
 _MOST_VIEWS, _MOST_TILES = 108, 50
 _LONGEST = 100  # Letters of a name on a drive, without what is put behind it.

@@ -31,7 +31,6 @@ from ...lightfield import Display, EncodeConfig, QuiltHint, QuiltLayout, quilt_o
 from ...media.pictures import open_picture
 from ...temporary import temporary_folder
 from .files import (
-    PICTURES,
     SECONDS,
     FrameConfig,
     QuiltName,
@@ -42,8 +41,6 @@ from .files import (
     safe_names,
 )
 
-QUILTS = PICTURES
-"""Endings of the formats that quilts are written in with all that goes with them."""
 _MOST_PIXELS = 8192  # Pixels a side that the graphics cards of all who look at quilts take.
 _SAME = 0.01  # Names give the aspect in a few digits.
 

@@ -71,10 +71,10 @@ def test_the_same_seed_gives_the_same_network_and_the_budget_ends_the_training()
 
     photo = drawn_face(40, 36).image
     pair = photo, photo.astype(np.float32) / 255
-    results = [run(train([pair], 4, steps=3, seconds=0, rate=1e-3, adversarial=0.5,
+    results = [run(train([pair], 4, steps=2, seconds=0, rate=1e-3, adversarial=0.5,
                          seed=seed)[0], photo) for seed in (1, 1, 2)]
     assert results[0].tobytes() == results[1].tobytes() != results[2].tobytes()
-    _, steps, _ = train([pair], 4, steps=0, seconds=0.5, rate=1e-3, adversarial=0, seed=0)
+    _, steps, _ = train([pair], 4, steps=0, seconds=0.1, rate=1e-3, adversarial=0, seed=0)
     assert steps >= 1
 
 
@@ -84,7 +84,7 @@ def test_training_on_another_device_gives_the_same(other_device):
 
     photo = drawn_face(40, 36).image
     pair = photo, photo.astype(np.float32) / 255
-    here, there = (run(train([pair], 4, steps=3, seconds=0, rate=1e-3, adversarial=0.5, seed=1,
+    here, there = (run(train([pair], 4, steps=2, seconds=0, rate=1e-3, adversarial=0.5, seed=1,
                              place=place)[0], photo) for place in ("cpu", PLACE))
     assert np.allclose(here, there, atol=1e-4)
 
