@@ -28,12 +28,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from .. import field as fields
 from .. import lightfield
 from ..arrays import Float64, UInt8
 from ..cache import key_of
@@ -45,15 +46,11 @@ from ..lightfield import Display, EncodeConfig, Placement
 from ..measure import usable_cores
 from .kinds import ExportContext, LoopConfig
 
-if TYPE_CHECKING:  # commands ask for `SequenceConfig` alone
-    from ..field import VoxelField
-    from ..lightfield import Ground
-
 DISTANCE = 4.0  # Of the cameras from what they look at, in world units.
 _MARGIN = 1.04
 
 
-def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
+def head_extent(field: fields.VoxelField | None) -> tuple[float, float, float]:
     """Extent that a picture must show: half width, lowest and highest point about the axis.
 
     The head lies in [-1, 1]^3; of the shoulders, only what is as wide and as low as that is shown.
@@ -67,7 +64,8 @@ def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
     return min(max(reach, 0.5), 0.9), max(low, -1.0), min(high, 1.2)
 
 
-def _arc(degrees: Float64, size: int, field: VoxelField | None, pitch: float = 0.0) -> Camera:
+def _arc(degrees: Float64, size: int, field: fields.VoxelField | None,
+         pitch: float = 0.0) -> Camera:
     """Cameras on an arc that see the whole head, framed the same in all of them."""
     reach, low, high = head_extent(field)
     half = _MARGIN * max(reach, (high - low) / 2)
@@ -78,7 +76,7 @@ def _arc(degrees: Float64, size: int, field: VoxelField | None, pitch: float = 0
                       target=target, pitch=pitch)
 
 
-def good_cone(field: VoxelField, cone: float) -> float:
+def good_cone(field: fields.VoxelField, cone: float) -> float:
     """A cone in degrees, as far as the field can be looked at (`VoxelField.cone`)."""
     return min(cone, field.cone) if field.cone else cone
 
@@ -93,7 +91,7 @@ def sweep_degrees(frames: int, cone: float) -> Float64:
 
 
 def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
-                  field: VoxelField | None = None) -> Camera:
+                  field: fields.VoxelField | None = None) -> Camera:
     """Cameras of a horizontal sweep there and back over a cone, its full width in degrees.
 
     ``frames`` of one loop, ``size`` pixels wide and high; the field's extent is framed, by default
@@ -102,7 +100,7 @@ def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
     return _arc(sweep_degrees(frames, cone), size, field)
 
 
-def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = None,
+def orbit_cameras(frames: int = 90, size: int = 512, field: fields.VoxelField | None = None,
                   pitch: float = 0.0) -> Camera:
     """Cameras once around the head, from the front to its left side and on.
 
@@ -117,7 +115,7 @@ def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = 
 
 
 def path_cameras(path: Literal["sweep", "orbit"], *, frames: int = 60, cone: float = 40.0,
-                 size: int = 512, field: VoxelField | None = None) -> Camera:
+                 size: int = 512, field: fields.VoxelField | None = None) -> Camera:
     """Cameras of a path by its name (`sweep_cameras`, `orbit_cameras`)."""
     if frames < 1 or size < 2:
         raise UserError("a path needs at least one frame of at least 2 pixels")
@@ -128,12 +126,13 @@ def path_cameras(path: Literal["sweep", "orbit"], *, frames: int = 60, cone: flo
     raise UserError(f"there is no path {path!r}; choose sweep or orbit")
 
 
-def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Ground | None:
+def sweep_ground(field: fields.VoxelField, config: EncodeConfig,
+                 cameras: Camera) -> lightfield.Ground | None:
     """The ground behind a field for cameras of `sweep_cameras`, or None where there is none."""
     return lightfield.world_ground(field, config, DISTANCE / float(cameras.focal[0].mean()))
 
 
-def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
+def sweep_frames(field: fields.VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
                  background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
                  ) -> Iterator[UInt8]:
     """Frames of a sweep (`sweep_cameras`), uint8 [size, size, 3], rendered one at a time.
@@ -346,7 +345,7 @@ class SequenceConfig:
                                    focus=config.focus + share * (focus - config.focus))
 
 
-def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
+def each_frame(field: fields.VoxelField, display: Display, config: EncodeConfig,
                sequence: SequenceConfig) -> Iterator[UInt8]:
     """Frames of a sequence, uint8 [H, W, 3] as the viewer sees the panel, coded one at a time.
 
@@ -357,7 +356,7 @@ def each_frame(field: VoxelField, display: Display, config: EncodeConfig,
         yield lightfield.encode(field, display, sequence.at(config, frame), mask=mask)
 
 
-def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: SequenceConfig,
+def _key(field: fields.VoxelField, display: Display, config: EncodeConfig, sequence: SequenceConfig,
          ) -> str:
     """What decides the frames' pixels."""
     digest = hashlib.sha256()
@@ -370,7 +369,7 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
     return key_of(__name__, digest.hexdigest(), display, config, motion)
 
 
-def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
+def _write_folder(field: fields.VoxelField, display: Display, config: EncodeConfig,
                   sequence: SequenceConfig, out: Path, step: Callable[[], None]) -> int:
     """The missing pictures of a folder; returns how many were there."""
     key = _key(field, display, config, sequence)
@@ -398,7 +397,7 @@ def _write_folder(field: VoxelField, display: Display, config: EncodeConfig,
     return there
 
 
-def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
+def write_sequence(field: fields.VoxelField, display: Display, config: EncodeConfig,
                    sequence: SequenceConfig, out: str | Path,
                    step: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """Write a moving light field (`each_frame`) as a video or as a folder of pictures.
@@ -439,7 +438,7 @@ _WEBP_QUALITY = 80
 _TICK = 10  # Milliseconds in which GIF files count; players show less than two of them as ten.
 
 
-def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:
+def loop_cameras(config: LoopConfig, field: fields.VoxelField) -> Camera:
     """The cameras of a loop, from above the middle to the head's left side and on.
 
     The field's extent is framed, and it may limit the turn (`VoxelField.cone`).
@@ -457,7 +456,7 @@ def loop_cameras(config: LoopConfig, field: VoxelField) -> Camera:
         for turn, up in zip(yaw, pitch)])
 
 
-def _frames(field: VoxelField, config: LoopConfig, context: ExportContext,
+def _frames(field: fields.VoxelField, config: LoopConfig, context: ExportContext,
             ) -> Iterator[UInt8]:
     """The pictures of a loop, uint8 [size, size, 3]."""
     cameras = loop_cameras(config, field)
@@ -468,7 +467,7 @@ def _frames(field: VoxelField, config: LoopConfig, context: ExportContext,
         yield lightfield.eight_bit(next(seen).color)
 
 
-def write_loop(field: VoxelField, path: Path, config: LoopConfig,
+def write_loop(field: fields.VoxelField, path: Path, config: LoopConfig,
                context: ExportContext) -> dict[str, Any]:
     """Write a loop as MP4, GIF or WebP, by the file's name (`lfportrait.share.Export.write`)."""
     frames = _frames(field, config, context)

@@ -67,3 +67,6 @@ def test_what_is_hardly_known_says_nothing():
     values = np.where(np.arange(50) < 25, 1.0, 0.0)[:, None]
     found = spread_around(places, values, np.where(np.arange(50) < 25, 1.0, 0.15))
     assert found.min() > 0.99
+    # Where all is hardly known, that is what there is.
+    found = spread_around(places, np.full((50, 1), 0.8), np.full(50, 0.1))
+    assert found == pytest.approx(np.full((50, 1), 0.8))

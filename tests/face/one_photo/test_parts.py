@@ -90,7 +90,20 @@ def test_big_hair_ends_round():
     parts, more = leaning(0.0, (0.0, 0.0), -0.2)
     wide = (parts.inside[more + 2] > 0).sum()
     tall = (parts.inside[:more] > 0).any(axis=1).sum()
-    assert tall > 0.22 * wide, "half a circle's height"
+    assert tall > 0.3 * wide, "most of a circle's height"
+
+
+def test_a_hand_above_a_head_is_no_crown():
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=500.0,
+                        target=(0, 0, 0), pitch=0.0)
+    column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+    hand = np.abs(column - 150) < 12
+    matte = ((np.hypot(column - 120, row - 140) < 60) | hand & (row < 140)).astype(np.float32)
+    angle = np.linspace(0, 2 * np.pi, 90)
+    skull = np.column_stack([0.48 * np.cos(angle), 0.48 * np.sin(angle) - 0.16, np.zeros(90)])
+    bald = np.zeros_like(matte)
+    cut = parts_of(camera, matte, bald, 4.0)
+    assert len(parts_of(camera, matte, bald, 4.0, skull).inside) == len(cut.inside)
 
 
 def test_a_crown_that_the_photo_shows_stays():

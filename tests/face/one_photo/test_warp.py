@@ -85,6 +85,21 @@ def test_an_ear_before_hair_is_laid_on_what_is_bare():
         assert abs(end - goal) < 0.4 * abs(start - goal)
 
 
+def test_an_ear_that_the_photo_cuts_off_is_not_drawn_into_it():
+    prior, view = generic_prior(), _view(generic_prior(), 0.0)
+    plain, true = _with_ears(prior, view, 1.0)
+    seen, ear = view.project(true), _ears(prior, 1)
+    first, last = seen[ear, 0].min(), seen[ear, 0].max()
+    bases = np.zeros((4, len(seen)))
+    bases[0] = 1.0
+    for part in (0.25, 0.6, 1.5):
+        cut = replace(plain, inside=plain.inside[:, :int(first + part * (last - first))])
+        moves = laid_on(prior, seen, bases, float(np.ptp(seen[ear, 1])), 1, cut)
+        assert moves is None or np.abs(moves[:2]).max() < 0.1, part
+    away = replace(plain, inside=plain.inside[:, :int(first)])
+    assert laid_on(prior, seen, bases, float(np.ptp(seen[ear, 1])), 1, away) is None
+
+
 def test_an_ear_under_hair_stays():
     prior, view = generic_prior(), _view(generic_prior(), 0.0)
     plain, _ = _with_ears(prior, view, 1.5)

@@ -65,7 +65,7 @@ def drawn_lines(exemplar: Exemplar) -> UInt8:
     half = min(DRAWN, max(USUAL * float(np.median(face)), FAINT)) if face.size else DRAWN
     reach = AROUND * size
     lines = gaussian_filter(maximum_filter(contrast, 2 * int(reach) + 1), reach / 2)
-    weights[top:bottom, left:right] = 255 / (1 + (lines / half) ** 4)
+    weights[top:bottom, left:right] = np.rint(255 / (1 + (lines / half) ** 4))
     return weights
 
 

@@ -25,7 +25,8 @@ WINDOWS = ((1.0, 2.0), (1.4, 4.0), (2.0, 8.0), (2.5, 16.0), (16.0, 48.0))
 """Deviations of ever wider means there, in steps down and around."""
 FEW = 0.02  # Part of a window that must be known to say half of what is there.
 MIRRORED = 0.3  # Weight of what the other side shows.
-SURE = (0.2, 0.5)  # What is known less well than the first says nothing, from the second on all.
+SURE = (0.2, 0.5)
+"""What is known less well than this part of the best says nothing, from the second on all."""
 
 
 class Collar(NamedTuple):
@@ -60,7 +61,7 @@ class Collar(NamedTuple):
         beside = to - above[:, None] * self.normal
         forward = np.array([0.0, 0.0, 1.0])
         forward -= (forward @ self.normal) * self.normal
-        forward /= np.linalg.norm(forward)
+        forward /= max(float(np.linalg.norm(forward)), 1e-9)
         across, ahead = beside @ np.cross(self.normal, forward), beside @ forward
         out = np.maximum(np.hypot(across, ahead) - self.radius, 0)
         down = np.hypot(out, np.minimum(above, 0)) - np.maximum(above, 0)
@@ -73,8 +74,9 @@ def spread_around(places: Float64, values: Float64, weights: Float64) -> Float64
     Parameters
     ----------
     places : float64 [N, 2], of `Collar.around`.
-    values, weights : float64 [N, C] and [N], how well they are known, from 0 to 1.
+    values, weights : float64 [N, C] and [N], how well they are known; the best ones count in full.
     """
+    weights = weights / max(float(weights.max(initial=0.0)), 1e-9)
     weights = weights * np.clip((weights - SURE[0]) / (SURE[1] - SURE[0]), 0, 1)
     row = (places[:, 0] - places[:, 0].min()) / ROW
     column = (places[:, 1] + 0.5) * TURNS

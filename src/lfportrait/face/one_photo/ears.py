@@ -75,6 +75,8 @@ def laid_on(prior: HeadPrior, seen: Float64, bases: Float64, size: float, side: 
                                          borderMode=cv2.BORDER_CONSTANT, borderValue=beyond))
 
     person = cells(picture.inside, -1.0) > 0
+    # Beyond the photo nothing is known.
+    within = cells(np.ones_like(picture.inside), 0.0) > 0.5
     hidden = np.zeros(person.shape, bool)
     for over in (picture.hair, picture.clothes):
         if over is not None:
@@ -85,14 +87,15 @@ def laid_on(prior: HeadPrior, seen: Float64, bases: Float64, size: float, side: 
     bare = person & ~hidden & ~head
     pieces = ndimage.label(bare)[0]
     bare = np.isin(pieces, np.setdiff1d(pieces[own], 0))
-    known = (own & ~head & ~hidden) | bare
-    if (own & ~head).sum() < LEAST * area or known.sum() < LEAST * area:
+    seen_of_it = own & ~head & within
+    known = (seen_of_it & ~hidden) | bare
+    if seen_of_it.sum() < LEAST * area or known.sum() < LEAST * area:
         return None
     row = np.arange(len(own))
     ends = np.flatnonzero(own.any(axis=1))[[0, -1]]
     beyond = np.maximum(np.maximum(ends[0] - row, row - ends[1]), 0) / (FADE * LENGTH)
     lacking = bare * np.maximum(1 - (1 - FAR) * beyond, FAR)[:, None]
-    wrong = np.where(hidden, HIDDEN, np.where(person, 0.0, GROUND)) * ~head
+    wrong = np.where(hidden, HIDDEN, np.where(person, 0.0, GROUND)) * (~head & within)
     outline = _outline(own, small, np.flatnonzero(ear))
     corners, local, up = small[outline], bases[:, outline], upwards(prior, seen)
 

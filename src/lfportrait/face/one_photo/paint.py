@@ -455,16 +455,17 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     # At a temple that a photo hardly sees the outline of hair has bays.
     head = (shell.owner == HEAD) | (shell.owner == HAIR)
     bare = np.maximum(own.best * (1 - own.share), alike * (1 - other.share))
-    within = _closed(shell.on[head], out[head] > 0.5, bare[head])
+    within = _closed(shell.on[head], out[head] > 0.5, bare[head], shell.voxel)
     out[head] = np.maximum(out[head], within * unseen[head])
     return np.asarray(out)
 
 
-def _closed(points: Float64, inside: Bool, bare: Float64) -> Float64:
+def _closed(points: Float64, inside: Bool, bare: Float64, voxel: float = 0.0) -> Float64:
     """How far a surface's points [N, 3] belong to a part without bays narrower than twice `BAY`.
 
     By cells: what is near the part, but for what is as near to anything that is not. Nor does it
-    have small gaps that photos hardly show ``bare``, [N]. [N] in [0, 1].
+    have small gaps that photos hardly show ``bare``, [N]; ``voxel`` apart, points are one surface.
+    [N] in [0, 1].
     """
     places = ((points - points.min(axis=0)) / BAY_CELL + 1).T
     cells = tuple(np.round(places).astype(int))
@@ -475,7 +476,9 @@ def _closed(points: Float64, inside: Bool, bare: Float64) -> Float64:
     reach = BAY / BAY_CELL
     deep = ndimage.distance_transform_edt(~part)
     beyond = surface & (deep > reach)
-    pieces, count = ndimage.label(beyond, np.ones((3, 3, 3)))
+    coarse = int(np.ceil(voxel / BAY_CELL)) - 1
+    near = ndimage.binary_dilation(beyond, iterations=coarse) if coarse > 0 else beyond
+    pieces, count = ndimage.label(near, np.ones((3, 3, 3)))
     at = pieces[cells]
     shown = np.bincount(at, bare, count + 1) >= GAP * np.bincount(at, minlength=count + 1)
     shown |= ndimage.maximum(deep, pieces, np.arange(count + 1)) > WIDE / BAY_CELL
@@ -491,8 +494,8 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
     """Colors [N, 3] of what the photos do not show: of each of the parts (`_parts`) by its own.
 
     What is no clothes on the ``head`` goes on by itself: where clothes are not known they are seen
-    on no cheek, but necks go on in skin. ``ring`` is where places are
-    around the neck [N, 2] (`Collar.around`), if clothes are known: they go on around it.
+    on no cheek, but necks go on in skin. ``ring`` is where places are around the neck [N, 2]
+    (`Collar.around`), if clothes are known: they go on around it.
     """
     def filled(kind: int) -> Float64:
         out, place = np.zeros_like(points), parts[kind] > 0

@@ -352,12 +352,16 @@ def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
     if lower is None:
         return None
     half, covered = 0.5 * (right - left), hair[0, left:right] > 0.5
+    if highest > ON_TOP / cell and not covered.any():
+        return None  # the photo shows the crown: it cuts something else off
     # The outline goes on as it comes, and ends above the skull.
     sides = np.maximum([left - lower[0], lower[1] - right], 0) / below
     inwards = float(sides.mean())
     tall = (ON_TOP if covered.any() else 0.0) / cell - highest
-    # Big hair ends higher than that above the skull.
-    least = max(FLATTEST, CIRCLE * (float(np.hypot(1, inwards)) - inwards)) * half
+    # Big hair whose sides are seen ends higher than that above the skull.
+    seen = covered.any() and left > 0 and right < matte.shape[1]
+    circle = CIRCLE * (float(np.hypot(1, inwards)) - inwards) if seen else 0.0
+    least = max(FLATTEST, circle) * half
     # Where it has almost closed, no more than its slope says is missing.
     tall = max(min(tall, half / (ROUND[0] * max(inwards, 1e-6))), least)
     power = np.clip(half / max(tall * inwards, 1e-6), *ROUND)

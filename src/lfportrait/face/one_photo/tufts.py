@@ -24,7 +24,8 @@ around the whorl, radians."""
 ROUND, SHORTER = 0.1, 0.7
 """Over how much they turn so, portrait units; and they are no longer than such a part of the way to
 the whorl."""
-SIDE = 32  # Of the noise, in a tuft's width, after which it repeats.
+SIDE = 48  # Of the noise, in a tuft's width, after which it repeats.
+FEWEST = 200  # Fewer places are no surface that has a deviation of its own.
 SAMPLES, LENGTH = 5, 5.0  # Along a tuft, and how long it is over its width, at most.
 LONGEST = 0.2  # Portrait units.
 ALIGNED = (0.3, 0.6)
@@ -45,7 +46,7 @@ def tufts(points: Float64, normals: Float64, widths: tuple[float, ...], contrast
     widths, contrast : Of octaves, portrait units and standard deviations of the logarithm.
     coherence : By which they are long (`aligned`).
     """
-    if not (len(points) and contrast.any()):
+    if len(points) < FEWEST or not contrast.any():
         return np.ones(len(points))
     away = points - WHORL
     along = away - (away * normals).sum(axis=1)[:, None] * normals
