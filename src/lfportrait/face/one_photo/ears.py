@@ -89,7 +89,7 @@ def laid_on(prior: HeadPrior, seen: Float64, bases: Float64, size: float, side: 
     bare = np.isin(pieces, np.setdiff1d(pieces[own], 0))
     seen_of_it = own & ~head & within
     known = (seen_of_it & ~hidden) | bare
-    if seen_of_it.sum() < LEAST * area or known.sum() < LEAST * area:
+    if min(seen_of_it.sum(), known.sum()) <= LEAST * area:
         return None
     row = np.arange(len(own))
     ends = np.flatnonzero(own.any(axis=1))[[0, -1]]

@@ -324,8 +324,7 @@ def _fall(edge: Bool, pad: int, rows: int) -> Float32:
     edge : bool [h], where the person reaches the side.
     """
     reach = np.full(rows, 1.0)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], edge, [False]]).astype(int)))
-    for first, last in ends.reshape(-1, 2):
+    for first, last in _runs(edge):
         if last < len(edge):
             across = (2 * (np.arange(first, last) + 0.5) - first - last) / (last - first)
             reach[first:last] = np.sqrt(1 - across ** 2)
@@ -379,10 +378,15 @@ def _crown(matte: Float32, hair: Float32, head: Float64, cell: float,
     return np.asarray(person, np.float32), np.asarray(above, np.float32)
 
 
+def _runs(row: Bool) -> NDArray[np.int64]:
+    """Where each run of a row begins and ends, [R, 2]."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]]).astype(int)))
+    return ends.reshape(-1, 2)
+
+
 def _widest(row: Bool, first: float, last: float) -> tuple[int, int] | None:
     """Where the widest run of a row that lies between two columns begins and ends, or None."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]]).astype(int)))
-    runs = ends.reshape(-1, 2)
+    runs = _runs(row)
     runs = runs[(runs[:, 1] > first) & (runs[:, 0] < last)]
     if not len(runs):
         return None
