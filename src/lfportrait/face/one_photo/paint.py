@@ -51,6 +51,9 @@ SQUARER = (0.3, 0.6)
 """Differences of cosines of incidence, the other side's less its own, from which on, and from which
 on in full, a place of a head has the other side's color."""
 STRANDS = 0.15  # How far below the nape hair hangs that has strands in full, portrait units.
+UNLIKE = 0.1, 0.2
+"""Differences of logarithms of colors from which on, and from which on in full, two photos that
+are laid over each other show different things."""
 SQUARE = 6  # Power by which one of several photos that looks more squarely counts more.
 WIDTHS = (0.016, 0.032, 0.064, 0.128)  # Widths of strands (3 to 26 mm), portrait units.
 LENGTH = 12.0  # How long they are over their widths.
@@ -340,8 +343,11 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         mirrored = coming.result()
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         look = look.beside(mirrored)
-        # Photos never lie on each other exactly: the squarest look decides.
+        # Photos never lie on each other exactly: the squarest look decides, and where they differ
+        # the first one that sees a place.
         square = look.weight * (1.0 if len(shots) == 1 else look.cosine ** SQUARE)
+        if shot is not shots[0]:
+            square *= 1 - own.best * _unlike(shell, look, light, own)
         own.add(np.clip(look.colors * light, 0, 1), look, square)
         other.add(np.clip(mirrored.colors * light, 0, 1), mirrored, mirrored.weight)
     hair = _hairy(shell, own, other)
@@ -382,6 +388,19 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)
     return Paint(sh, _whole(grown), clothes)
+
+
+def _unlike(shell: Shell, look: Look, light: Float64, own: _Mean) -> Float64:
+    """How much a photo shows other things than those before it around a shell's points, [N]."""
+    known = np.minimum(look.weight, own.best)
+    colors = np.clip(look.colors * light, 0, 1)
+    apart = np.abs(np.log((colors + DARKEST) / (own.colors + DARKEST))).mean(axis=1)
+    out = np.zeros(len(known))
+    for kind in np.unique(shell.owner):
+        part = shell.owner == kind
+        around = _spread(shell.on[part], apart[part][:, None], known[part], 0)[:, 0]
+        out[part] = np.clip((around - UNLIKE[0]) / (UNLIKE[1] - UNLIKE[0]), 0, 1)
+    return out
 
 
 def _parts(hair: Float64, beard: Float64, clothes: Float64) -> tuple[Float64, ...]:
