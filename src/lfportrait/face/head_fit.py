@@ -10,6 +10,7 @@ shape and distance of a face look alike.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -142,6 +143,11 @@ class HeadFit:
     def vertices(self, view: int) -> Float64:
         """The head in one photo's expression, float64 [N, 3], in its own frame, metres."""
         return self.prior.shape(self.identity, self.views[view].expression)
+
+    def of(self, views: Sequence[int]) -> HeadFit:
+        """The same head in some of its photos."""
+        return replace(self, views=[self.views[one] for one in views],
+                       pixels=[self.pixels[one] for one in views])
 
     def figures(self) -> dict[str, object]:
         """What ``run.json`` says of the fit."""

@@ -3,12 +3,14 @@
 Detectors see a face that is turned by 45 degrees as turned by 40, and its landmarks lie elsewhere
 than those of a frontal face. What the skin itself shows does not: the other photo is laid over the
 first one by the head that was fitted so far, and what is left between the two is found by dense
-optical flow (DIS; Kroeger et al. 2016).
+optical flow (DIS; Kroeger et al. 2016). Photos of different days are known by it: little of what
+they show is alike.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -28,11 +30,32 @@ WINDOW, LIKE, TEXTURE = 15, 0.75, 0.02
 """Side of windows that are compared (pixels); correlation from which on they show the same; and
 deviation of their grey values from which on they show anything."""
 FURTHEST = 0.15  # A place is looked for so far away at most, over the distance of the eyes.
+VERY_LIKE, SAME, LEAST = 0.9, 0.27, 200
+"""Correlation from which on windows show the same in the same light; from which share of windows
+that are so on two photos are of one moment (of one they have 0.35 to 0.95, of different days or
+expressions 0 to 0.2); and pixels that say it at least."""
 MOST = 160  # Places that are taken of a photo, at most.
 
 
+def of_one_moment(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> list[bool]:
+    """Which photos show the face as the first one does, with its expression and in its light.
+
+    The others may be of another day. What shows nothing that another one shows is none of them.
+
+    Parameters
+    ----------
+    pictures, images : The fit's photos; uint8 [H, W, 3].
+    """
+    out = [True]
+    for other in range(1, len(pictures)):
+        laid = (_Laid.of(fit, pictures, images, one, other) for one in range(other) if out[one])
+        shares = (one.alike() for one in laid if one is not None)
+        out.append(next((share > SAME for share in shares if share is not None), False))
+    return out
+
+
 def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> list[list[Found]]:
-    """Where each photo shows vertices that another shows, too.
+    """Where each photo shows vertices that another of the same moment shows, too.
 
     Parameters
     ----------
@@ -44,7 +67,8 @@ def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> l
     """
     out: list[list[Found]] = [[] for _ in pictures]
     for other in range(1, len(pictures)):
-        match = _matched(fit, pictures, images, other)
+        laid = _Laid.of(fit, pictures, images, 0, other)
+        match = None if laid is None else laid.matches()
         if match is not None:
             vertices, there, here = match
             out[0].append(Found(vertices, there))
@@ -52,42 +76,70 @@ def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> l
     return out
 
 
-def _matched(fit: HeadFit, pictures: list[Picture], images: list[Bytes], other: int,
-             ) -> tuple[NDArray[np.int64], Float64, Float64] | None:
-    """Vertices [M] and their places [M, 2] in the first photo and in another one."""
-    from scipy.interpolate import LinearNDInterpolator
+class _Laid(NamedTuple):
+    """A photo that is laid over another one, in the pixels of the latter around the face.
 
-    seen = _seen(fit, pictures, 0) & _seen(fit, pictures, other)
-    if seen.sum() < 100:
-        return None
-    scales = [min(1.0, EYES_WIDE / _eyes(fit, one)) for one in (0, other)]
-    one, two = (fit.views[index].project(fit.vertices(index)) * scale
-                for index, scale in zip((0, other), scales, strict=True))
-    grey = [_grey(images[index], scale) for index, scale in zip((0, other), scales, strict=True)]
-    low = np.floor(one[seen].min(axis=0)).astype(int) - 4
-    size = np.ceil(one[seen].max(axis=0)).astype(int) + 5 - low
-    columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
-    lies = LinearNDInterpolator(one[seen] - low - 0.5, two[seen] - 0.5)
-    place = lies(np.stack([columns, rows], axis=-1).reshape(-1, 2)).reshape(*size[::-1], 2)
-    mask = _covered(fit, seen, one - low - 0.5, size) & np.isfinite(place).all(axis=-1)
-    place = np.nan_to_num(place, nan=-9.0).astype(np.float32)
-    first = _at(grey[0], np.stack([columns + low[0], rows + low[1]], axis=-1))
-    flow, like = _flow(first, _at(grey[1], place), mask)
-    inner = cv2.erode(mask.astype(np.uint8), np.ones((7, 7))) > 0
-    numbers = np.flatnonzero(seen)
-    at = np.rint(one[numbers] - low - 0.5).astype(int)
-    column, row = np.clip(at, 0, size - 1).T
-    move = flow[row, column]
-    good = (inner & (like > LIKE))[row, column]
-    good &= np.linalg.norm(move, axis=1) < FURTHEST * EYES_WIDE
-    numbers, move = numbers[good], move[good]
-    found = lies(one[numbers] - low - 0.5 + move) + 0.5
-    known = np.isfinite(found).all(axis=1)
-    numbers, found = numbers[known], found[known]
-    if len(numbers) < 12:
-        return None
-    chosen = _spread(one[numbers], MOST)
-    return numbers[chosen], one[numbers[chosen]] / scales[0], found[chosen] / scales[1]
+    The vertices [M] that both show, and their places [M, 2] in those pixels; how far what they show
+    lies elsewhere [h, w, 2]; how like it is there [h, w], 0 where it is plain; where that is known;
+    and what gives places in both photos.
+    """
+
+    vertices: NDArray[np.int64]
+    places: Float64
+    flow: Float32
+    like: Float32
+    inner: Bool
+    corner: NDArray[np.int_]
+    lies: Callable[[Float64], Float64]
+    scales: tuple[float, float]
+
+    @staticmethod
+    def of(fit: HeadFit, pictures: list[Picture], images: list[Bytes], first: int, other: int,
+           ) -> _Laid | None:
+        """Photo ``other`` over ``first``, None if both show too little of the same."""
+        from scipy.interpolate import LinearNDInterpolator
+
+        seen = _seen(fit, pictures, first) & _seen(fit, pictures, other)
+        if seen.sum() < 100:
+            return None
+        scales = min(1.0, EYES_WIDE / _eyes(fit, first)), min(1.0, EYES_WIDE / _eyes(fit, other))
+        pair = list(zip((first, other), scales, strict=True))
+        one, two = (fit.views[index].project(fit.vertices(index)) * scale for index, scale in pair)
+        grey = [_grey(images[index], scale) for index, scale in pair]
+        low = np.floor(one[seen].min(axis=0)).astype(int) - 4
+        size = np.ceil(one[seen].max(axis=0)).astype(int) + 5 - low
+        columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+        lies = LinearNDInterpolator(one[seen] - low - 0.5, two[seen] - 0.5)
+        place = lies(np.stack([columns, rows], axis=-1).reshape(-1, 2)).reshape(*size[::-1], 2)
+        mask = _covered(fit, seen, one - low - 0.5, size) & np.isfinite(place).all(axis=-1)
+        place = np.nan_to_num(place, nan=-9.0).astype(np.float32)
+        shown = _at(grey[0], np.stack([columns + low[0], rows + low[1]], axis=-1))
+        flow, like = _flow(shown, _at(grey[1], place), mask)
+        inner = cv2.erode(mask.astype(np.uint8), np.ones((7, 7))) > 0
+        return _Laid(np.flatnonzero(seen), one[seen] - low - 0.5, flow, like, inner, low, lies,
+                     scales)
+
+    def alike(self) -> float | None:
+        """Share of what is not plain that is very like; None if there is too little of it."""
+        known = self.like[self.inner & (self.like != 0)]
+        return float((known > VERY_LIKE).mean()) if len(known) >= LEAST else None
+
+    def matches(self) -> tuple[NDArray[np.int64], Float64, Float64] | None:
+        """Vertices [M] and their places [M, 2] in either photo, in its own pixels."""
+        size = np.array(self.like.shape[::-1])
+        column, row = np.clip(np.rint(self.places).astype(int), 0, size - 1).T
+        move = self.flow[row, column]
+        good = (self.inner & (self.like > LIKE))[row, column]
+        good &= np.linalg.norm(move, axis=1) < FURTHEST * EYES_WIDE
+        vertices, places = self.vertices[good], self.places[good]
+        found = self.lies(places + move[good]) + 0.5
+        known = np.isfinite(found).all(axis=1)
+        vertices, places, found = vertices[known], places[known], found[known]
+        if len(vertices) < 12:
+            return None
+        chosen = _spread(places, MOST)
+        here = places[chosen] + self.corner + 0.5
+        return vertices[chosen], here / self.scales[0], found[chosen] / self.scales[1]
 
 
 def _eyes(fit: HeadFit, index: int) -> float:

@@ -30,6 +30,7 @@ from ...measure import peak_memory_bytes
 from ...progress import Progress, note, say
 from ..detect import detect_faces, face_yaw
 from ..head_fit import (
+    Found,
     HeadFit,
     Picture,
     View,
@@ -49,7 +50,7 @@ from .cloth import clothes_of
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
 from .lattice import Shell, shell_of
-from .matches import found_again
+from .matches import found_again, of_one_moment
 from .paint import Shot, painted
 from .parts import FUZZ, Parts, clean_colors, clean_hair, ground_in_hair, parts_of, signed_distance
 from .piece import METRES
@@ -59,6 +60,7 @@ from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
 
+ALIKE = 0.1  # Faces are turned alike within so much of `face_yaw`, some 5 degrees.
 AGREED = 3  # How often several photos are compared and the head is fitted to what they share.
 ROUGH = 96
 """Points to two units of the lattice of a head that is looked at before it is made in full."""
@@ -161,16 +163,46 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
     covered = [one.cover(fit, index) for index, one in enumerate(seen)]
     if any(covered):  # the skull was drawn out to it
         fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
-    for _ in range(AGREED if len(seen) > 1 else 0):
-        fit = refit(fit, [one.picture for one in seen],
-                    found_again(fit, [one.picture for one in seen], [one.shown for one in seen]))
-    capture = _captured(fit, seen)
+    pictures, shown = [one.picture for one in seen], [one.shown for one in seen]
+    fit, alike = _agreed(fit, pictures, shown)
+    capture = _captured(fit, seen, alike)
     figures = {**fit.figures(), "hair": [bool(np.any(one.picture.hair)) for one in seen]}
+    if len(alike) < len(seen):
+        others = [one.photo.name for index, one in enumerate(seen) if index not in alike]
+        figures["other_moments"] = others
+        say(progress, f"{', '.join(others)}: of another day, light or expression than "
+                      f"{seen[0].photo.name}; that one gives the colors, the others help to shape "
+                      "the head")
     say(progress, f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
                   f"{fit.pixels[0]:.1f} pixels, the face turned by "
                   f"{abs(fit.views[0].angles['yaw']):.0f} degrees; it can be looked at over "
                   f"{PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
     return capture, figures
+
+
+def _agreed(fit: HeadFit, pictures: list[Picture], shown: list[NDArray[np.uint8]],
+            ) -> tuple[HeadFit, list[int]]:
+    """A head fitted to what its photos share, too, and which of them are of the first's moment."""
+    if len(pictures) == 1:
+        return fit, [0]
+
+    def further(fit: HeadFit, some: list[int]) -> HeadFit:
+        found: list[list[Found]] = [[] for _ in pictures]
+        again = found_again(fit.of(some), [pictures[one] for one in some],
+                            [shown[one] for one in some])
+        for one, places in zip(some, again, strict=True):
+            found[one] = places
+        return refit(fit, pictures, found)
+
+    # Photos of one moment lie over each other well enough to be known after a round.
+    closer = further(fit, list(range(len(pictures))))
+    same = of_one_moment(closer, pictures, shown)
+    alike = [index for index, one in enumerate(same) if one]
+    begun = len(alike) == len(pictures)
+    fit = closer if begun else fit
+    for _ in range(AGREED - begun if len(alike) > 1 else 0):
+        fit = further(fit, alike)
+    return fit, alike
 
 
 def _usable(photos: list[Photo]) -> list[_Seen]:
@@ -187,7 +219,12 @@ def _usable(photos: list[Photo]) -> list[_Seen]:
     if not seen:
         assert first is not None
         raise first
-    return sorted(seen, key=lambda one: abs(face_yaw(one.picture.landmarks)))
+    seen.sort(key=lambda one: abs(face_yaw(one.picture.landmarks)))
+    # Of those that are turned alike the sharpest.
+    most = abs(face_yaw(seen[0].picture.landmarks)) + ALIKE
+    first = max((one for one in seen if abs(face_yaw(one.picture.landmarks)) <= most),
+                key=lambda one: ear_to_ear(one.picture.landmarks))
+    return [first, *(one for one in seen if one is not first)]
 
 
 def _leave_out(name: str, why: str) -> None:
@@ -293,12 +330,14 @@ def _pictured(image: NDArray[np.uint8], matte: Float32, hair: Float32, landmarks
     return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden)
 
 
-def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
-    """The capture of fitted photos; the world is the first one's head."""
-    base = fit.views[0]
-    pictures = [one.picture for one in seen]
-    vertices = warped_together(fit, pictures,
-                               found_again(fit, pictures, [one.shown for one in seen]))
+def _captured(fit: HeadFit, seen: list[_Seen], alike: list[int]) -> Capture:
+    """The capture of fitted photos; the world is the first one's head.
+
+    Those that are ``alike`` are of its moment.
+    """
+    base, of_it = fit.views[0], [seen[one] for one in alike]
+    vertices = _laid_over(fit.of(alike), [one.picture for one in of_it],
+                          [one.shown for one in of_it])
     # Landmarks lie where detectors see them, and as deep as they would be triangulated.
     points = vertices[fit.prior.landmarks].copy()
     if fit.prior.lean is not None:
@@ -319,8 +358,9 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
                         "focal": view.focal, "center": view.center.tolist(),
                         "expression": view.expression.tolist(),
                         "landmarks": one.picture.landmarks.tolist(), "cut_out": one.given,
-                        "skull": None if one.skull is None else [p.tolist() for p in one.skull]}
-                       for view, one in zip(fit.views, seen, strict=True)]}
+                        "skull": None if one.skull is None else [p.tolist() for p in one.skull],
+                        "other_moment": index not in alike}
+                       for index, (view, one) in enumerate(zip(fit.views, seen, strict=True))]}
     capture = Capture(
         cameras, [one.image for one in seen],
         [np.rint(255 * np.clip(one.matte, 0, 1)).astype(np.uint8) for one in seen],
@@ -328,6 +368,11 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
         {FIT: known, "mattes": "given" if all(one.given for one in seen) else "network"},
         some_depth([one.photo.depth for one in seen]))
     return capture.reframed(portrait_frame_from_landmarks(points, cameras))
+
+
+def _laid_over(fit: HeadFit, pictures: list[Picture], shown: list[NDArray[np.uint8]]) -> Float64:
+    """The head laid over its photos, float64 [N, 3] in the first camera's frame, metres."""
+    return warped_together(fit, pictures, found_again(fit, pictures, shown))
 
 
 def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
@@ -357,14 +402,16 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     config = config or ReconstructConfig()
     points = config.resolution or min(lattice_points(capture.cameras.pixel), config.max_resolution)
 
-    fit = _kept_fit(capture)
+    # Photos of other moments have helped to shape the head; the rest would be of several people.
+    views = [view for view, known in enumerate(capture.figures[FIT]["views"])
+             if not known.get("other_moment")]
+    fit = _kept_fit(capture).of(views)
     assert capture.landmarks is not None
-    looks = [_looked_at(capture, view) for view in range(len(capture))]
+    looks = [_looked_at(capture, view) for view in views]
     pictures, beards = [look[0] for look in looks], [look[1] for look in looks]
     picture, camera = pictures[0], capture.cameras[0]
     note(progress, "laying the head over its photo")
-    found = found_again(fit, pictures, [_shown(capture, view) for view in range(len(capture))])
-    local = warped_together(fit, pictures, found)
+    local = _laid_over(fit, pictures, [_shown(capture, view) for view in views])
     # Metres in the first camera's frame -> the portrait frame.
     vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
     assert picture.hair is not None and capture.alphas is not None
@@ -374,9 +421,9 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note(progress, "hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
-    wires, images = _bare(capture, fit, pictures, local, samples)
-    shots = [_shot(capture, view, images[view], pictures[view], beards[view], samples)
-             for view in range(len(capture))]
+    wires, images = _bare(capture, views, fit, pictures, local, samples)
+    shots = [_shot(capture, view, *seen, samples)
+             for view, *seen in zip(views, images, pictures, beards, strict=True)]
     worn = shots[0].clothes
     solid = solid_of(parts, samples, sensed,
                      None if worn is None else parts.of_photo(worn, camera) > 0.5)
@@ -395,7 +442,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     note(progress, "colors")
     field = _colored(capture, shell, shots, wires)
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
-               "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
+               "train": {"rays": 0, "views": len(views), "rays_per_second": 0.0},
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
                "peak_memory_bytes": peak_memory_bytes(),
                "seconds": {"train": round(time.perf_counter() - begun - seconds, 3), "test": 0.0}}
@@ -423,11 +470,11 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
                    open_mouth(picture.landmarks, matte.shape), worn)
 
 
-def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,
-          samples: MeshSamples) -> tuple[Wires | None, list[NDArray[np.uint8]]]:
-    """The spectacles that the first photo shows, and the photos without any."""
+def _bare(capture: Capture, views: list[int], fit: HeadFit, pictures: list[Picture],
+          local: Float64, samples: MeshSamples) -> tuple[Wires | None, list[NDArray[np.uint8]]]:
+    """The spectacles that the first of some photos shows, and these photos without any."""
     wires, images = None, []
-    for view, picture in enumerate(pictures):
+    for view, picture in zip(views, pictures, strict=True):
         shown = bare = _shown(capture, view)
         if view:
             bare = without_wires(shown, picture.landmarks)
