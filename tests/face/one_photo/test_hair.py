@@ -140,6 +140,23 @@ def test_short_hair_that_no_photo_shows_is_no_smooth_dome(bare):
 
 
 @pytest.mark.slow  # paints a head
+def test_where_photos_differ_the_first_one_that_sees_a_place_decides(bare):
+    shell, camera, size = shell_of(bare, 48), bare.parts.camera, bare.parts.hair.shape
+    hair = bare.parts.hair.astype(np.float32)
+    plain, noise = np.full((*size, 3), 0.4, np.float32), np.random.default_rng(0).random((*size, 1))
+    x, y, z = shell.on.T
+    front = (np.abs(x) < 0.3) & (np.abs(y) < 0.4) & (z > 0.2)
+    spread = {}
+    for kind, other in (("another", plain + np.float32(0.8) * (noise - 0.5)),
+                        ("nearly alike", plain + np.float32(0.08) * (noise - 0.5))):
+        shots = [Shot.of(camera, np.asarray(one, np.float32), hair) for one in (plain, other)]
+        sh = painted(shell, shots)[0]
+        spread[kind] = float(np.std(C0 * sh[front]) / np.std(other))
+    assert front.sum() > 100
+    assert spread["another"] < 0.05 and spread["nearly alike"] > 0.2
+
+
+@pytest.mark.slow  # paints a head
 def test_a_head_knows_its_hair_whatever_its_color(long):
     shell, parts = shell_of(long, 64), long.parts
     fair = np.full((*parts.hair.shape, 3), 0.7, np.float32)

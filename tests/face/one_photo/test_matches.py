@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from lfportrait.face.head_fit import Found, HeadFit, Picture, View, refit
 from lfportrait.face.head_prior import EYES, generic_prior, with_normals
-from lfportrait.face.one_photo.matches import found_again
+from lfportrait.face.one_photo.matches import found_again, of_one_moment
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 FOCAL, SIZE = 560.0, 300
@@ -19,25 +19,34 @@ def _view(yaw):
     return View(turn, np.array([0, 0, 0.8]), FOCAL, np.full(2, SIZE / 2), np.zeros(0))
 
 
-def _photo(prior, vertices, view, skin):
-    """A picture of a head whose vertices have grey values, drawn from behind to the front."""
+def _photo(prior, vertices, view, skin, finer=1):
+    """A picture of a head whose vertices have grey values, drawn from behind to the front.
+
+    ``finer``: drawn so many times as large.
+    """
     local = view.to_camera(vertices)
     towards = (with_normals(vertices, prior.triangles) @ view.rotation.T * local).sum(axis=1) < 0
-    image = np.zeros((SIZE, SIZE), np.uint8)
+    image = np.zeros((finer * SIZE, finer * SIZE), np.uint8)
     shown = prior.triangles[towards[prior.triangles].all(axis=1)]
-    corners = np.rint(view.project(vertices) * 16).astype(np.int32)
+    corners = np.rint(view.project(vertices) * 16 * finer).astype(np.int32)
     for triangle in shown[np.argsort(-local[shown, 2].mean(axis=1))]:
         cv2.fillConvexPoly(image, corners[triangle], int(skin[triangle].mean()), cv2.LINE_8, 4)
+    image = cv2.resize(image, (SIZE, SIZE), interpolation=cv2.INTER_AREA)
     return np.repeat(image[..., None], 3, axis=2)
+
+
+def _grainy(vertices, seed):
+    """Grey values of vertices [N, 3] in skin with freckles."""
+    grain = gaussian_filter(np.random.default_rng(seed).normal(size=(80, 80, 80)), 1.5)
+    grain *= 60 / grain.std()
+    places = np.clip((vertices / 0.006).astype(int) + 40, 0, 79)
+    return np.clip(128 + grain[tuple(places.T)], 20, 235)
 
 
 def test_a_face_that_is_seen_as_turned_too_little_is_turned_by_what_its_skin_shows():
     prior = generic_prior()
     vertices = prior.shape(np.zeros(0), np.zeros(0))
-    grain = gaussian_filter(np.random.default_rng(0).normal(size=(80, 80, 80)), 1.5)
-    grain *= 60 / grain.std()
-    places = np.clip((vertices / 0.006).astype(int) + 40, 0, 79)
-    skin = np.clip(128 + grain[tuple(places.T)], 20, 235)
+    skin = _grainy(vertices, 0)
     true = [_view(0.0), _view(TURNED)]
     seen = [_view(0.0), _view(TURNED - 4.0)]  # as detectors do
     images = [_photo(prior, vertices, view, skin) for view in true]
@@ -66,6 +75,24 @@ def test_photos_that_show_nothing_alike_say_nothing():
     fit = HeadFit(prior, np.zeros(len(prior.identity)), views, [0.0, 0.0], 0.0)
     blank = np.full((SIZE, SIZE, 3), 128, np.uint8)
     assert found_again(fit, pictures, [blank, blank]) == [[], []]
+
+
+def test_photos_of_another_day_are_known_by_what_they_show():
+    prior = generic_prior()
+    vertices = prior.shape(np.zeros(0), np.zeros(0))
+    views = [_view(yaw) for yaw in (0.0, 20.0, 50.0)]
+    pictures = [Picture((SIZE, SIZE), view.project(vertices)[prior.landmarks], FOCAL)
+                for view in views]
+    fit = HeadFit(prior, np.zeros(len(prior.identity)), views, [0.0] * 3, 0.0)
+    days = [[_photo(prior, vertices, view, _grainy(vertices, day), 2) for view in views]
+            for day in range(2)]
+    for chosen in ((0, 1, 0), (0, 0, 1)):
+        images = [days[day][view] for view, day in enumerate(chosen)]
+        assert of_one_moment(fit, pictures, images) == [day == 0 for day in chosen]
+    # In other light, and half as bright, it is of the same moment; where nothing is seen, of none.
+    darker = np.asarray(days[0][1] * np.linspace(0.3, 0.6, SIZE)[:, None], np.uint8)
+    blank = np.full_like(darker, 128)
+    assert of_one_moment(fit, pictures, [days[0][0], darker, blank]) == [True, True, False]
 
 
 def test_a_surface_unlike_the_models_turns_no_photo():

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 from lfportrait import models
 from lfportrait.capture import Camera, Capture, read_photos
@@ -106,6 +107,36 @@ def test_the_head_is_shown_before_its_fine_lattice_is_filled(photo, monkeypatch)
 def test_of_each_photo_is_known_whether_it_came_cut_out(kept, mattes, cut):
     figures = {portrait.FIT: {"views": [{"cut_out": not cut}, kept]}, "mattes": mattes}
     assert portrait._cut_out(SimpleNamespace(figures=figures), 1) == cut
+
+
+def test_a_photo_of_another_day_shapes_the_head_and_colors_nothing(photo, tmp_path, capsys):
+    picture = np.array(Image.open(photo))
+    Image.fromarray(picture).save(tmp_path / "one.png")
+    grain = gaussian_filter(np.random.default_rng(0).normal(size=(440, 440, 1)), (3, 3, 0))
+    made_up = np.clip(picture[..., :3] + 35 * grain / grain.std(), 0, 255)
+    Image.fromarray(np.dstack([made_up.astype(np.uint8), picture[..., 3]])).save(
+        tmp_path / "two.png")
+    with Progress("", enabled=True) as progress:
+        capture, figures = portrait_capture(read_photos(tmp_path), progress)
+    first, = set(capture.names) - set(figures["other_moments"])
+    assert capture.names[0] == first and len(capture) == len(figures["landmarks_px"]) == 2
+    assert f"{capture.names[1]}: of another day" in capsys.readouterr().err
+    capture.save(tmp_path / "capture")
+    again = Capture.load(tmp_path / "capture")
+    again.images[1] = np.zeros_like(again.images[1])
+    field, made = portrait_field(again, ReconstructConfig(resolution=40))
+    assert made["train"]["views"] == 1
+    shown = field.render(again.cameras, 1)
+    error = (shown.color - capture.image_float(1))[shown.alpha > 0.9]
+    assert (error ** 2).mean() < 0.04, "it is as light as the photo, not black"
+
+
+def test_of_photos_turned_alike_the_sharpest_is_first(photo, tmp_path):
+    picture = Image.open(photo)
+    picture.resize((410, 410)).save(tmp_path / "a.png")
+    picture.save(tmp_path / "b.png")
+    seen = portrait._usable(read_photos(tmp_path))
+    assert [one.photo.name for one in seen] == ["b.png", "a.png"]
 
 
 def test_a_photo_without_a_face_is_refused(tmp_path):

@@ -46,11 +46,14 @@ def of_one_moment(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) ->
     ----------
     pictures, images : The fit's photos; uint8 [H, W, 3].
     """
-    out = [True]
+    out, seen = [True], [_seen(fit, pictures, view) for view in range(len(pictures))]
     for other in range(1, len(pictures)):
-        laid = (_Laid.of(fit, pictures, images, one, other) for one in range(other) if out[one])
-        shares = (one.alike() for one in laid if one is not None)
-        out.append(next((share > SAME for share in shares if share is not None), False))
+        # Those of its moment by now are compared by the one that shows most of the same.
+        one = max((one for one in range(other) if out[one]),
+                  key=lambda one: (seen[one] & seen[other]).sum())
+        laid = _Laid.of(fit, pictures, images, one, other)
+        share = None if laid is None else laid.alike()
+        out.append(share is not None and share > SAME)
     return out
 
 

@@ -85,7 +85,8 @@ def head_from_photos(photos: Shown | Sequence[Shown], config: ReconstructConfig 
     Parameters
     ----------
     photos : A file, a folder, or a picture uint8 [H, W, 3 or 4] in sRGB (with straight alpha, it
-        is the matte); or several of these. The most frontal one decides how the head looks.
+        is the matte); or several of these. The most frontal one decides how the head looks, the
+        sharpest of those that are turned alike.
     config : Its resolution counts, and nothing else.
     max_side : Files are reduced to this many pixels on their longer side; 0 keeps them.
     progress : Progress line.
