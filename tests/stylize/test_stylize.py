@@ -310,6 +310,25 @@ def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, styled_here, other
     assert np.array_equal(styled.sh, styled_here[0].sh)
 
 
+@pytest.mark.parametrize("count, steps", [(1, 3), (4, 2), (4, 9)])
+def test_refinement_begins_with_the_probe_and_takes_every_view_in_turn(count, steps):
+    views = [object() for _ in range(count)]
+    refined = refinement.Refinement(None, views, StylizeConfig(steps=steps), device="cpu")
+    order = [views.index(one) for one in refined._order()]
+    assert len(order) == steps and views[order[0]] is refined.probe
+    for begin in range(0, steps, count):
+        turn = order[begin:begin + count]
+        assert len(set(turn)) == len(turn)
+
+
+def test_what_weighs_the_terms_is_the_first_step(job, monkeypatch):
+    calls, loss = [], refinement.nearest_neighbour_loss
+    monkeypatch.setattr(refinement, "nearest_neighbour_loss",
+                        lambda *args, **options: calls.append(1) or loss(*args, **options))
+    _, figures = stylize_with_figures(*job, SMALL, device="cpu")
+    assert len(calls) == figures["refinement"]["steps"] + 1
+
+
 def test_a_fault_on_a_gpu_is_not_hidden(job, other_device, monkeypatch):
     def faulty(*arguments, **options):
         raise RuntimeError("sizes do not match")

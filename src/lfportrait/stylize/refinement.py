@@ -138,22 +138,28 @@ class Refinement:
         """The view by which terms are weighed, and losses are measured before and after."""
         return self.views[len(self.views) // 2]
 
-    def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, float]]:
-        """Losses of each term, and norms of their image gradients, for the colors as they are."""
+    def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, torch.Tensor]]:
+        """Losses of each term, and their gradients by the image [1, 3, h, w], for the colors as
+        they are."""
         image = self._tensor(self.model.picture(view)).requires_grad_(True)
-        losses, norms = {}, {}
+        losses, gradients = {}, {}
         terms = self._terms(view, image)
         for name, loss in terms.items():
-            gradient, = torch.autograd.grad(loss, image, retain_graph=True)
-            losses[name], norms[name] = float(loss.detach()), float(gradient.norm())
-        return losses, norms
+            gradients[name], = torch.autograd.grad(loss, image, retain_graph=True)
+            losses[name] = float(loss.detach())
+        return losses, gradients
 
-    def _calibrate(self) -> dict[str, Any]:
-        """Scale each term so that its gradient has its share of the norm of a flat unit step."""
-        losses, norms = self._gradients(self.probe)
+    def _calibrate(self) -> tuple[dict[str, Any], torch.Tensor]:
+        """Scale each term so that its gradient has its share of the norm of a flat unit step.
+
+        Returns figures, and the probe's gradient of all terms together: the first step's.
+        """
+        losses, gradients = self._gradients(self.probe)
+        norms = {name: float(gradient.norm()) for name, gradient in gradients.items()}
         self.scale = {name: share / max(norms[name], 1e-12)
                       for name, share in self._shares().items() if name in norms}
-        return {"losses": losses, "gradient_norms": norms, "scales": dict(self.scale)}
+        slope = torch.stack([self.scale[name] * one for name, one in gradients.items()]).sum(dim=0)
+        return {"losses": losses, "gradient_norms": norms, "scales": dict(self.scale)}, slope
 
     def run(self, progress: Progress | None) -> dict[str, Any]:
         """Take the steps; returns losses before and after, and gradient norms before.
@@ -177,29 +183,41 @@ class Refinement:
         self._load(TorchDevice())
         return self._steps(progress)
 
+    def _order(self) -> list[StyleView]:
+        """The view of each step: the probe first, then all in random order, again and again."""
+        generator = np.random.Generator(np.random.Philox(key=[self.config.seed, 1]))
+        first = len(self.views) // 2
+        order = [first, *(one for one in generator.permutation(len(self.views)) if one != first)]
+        while len(order) < self.config.refinements:
+            order += list(generator.permutation(len(self.views)))
+        return [self.views[one] for one in order[:self.config.refinements]]
+
+    def _slope(self, view: StyleView) -> tuple[torch.Tensor, float]:
+        """The gradient of all terms by a view's image, [1, 3, h, w], and the style's loss."""
+        image = self._tensor(self.model.picture(view)).requires_grad_(True)
+        terms = self._terms(view, image)
+        # Eq. 9, with the fit to the painted views as a fourth term.
+        loss = torch.stack([self.scale[name] * value for name, value in terms.items()]).sum()
+        slope, = torch.autograd.grad(loss, image)
+        return slope, float(terms["style"].detach())
+
     def _steps(self, progress: Progress | None) -> dict[str, Any]:
         config, model = self.config, self.model
-        before = self._calibrate()
+        before, slope = self._calibrate()
         mean, square = np.zeros_like(model.colors), np.zeros_like(model.colors)
         gradient = np.zeros((3, len(model.colors)), np.float32)
-        generator = np.random.Generator(np.random.Philox(key=[config.seed, 1]))
-        order: list[int] = []
-        for step in range(config.refinements):
-            if not order:
-                order = list(generator.permutation(len(self.views)))
-            view = self.views[order.pop()]
-            image = self._tensor(model.picture(view)).requires_grad_(True)
-            terms = self._terms(view, image)
-            # Eq. 9, with the fit to the painted views as a fourth term.
-            loss = torch.stack([self.scale[name] * value for name, value in terms.items()]).sum()
-            slope, = torch.autograd.grad(loss, image)
+        for step, view in enumerate(self._order()):
+            if step == 0:  # it was measured just now
+                style = before["losses"]["style"]
+            else:
+                slope, style = self._slope(view)
             picture = slope[0].permute(1, 2, 0).cpu().numpy() * view.trusted[..., None]
+            del slope
             model.pulled_back(view, np.ascontiguousarray(picture), gradient)
             rate = config.rate * 0.1 ** (step / max(1, config.refinements))
             adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
-            style = float(terms["style"].detach())
             # The next view is of another size: this one's memory is in pieces that are too small.
-            del image, terms, loss, slope, picture
+            del picture
             give_back_memory()
             if progress is not None:
                 progress.update(progress.done + 1, f"refine {step + 1} of {config.refinements}: "
