@@ -266,6 +266,17 @@ def test_it_waits_for_kernels_only_if_it_is_all_that_is_wanted(capture, painting
         assert offered(look, **how) and look.figures
 
 
+def test_of_a_head_that_is_not_trained_the_rough_field_is_kept(capture, painting):
+    from lfportrait.job.warmup import ball_field
+
+    field = ball_field(1)
+    for figures, kept in ((capture.figures, None), ({**capture.figures, "head_fit": {}}, field)):
+        look = Shown(painting, StylizeConfig(method="paper"), 0.0)
+        look.warmup = Kernels()
+        look.offer(Progress("", enabled=False), replace(capture, figures=figures), lambda: field)
+        assert look.rough is kept and not look.over
+
+
 @pytest.mark.slow  # whole jobs
 def test_a_rough_field_is_painted_with_its_ground(quick, capture, painting):
     styled = painted_roughly(quick[2][0], capture, painting, CONFIG.stylize)

@@ -12,7 +12,7 @@ it waits for the kernels and ends the job (`LookTaken`), which goes on from the 
 checkpoint when it is run again.
 
 A head that is fitted to one photo is not trained. It stands long before its fine lattice is filled:
-the look is of a coarse one.
+the look is of a coarse one, even if its kernels are late.
 
 `FirstLook` decides when; `PageLook` writes it as ``portrait.html``, which the finished page
 replaces at the end. The studio draws it as a picture.
@@ -31,6 +31,7 @@ from ..cache import StageFolder
 from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin, known_ground
+from ..face import is_portrait
 from ..field import Backdrop, VoxelField, head_points
 from ..files import file_state, read_json, write_json
 from ..gpu import GpuLostError
@@ -78,6 +79,7 @@ class FirstLook(ABC):
                  only: bool = False) -> None:
         self.exemplar, self.config, self.begun, self.only = exemplar, config, begun, only
         self.warmup: Warmup | None = None  # Kernels that are being compiled; None: all are there.
+        self.rough: VoxelField | None = None  # What it will be taken of, if that is there by now.
         self.over = False  # Whether it was taken, or has failed.
         # ``seconds`` from the job's begin to the look, ``cost_seconds`` of these for it alone.
         self.figures: dict[str, float] = {}
@@ -105,6 +107,8 @@ class FirstLook(ABC):
             return
         if self.warmup is not None:
             if not (wait or self.only or self.warmup.ready(KERNELS)):
+                if is_portrait(capture):  # a moment's work, and the look of it as well
+                    self.rough = make()
                 return
             self.warmup.wait(KERNELS, progress)
         self.over = True

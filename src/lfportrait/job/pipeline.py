@@ -449,12 +449,12 @@ class _Job:
             task.record, task.key, task.outputs, partial(self._done, task)))
 
     def _look_at_finished(self) -> None:
-        """Take the first look of the finished field: the painting is new, or kernels were late."""
+        """Take the first look after all: the painting is new, or kernels were late."""
         look, capture = self.tools.look, Capture.load(self.out / "capture")
         assert look is not None
         with compiling_progress("first look", enabled=not self.quiet) as progress:
-            look.offer(progress, capture, lambda: self.tools.kept.get("field") or VoxelField.load(
-                self.out / "field.npz"), wait=True)
+            look.offer(progress, capture, lambda: look.rough or self.tools.kept.get("field")
+                       or VoxelField.load(self.out / "field.npz"), wait=True)
 
     def _done(self, task: Task) -> dict[str, Any]:
         figures = do_stage(task, self.out, self.stages, self.tools, self.stages.figures)
