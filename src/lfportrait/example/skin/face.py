@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_erosion, gaussian_filter, maximum_filter
+from scipy.ndimage import binary_erosion, gaussian_filter
 
-from ...arrays import Bool, Float32, UInt8
+from ...arrays import Bool, Float32
 from ...labels import PICTURE_LABELS
-from ..exemplar import Exemplar
 from ..guides.filters import broad_blur, gaussian_blur, match_histogram
 from ..guides.position import Guides, sample_labels
 from ..guides.regions import soft_face
 from ..kernels.atlas import spread
-from ..kernels.labels import luma
 from ..styleblit import Style, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, LABEL_WEIGHT, Transfer
@@ -31,42 +29,6 @@ DRAWN_OUT = 0.28
 would be drawn out to the neck's back."""
 STEADY, EDGE = 0.02, 0.03
 """Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
-FINE, AROUND = 0.03, 0.04
-"""Sigma of the blur that takes a drawn line out, and how far around it counts, over the face's
-size."""
-DRAWN, USUAL, FAINT = 0.12, 3.0, 0.03
-"""Contrast (root mean square, in [0, 1]) at which a line halves the weight of the appearance, and
-the same over that of most of the face, where that is less (a cartoon's skin is flat), but no less
-than the last."""
-
-
-def drawn_lines(exemplar: Exemplar) -> UInt8:
-    """Weight of the appearance beside a painting's lines, uint8 [h, w]: 255 where there are none.
-
-    The sitter's light and shade choose among the paint around a place. Across a line, or a brow
-    and eyes in flat colors, that breaks them into crumbs: what is drawn is copied whole.
-    """
-    size = exemplar.size
-    ends = np.array([np.nanmin(exemplar.landmarks, axis=0), np.nanmax(exemplar.landmarks, axis=0)])
-    # What the blurs and the neighbourhood reach around the face.
-    margin = (4 * FINE + 2 * AROUND) * size
-    picture = np.array(exemplar.image.shape[1::-1])
-    (left, top), (right, bottom) = np.clip(
-        np.rint(ends + margin * np.array([[-1], [1]])), 0, picture).astype(int)
-    weights = np.full(exemplar.image.shape[:2], 255, np.uint8)
-    light = np.empty((bottom - top, right - left), np.float32)
-    if not light.size:
-        return weights
-    luma(np.ascontiguousarray(exemplar.image[top:bottom, left:right]), np.float32(1 / 255), light)
-    fine = light - gaussian_filter(light, FINE * size)
-    contrast = np.sqrt(gaussian_filter(fine * fine, FINE * size))
-    first, last = np.clip(np.rint(ends - [left, top]), 0, [right - left, bottom - top]).astype(int)
-    face = contrast[first[1]:last[1] + 1, first[0]:last[0] + 1]
-    half = min(DRAWN, max(USUAL * float(np.median(face)), FAINT)) if face.size else DRAWN
-    reach = AROUND * size
-    lines = gaussian_filter(maximum_filter(contrast, 2 * int(reach) + 1), reach / 2)
-    weights[top:bottom, left:right] = np.rint(255 / (1 + (lines / half) ** 4))
-    return weights
 
 
 class CopiedFace:
@@ -82,7 +44,6 @@ class CopiedFace:
         it.
     labels : uint8 [h, w, K], the exemplar's labels with nothing but background outside of the
         face.
-    lines : uint8 [h, w], see `drawn_lines`.
     """
 
     def __init__(self, transfer: Transfer, hair: Float32, strand: Float32) -> None:
@@ -105,7 +66,6 @@ class CopiedFace:
         outside = ~binary_erosion(inside, np.ones((3, 3)))
         ground = PICTURE_LABELS.index("background")
         self.labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
-        self.lines = drawn_lines(exemplar)
 
     def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float) -> Bool:
         """Where the face is painted as on a photo, [N]; the rest is patches.
@@ -165,8 +125,6 @@ class CopiedFace:
             weights = transfer.weights(np.ones(labels.shape[:2], np.float32), labels, places,
                                        scale)
             weights *= known[..., 5:7]
-            lines = sample_labels(self.lines[..., None], places)[..., 0]
-            weights[..., 1] *= lines * np.float32(1 / 255)
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
             style = Style(transfer.appearance, self.labels, transfer.table, transfer.colors(scale))
