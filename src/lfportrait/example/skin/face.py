@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_erosion, gaussian_filter
+from scipy.ndimage import binary_erosion, gaussian_filter, label
 
 from ...arrays import Bool, Float32
 from ...labels import PICTURE_LABELS
-from ..guides.filters import broad_blur, gaussian_blur, match_histogram
+from ..guides.filters import (
+    broad_blur,
+    dilated,
+    enlarged,
+    gaussian_blur,
+    grey,
+    match_histogram,
+    shrunk,
+)
 from ..guides.position import Guides, sample_labels
 from ..guides.regions import soft_face
 from ..kernels.atlas import spread
@@ -27,8 +35,37 @@ HAIRY = 0.6
 DRAWN_OUT = 0.28
 """Nor is the face's paint copied where the guide changes this slowly: beyond the jaw a strip of it
 would be drawn out to the neck's back."""
+DARKEST, DEEP, SHADE = 0.12, 0.1, 0.03
+"""Nor a painter's deep shade at the face's edge: the darkest share of its skin, if it is so much
+darker (luma) than half of it, both blurred by so much over the face's size. What goes on beside it
+is no darker than that share: shade that ends there is a stain."""
+NEAR = 0.06
+"""Skin that is so near to features, over the face's size, has their shade or make-up."""
 STEADY, EDGE = 0.02, 0.03
 """Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
+
+
+def deep_shade(transfer: Transfer, inside: Bool, bearded: Float32) -> Bool:
+    """Where an exemplar's face is in deep shade from its edge on, bool [h, w].
+
+    ``inside`` is its face, bool [h, w]; ``bearded`` [h, w] in [0, 1], where its dark is no shade.
+    """
+    exemplar = transfer.exemplar
+    step = max(1, int(SHADE * exemplar.size))
+    light = gaussian_blur(shrunk(grey(exemplar.image), step), SHADE * exemplar.size / step)
+    face, labels = inside[::step, ::step], transfer.labels[::step, ::step]
+    eyes, mouth = (dilated(labels[..., [PICTURE_LABELS.index(name) for name in names]]
+                           .max(axis=-1) > 40, NEAR * exemplar.size / step)
+                   for names in (("brows", "eyes"), ("nose", "lips")))
+    beard = bearded[::step, ::step] > 0.1
+    skin, shade = face & ~(eyes | mouth | beard), np.zeros_like(face)
+    if skin.any():
+        usual, deep = np.quantile(light[skin], [0.5, DARKEST])
+        parts, _ = label(face & ~mouth & (light < min(deep, usual - DEEP)))
+        # What goes on to the eyes is the shade of a whole side.
+        wanted = np.setdiff1d(parts[face & ~binary_erosion(face)], [0, *parts[eyes | beard]])
+        shade = dilated(np.isin(parts, wanted), 1)
+    return np.asarray(enlarged(shade.astype(np.float32), step, inside.shape) > 0.5)
 
 
 class CopiedFace:
@@ -37,6 +74,7 @@ class CopiedFace:
     Parameters
     ----------
     hair, strand : float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
+    bearded : float32 [h, w] in [0, 1], a beard in the exemplar.
 
     Attributes
     ----------
@@ -46,7 +84,8 @@ class CopiedFace:
         face.
     """
 
-    def __init__(self, transfer: Transfer, hair: Float32, strand: Float32) -> None:
+    def __init__(self, transfer: Transfer, hair: Float32, strand: Float32,
+                 bearded: Float32) -> None:
         self._transfer, exemplar = transfer, transfer.exemplar
         soft = transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
@@ -56,6 +95,7 @@ class CopiedFace:
         # Above the brows it may end in a bare forehead: there is no outline.
         sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
         inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
+        inside &= ~deep_shade(transfer, inside, bearded)
         # A strand is too thin for the blur, and ends in a rim of its own.
         rim = gaussian_blur(np.ascontiguousarray(strand), max(0.5, STEADY * exemplar.size))
         covered = np.maximum(covered, rim * np.float32(2))
