@@ -1,6 +1,7 @@
 """A face drawn with a few shapes and a ball of a head: small inputs whose truth is known."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,6 +65,15 @@ def _drawn(height, width, seed, skin, hair, ground):
     image += np.random.default_rng(seed).normal(0, 6, image.shape)
     mask = (face | head | body).astype(np.float32)
     return np.clip(image, 0, 255).astype(np.uint8), landmarks, mask
+
+
+def with_lines(exemplar, step):
+    """The exemplar in one color, with dark lines across."""
+    image = np.empty_like(exemplar.image)
+    image[:] = 230, 180, 150
+    for row in range(3):
+        image[row::step] = 30, 20, 20
+    return replace(exemplar, image=image)
 
 
 def _on_ball(points, radius=0.6):

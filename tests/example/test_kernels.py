@@ -37,12 +37,12 @@ def test_labels_and_weights(shape, factor, like):
     soft = _planes(shape, factor, 1, random)[0]
     place, look = np.array([1.3, 3.3], np.float32), np.array([15, 300], np.float32)
     out = np.full((*shape, 2), np.nan, np.float32)
-    face = _planes(shape, factor, 1, random)[0]
+    face, lines = _planes(shape, factor, 2, random)
     hair, body = np.array([[0.8, 0.4], [0.3, 0.1]], np.float32)
-    pixel_weights(person, label_words(found), soft, face, factor, place, np.float32(2), look,
-                  hair, body, np.float32(0.2), out)
-    assert np.allclose(out, reference.weights(person, found, soft, face, factor, place, 2, look,
-                                              hair, body, 0.2), rtol=1e-4)
+    pixel_weights(person, label_words(found), soft, face, lines, factor, place, np.float32(2),
+                  look, hair, body, np.float32(0.2), np.float32(3), out)
+    assert np.allclose(out, reference.weights(person, found, soft, face, lines, factor, place, 2,
+                                              look, hair, body, 0.2, 3), rtol=1e-4, atol=1e-4)
     for grid in (1, 4):
         small = np.empty((-(-shape[0] // grid), -(-shape[1] // grid)), np.float32)
         shrink_label(found, 7, True, grid, small)

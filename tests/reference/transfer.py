@@ -34,16 +34,20 @@ def labels(person, hair, planes, factor, hair_is_skin, body_is_ground):
     return 255 * np.stack([*out, skin * (1 - body), inside * crown, low, ground], axis=-1)
 
 
-def weights(person, label, soft, face, factor, place, outline, look, hair, body, skin):
+def weights(person, label, soft, face, lines, factor, place, outline, look, hair, body, skin,
+            hold):
     """Weights of place and appearance, [H, W, 2]."""
     edge = enlarged(soft, factor, person.shape)
     away = 1 - enlarged(face, factor, person.shape)
     held, share = (1 - (1 - hair[n]) * label[..., 5] / 255 - (1 - body[n]) * label[..., 6] / 255
                    for n in range(2))
     share = share - (1 - skin) * away * label[..., 4] / 255
+    drawn = enlarged(lines, factor, person.shape)
+    share = share * (1 - drawn)
     near = (place[0] + (place[1] - place[0]) * person) * held
     near = near + 4 * outline * np.maximum(
         edge * (1 - edge), label[..., 4] * (label[..., 6] / 65025 + label[..., 7] / 65025))
+    near = near * (1 + hold * drawn)
     return np.stack([near, (look[0] + (look[1] - look[0]) * person) * share], axis=-1)
 
 

@@ -38,6 +38,7 @@ from .guides.filters import (
     match_histogram,
     shrunk,
 )
+from .guides.lines import drawn_lines
 from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
 from .guides.regions import (
     Regions,
@@ -203,6 +204,9 @@ those below."""
 HAIR, BODY = np.array([1.0, 0.1], np.float32), np.array([0.5, 0.1], np.float32)
 """The same in the hair, and on neck and clothes."""
 SKIN_LOOK = np.float32(0.1)  # Weight of the appearance on forehead and ears.
+HOLD = np.float32(10)
+"""Added to the weight of the position, times as much, at a painting's lines: where the guide turns
+or bends, a chunk's edge would cut them and set their ends off."""
 CALM = 0.25  # Share of the face's weight of the appearance below which it hardly counts.
 
 
@@ -229,7 +233,7 @@ class Transfer:
         self.table = build_table(self.appearance, self.config.table, self.unit)
         self.table_seconds = time.perf_counter() - start
         self.distribution = Distribution.of(self.appearance, self.regions.person)
-        self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
+        self._find_face()
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered = {1.0: pack_colors(self._picture)}
@@ -249,9 +253,16 @@ class Transfer:
         other.regions = Regions(other.exemplar.landmarks, regions.person, regions.hair,
                                 regions.nearest)
         other.labels = other.regions.labels()
-        other.face = soft_face(self.exemplar.image.shape, other.exemplar.landmarks)
+        other._find_face()
         other._plan = other._patches = None
         return other
+
+    def _find_face(self) -> None:
+        """Find the exemplar's soft face and the lines that it is drawn in, uint8 [h, w] each."""
+        exemplar = self.exemplar
+        self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
+        lines = drawn_lines(exemplar.image, self.face, exemplar.size)
+        self._face_and_lines = np.stack([self.face, lines], axis=-1)
 
     @functools.cached_property
     def _steady(self) -> Float32:
@@ -450,21 +461,27 @@ class Transfer:
         place = np.float32(config.table.position_weight / self.unit)
         look = np.float32(config.table.appearance_weight * 255)
         out = np.empty((*person.shape, 2), np.float32)
+        face, lines = self._face_of(position, factor)
         pixel_weights(np.ascontiguousarray(person, np.float32), label_words(labels), soft,
-                      self._face_of(position, factor), factor,
+                      face, lines, factor,
                       place * np.array([BACKGROUND[0], 1], np.float32),
                       place * np.float32(OUTLINE),
-                      look * np.array([BACKGROUND[1], 1], np.float32), HAIR, BODY, SKIN_LOOK, out)
+                      look * np.array([BACKGROUND[1], 1], np.float32), HAIR, BODY, SKIN_LOOK, HOLD,
+                      out)
         return out
 
-    def _face_of(self, position: Float32, factor: int) -> Float32:
-        """The exemplar's soft face at the middles of blocks of ``factor`` pixels of a position."""
+    def _face_of(self, position: Float32, factor: int) -> tuple[Float32, Float32]:
+        """The exemplar's soft face, and its lines, where a position leads.
+
+        In [0, 1], at the middles of blocks of ``factor`` pixels.
+        """
         middles = position[factor // 2::factor, factor // 2::factor]
         rows, columns = (-(-n // factor) for n in position.shape[:2])
         middles = np.pad(middles, ((0, rows - middles.shape[0]), (0, columns - middles.shape[1]),
                                    (0, 0)), mode="edge")
-        found = sample_labels(self.face[..., None], middles)[..., 0]
-        return found.astype(np.float32) * np.float32(1 / 255)
+        found = sample_labels(self._face_and_lines, middles).astype(np.float32)
+        found *= np.float32(1 / 255)
+        return np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1])
 
     @property
     def covers_all(self) -> bool:

@@ -137,8 +137,8 @@ def soft_labels(since, until, person, hair, planes, factor, hair_is_skin, body_i
 
 @shared("person")
 @kernel
-def pixel_weights(since, until, person, labels, soft, face, factor, place, outline, look, hair,
-                  body, skin, out):
+def pixel_weights(since, until, person, labels, soft, face, lines, factor, place, outline, look,
+                  hair, body, skin, hold, out):
     """Weights of place and appearance of every pixel, float32 [H, W, 2].
 
     Parameters
@@ -148,9 +148,12 @@ def pixel_weights(since, until, person, labels, soft, face, factor, place, outli
     soft : float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
     place, look : float32 [2] each, weight outside the person and on it.
     face : float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
+    lines : float32 [h, w] there, 1 where the exemplar is drawn in lines: the appearance does not
+        count.
     outline : Added to the weight of the place where ``soft`` is one half, and along the jaw.
     hair, body : float32 [2] each, factors of the weights of place and appearance there.
     skin : Factor of the weight of the appearance on skin where ``face`` is 0.
+    hold : Times that the weight of the place is added to itself at lines.
     """
     width = person.shape[1]
     rows, columns = soft.shape
@@ -164,10 +167,12 @@ def pixel_weights(since, until, person, labels, soft, face, factor, place, outli
     for y in range(since, until):
         j, fy = _place(y, factor, rows)
         below = min(j + 1, rows - 1)
-        line, faces = np.empty(columns, np.float32), np.empty(columns, np.float32)
+        line, faces, inks = (np.empty(columns, np.float32), np.empty(columns, np.float32),
+                             np.empty(columns, np.float32))
         for i in range(columns):
             line[i] = soft[j, i] + fy * (soft[below, i] - soft[j, i])
             faces[i] = one - (face[j, i] + fy * (face[below, i] - face[j, i]))
+            inks[i] = lines[j, i] + fy * (lines[below, i] - lines[j, i])
         for first in range(0, width, 16):
             n = y * width + first
             i, fx = _places(first, factor, columns)
@@ -181,11 +186,12 @@ def pixel_weights(since, until, person, labels, soft, face, factor, place, outli
             jaw = (_floats(high & byte) * (below + _floats((high >> np.int32(24)) & byte))
                    * np.float32(1 / 65025))
             held = one - free_hair * crown - free_body * below
+            drawn = _between(inks, i, right, fx)
             near = ((place_out + place_step * inside) * held
-                    + four * outline * _maximum(edge * (one - edge), jaw))
+                    + four * outline * _maximum(edge * (one - edge), jaw)) * (one + hold * drawn)
             share = (one - less_hair * crown - less_body * below
                      - less_skin * away * _floats(high & byte))
-            looks = (look_out + look_step * inside) * share
+            looks = (look_out + look_step * inside) * share * (one - drawn)
             if first + 16 <= width:
                 store_pairs(flat, 2 * n, near, looks)
             else:

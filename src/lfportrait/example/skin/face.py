@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_erosion, gaussian_filter, maximum_filter
+from scipy.ndimage import binary_erosion, gaussian_filter, label
 
-from ...arrays import Bool, Float32, UInt8
+from ...arrays import Bool, Float32
 from ...labels import PICTURE_LABELS
-from ..exemplar import Exemplar
-from ..guides.filters import broad_blur, gaussian_blur, match_histogram
+from ..guides.filters import (
+    broad_blur,
+    dilated,
+    enlarged,
+    gaussian_blur,
+    grey,
+    match_histogram,
+    shrunk,
+)
 from ..guides.position import Guides, sample_labels
 from ..guides.regions import soft_face
 from ..kernels.atlas import spread
-from ..kernels.labels import luma
 from ..styleblit import Style, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, LABEL_WEIGHT, Transfer
@@ -29,44 +35,37 @@ HAIRY = 0.6
 DRAWN_OUT = 0.28
 """Nor is the face's paint copied where the guide changes this slowly: beyond the jaw a strip of it
 would be drawn out to the neck's back."""
+DARKEST, DEEP, SHADE = 0.12, 0.1, 0.03
+"""Nor a painter's deep shade at the face's edge: the darkest share of its skin, if it is so much
+darker (luma) than half of it, both blurred by so much over the face's size. What goes on beside it
+is no darker than that share: shade that ends there is a stain."""
+NEAR = 0.06
+"""Skin that is so near to features, over the face's size, has their shade or make-up."""
 STEADY, EDGE = 0.02, 0.03
 """Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
-FINE, AROUND = 0.03, 0.04
-"""Sigma of the blur that takes a drawn line out, and how far around it counts, over the face's
-size."""
-DRAWN, USUAL, FAINT = 0.12, 3.0, 0.03
-"""Contrast (root mean square, in [0, 1]) at which a line halves the weight of the appearance, and
-the same over that of most of the face, where that is less (a cartoon's skin is flat), but no less
-than the last."""
 
 
-def drawn_lines(exemplar: Exemplar) -> UInt8:
-    """Weight of the appearance beside a painting's lines, uint8 [h, w]: 255 where there are none.
+def deep_shade(transfer: Transfer, inside: Bool, bearded: Float32) -> Bool:
+    """Where an exemplar's face is in deep shade from its edge on, bool [h, w].
 
-    The sitter's light and shade choose among the paint around a place. Across a line, or a brow
-    and eyes in flat colors, that breaks them into crumbs: what is drawn is copied whole.
+    ``inside`` is its face, bool [h, w]; ``bearded`` [h, w] in [0, 1], where its dark is no shade.
     """
-    size = exemplar.size
-    ends = np.array([np.nanmin(exemplar.landmarks, axis=0), np.nanmax(exemplar.landmarks, axis=0)])
-    # What the blurs and the neighbourhood reach around the face.
-    margin = (4 * FINE + 2 * AROUND) * size
-    picture = np.array(exemplar.image.shape[1::-1])
-    (left, top), (right, bottom) = np.clip(
-        np.rint(ends + margin * np.array([[-1], [1]])), 0, picture).astype(int)
-    weights = np.full(exemplar.image.shape[:2], 255, np.uint8)
-    light = np.empty((bottom - top, right - left), np.float32)
-    if not light.size:
-        return weights
-    luma(np.ascontiguousarray(exemplar.image[top:bottom, left:right]), np.float32(1 / 255), light)
-    fine = light - gaussian_filter(light, FINE * size)
-    contrast = np.sqrt(gaussian_filter(fine * fine, FINE * size))
-    first, last = np.clip(np.rint(ends - [left, top]), 0, [right - left, bottom - top]).astype(int)
-    face = contrast[first[1]:last[1] + 1, first[0]:last[0] + 1]
-    half = min(DRAWN, max(USUAL * float(np.median(face)), FAINT)) if face.size else DRAWN
-    reach = AROUND * size
-    lines = gaussian_filter(maximum_filter(contrast, 2 * int(reach) + 1), reach / 2)
-    weights[top:bottom, left:right] = np.rint(255 / (1 + (lines / half) ** 4))
-    return weights
+    exemplar = transfer.exemplar
+    step = max(1, int(SHADE * exemplar.size))
+    light = gaussian_blur(shrunk(grey(exemplar.image), step), SHADE * exemplar.size / step)
+    face, labels = inside[::step, ::step], transfer.labels[::step, ::step]
+    eyes, mouth = (dilated(labels[..., [PICTURE_LABELS.index(name) for name in names]]
+                           .max(axis=-1) > 40, NEAR * exemplar.size / step)
+                   for names in (("brows", "eyes"), ("nose", "lips")))
+    beard = bearded[::step, ::step] > 0.1
+    skin, shade = face & ~(eyes | mouth | beard), np.zeros_like(face)
+    if skin.any():
+        usual, deep = np.quantile(light[skin], [0.5, DARKEST])
+        parts, _ = label(face & ~mouth & (light < min(deep, usual - DEEP)))
+        # What goes on to the eyes is the shade of a whole side.
+        wanted = np.setdiff1d(parts[face & ~binary_erosion(face)], [0, *parts[eyes | beard]])
+        shade = dilated(np.isin(parts, wanted), 1)
+    return np.asarray(enlarged(shade.astype(np.float32), step, inside.shape) > 0.5)
 
 
 class CopiedFace:
@@ -75,6 +74,7 @@ class CopiedFace:
     Parameters
     ----------
     hair, strand : float32 [h, w] in [0, 1], hair in the exemplar, and thin locks over its face.
+    bearded : float32 [h, w] in [0, 1], a beard in the exemplar.
 
     Attributes
     ----------
@@ -82,10 +82,10 @@ class CopiedFace:
         it.
     labels : uint8 [h, w, K], the exemplar's labels with nothing but background outside of the
         face.
-    lines : uint8 [h, w], see `drawn_lines`.
     """
 
-    def __init__(self, transfer: Transfer, hair: Float32, strand: Float32) -> None:
+    def __init__(self, transfer: Transfer, hair: Float32, strand: Float32,
+                 bearded: Float32) -> None:
         self._transfer, exemplar = transfer, transfer.exemplar
         soft = transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
@@ -95,6 +95,7 @@ class CopiedFace:
         # Above the brows it may end in a bare forehead: there is no outline.
         sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
         inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
+        inside &= ~deep_shade(transfer, inside, bearded)
         # A strand is too thin for the blur, and ends in a rim of its own.
         rim = gaussian_blur(np.ascontiguousarray(strand), max(0.5, STEADY * exemplar.size))
         covered = np.maximum(covered, rim * np.float32(2))
@@ -105,7 +106,6 @@ class CopiedFace:
         outside = ~binary_erosion(inside, np.ones((3, 3)))
         ground = PICTURE_LABELS.index("background")
         self.labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
-        self.lines = drawn_lines(exemplar)
 
     def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float) -> Bool:
         """Where the face is painted as on a photo, [N]; the rest is patches.
@@ -165,8 +165,6 @@ class CopiedFace:
             weights = transfer.weights(np.ones(labels.shape[:2], np.float32), labels, places,
                                        scale)
             weights *= known[..., 5:7]
-            lines = sample_labels(self.lines[..., None], places)[..., 0]
-            weights[..., 1] *= lines * np.float32(1 / 255)
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
             style = Style(transfer.appearance, self.labels, transfer.table, transfer.colors(scale))

@@ -66,7 +66,7 @@ from ..surface_guide import Sites, SurfaceGuide
 from ..transfers import Transfer, TransferConfig, from_the_front
 from ..worn.hat import Wear
 from .ears import missing_relief
-from .face import DRAWN_OUT, CopiedFace
+from .face import DARKEST, DRAWN_OUT, CopiedFace
 from .hair import below_hair, hair_by_place, without_bays
 from .hat import HatPainter
 from .sitter import Canvas, Skin, canvas_of
@@ -79,9 +79,6 @@ SHARP = 8.0  # How much narrower skin's way into neck is than the guide makes it
 SHOWN = 0.4
 """Cosine to the best photo from which on a place counts in the distribution of the sitter's
 tones."""
-DARKEST = 0.12
-"""Skin beside the face is no darker than all but this share of the exemplar's: in the mean that is
-shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
 UNDER_JAW, JAW_EDGE = 1.0, 0.2
 """Below the first (brows 0, chin 1) lies the underside of a jaw, and a softly fading edge above."""
 HARDLY = 0.6  # Ears that no photo saw better have so much of their light and shade.
@@ -152,6 +149,7 @@ def _parted(shares: Float32, one: int, other: int) -> None:
 
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
     """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
+    # A painter's deepest shade has hard edges, which on a neck or a back look like stains.
     tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs, shown=skin.seen > SHOWN,
                                  darkest=DARKEST)
     hair = shares[:, HAIR]
@@ -297,7 +295,7 @@ class SkinPainter:
             way = in_front(way, painted, first.pose)
         other.exemplar = replace(first.exemplar, landmarks=first.exemplar.landmarks + way)
         other.transfer = first.transfer.moved(other.exemplar.landmarks)
-        other._face = CopiedFace(other.transfer, first._hair, first._strand)
+        other._face = CopiedFace(other.transfer, first._hair, first._strand, first._bearded)
         return other
 
     def _prepare(self) -> None:
@@ -313,7 +311,7 @@ class SkinPainter:
         regions = self.transfer.regions
         one_hue(exemplar, regions, self.transfer.labels, plain)
         self._painter = PatchPainter(exemplar, plain, self.config.search, self.seed, sharp=False)
-        self._face = CopiedFace(self.transfer, self._hair, self._strand)
+        self._face = CopiedFace(self.transfer, self._hair, self._strand, self._bearded)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin, a pixel for ``step`` of the atlas: 1, or 2 for a preview."""
