@@ -181,10 +181,9 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
 
 TOGETHER = (("studio/web/", "lfportrait_eval/study/"), ("share/page/",),
             ("lfportrait_eval/baselines/", "stylize/test_stylize.py"),
-            ("capture/calibration/test_head_motion.py", "job/test_known_captures.py",
-             "job/test_few_photos.py"))
+            ("project/test_architecture.py", "project/test_house.py"))
 """Folders and files that one process runs, as they share what takes long: a browser, a studio, a
-trained field and torch's optimizers, photos of what moves."""
+trained field and torch's optimizers, the imports of all sources."""
 
 
 def scope_of(nodeid: str) -> str:
