@@ -436,16 +436,20 @@ def import_a_share(config: pytest.Config) -> None:
                     path.relative_to(config.rootpath).with_suffix("").parts))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Share out, before all tests are collected, what each process would read for itself."""
+    if ("PYTEST_XDIST_WORKER" in os.environ
+            and session.config.args_source is pytest.Config.ArgsSource.TESTPATHS):
+        import_a_share(session.config)
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the stages' kernels once, on all cores, before the test processes begin.
 
     Each would compile for itself what both need. A run of one process compiles what it comes by.
     """
-    config = session.config
-    if ("PYTEST_XDIST_WORKER" in os.environ
-            and config.args_source is pytest.Config.ArgsSource.TESTPATHS):
-        import_a_share(config)
-    if not getattr(config.option, "numprocesses", None):
+    if not getattr(session.config.option, "numprocesses", None):
         return
     from lfportrait.job.warmup import FUNCTIONS, Warmup
     from lfportrait.progress import Progress
