@@ -9,6 +9,7 @@ import re
 import sys
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 
 import hypothesis
 import pytest
@@ -22,11 +23,10 @@ hypothesis.settings.load_profile("any pace")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# Before anything loads OpenMP. Test processes run at once, three on two cores: one of them waits
-# for a browser, a graphics driver or a job most of the time. With as many threads each as there are
-# cores, threads that spin while they wait for work take the cores from those that have some (a test
-# of the network took 97 s instead of 2). Those of torch and the BLAS are not ours to test, and what
-# they get here are pictures of a few dozen pixels.
+# Before anything loads OpenMP. Several processes test at once. With as many threads each as there
+# are cores, threads that spin while they wait for work take the cores from those that have some (a
+# test of the network took 97 s instead of 2). Those of torch and the BLAS are not ours to test, and
+# what they get here are pictures of a few dozen pixels.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # No test asks the internet for networks; those of downloads have a server of their own.
@@ -56,6 +56,16 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """How many processes test: as many as there are cores, two to four.
+
+    Each imports all tests, for ten seconds of a core. Where slow ones are run there is one more:
+    one waits for a browser, a graphics driver or a job most of the time.
+    """
+    return min(max(os.cpu_count() or 1, 2), 4) + all_run()
 
 
 FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "share/page/test_in_browser.py",
@@ -170,13 +180,14 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
 
 
 TOGETHER = (("studio/web/", "lfportrait_eval/study/"), ("share/page/",),
-            ("lfportrait_eval/baselines/field/",))
-"""Folders whose files one process runs, as they share what takes long: a browser, a studio, a
-trained field."""
+            ("lfportrait_eval/baselines/", "stylize/test_stylize.py"),
+            ("project/test_architecture.py", "project/test_house.py"))
+"""Folders and files that one process runs, as they share what takes long: a browser, a studio, a
+trained field and torch's optimizers, the imports of all sources."""
 
 
 def scope_of(nodeid: str) -> str:
-    """Tests of one scope run one after the other in one process: a file's, or folders'."""
+    """Tests of one scope run one after the other in one process: those of a file, or `TOGETHER`."""
     name = file_of(nodeid)
     return next((folders[0] for folders in TOGETHER if name.startswith(folders)), name)
 
@@ -399,20 +410,38 @@ def plain_browser(playwright):
 
 
 def import_a_share(config: pytest.Config) -> None:
-    """Import some of the test files: of each process others.
+    """Read some of the sources and import some of the test files: of each process others.
 
-    In a new checkout each is rewritten for its asserts, which takes longer than all else before the
-    tests. What another process has written is read.
+    In a new checkout each test file is rewritten for its asserts, which takes longer than all else
+    before the tests, and Hypothesis looks for constants in each source. What another process has
+    written is read.
     """
     number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    share = slice(number, None, int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))
+    with suppress(ImportError):  # where this version of Hypothesis has them elsewhere
+        from hypothesis.internal.constants_ast import constants_from_module
+
+        for path in sorted(path for folder in ("src", "scripts")
+                           for path in (config.rootpath / folder).rglob("*.py"))[share]:
+            module = ModuleType(path.stem)
+            module.__file__ = str(path)
+            constants_from_module(module)
     for folder in config.getini("testpaths"):
         paths = sorted((config.rootpath / folder).rglob("test_*.py"))
         paths = [path for path in paths if not wholly_slow(path)]
-        for path in paths[number::int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
+        for path in paths[share]:
             # Whatever is wrong with one, or missing for it, is told when it is collected.
             with suppress(Exception, pytest.skip.Exception):
                 importlib.import_module(".".join(
                     path.relative_to(config.rootpath).with_suffix("").parts))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Share out, before all tests are collected, what each process would read for itself."""
+    if ("PYTEST_XDIST_WORKER" in os.environ
+            and session.config.args_source is pytest.Config.ArgsSource.TESTPATHS):
+        import_a_share(session.config)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -420,11 +449,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
     Each would compile for itself what both need. A run of one process compiles what it comes by.
     """
-    config = session.config
-    if ("PYTEST_XDIST_WORKER" in os.environ
-            and config.args_source is pytest.Config.ArgsSource.TESTPATHS):
-        import_a_share(config)
-    if not getattr(config.option, "numprocesses", None):
+    if not getattr(session.config.option, "numprocesses", None):
         return
     from lfportrait.job.warmup import FUNCTIONS, Warmup
     from lfportrait.progress import Progress

@@ -103,6 +103,8 @@ def test_places_of_a_mouth_are_between_its_corners():
 
 
 FOREHEAD = 0.05
+WIDE, HIGH = 112, 26
+"""Voxels of a slab of a head: sheets are found there as well as in a lattice of `SIZE`."""
 
 
 class Bust:
@@ -122,14 +124,14 @@ class Bust:
         self.seen = HeadSurface(chart, bust, np.ones_like(bust),
                                 np.where(level[:, None] & front, 1.0, 0.0), 28.0,
                                 np.zeros_like(bust))
-        self.slab = VoxelField(np.arange(36 * SIZE ** 2, dtype=np.int32).reshape(SIZE, 36, SIZE),
-                               np.zeros(36 * SIZE ** 2, np.float32),
-                               np.zeros((36 * SIZE ** 2, 3, 1), np.float32),
-                               radius=np.array([1.0, 36 / SIZE, 1.0]))
+        count = HIGH * WIDE ** 2
+        self.slab = VoxelField(np.arange(count, dtype=np.int32).reshape(WIDE, HIGH, WIDE),
+                               np.zeros(count, np.float32), np.zeros((count, 3, 1), np.float32),
+                               radius=np.array([1.0, HIGH / WIDE, 1.0]))
         slab = self.slab
         self.points = slab.lattice_points().T
         self.above = chart.outside(bust, bust, slab.links.shape, slab.center,
-                                   slab.radius)[0].ravel() / VOXEL
+                                   slab.radius)[0].ravel() * WIDE / 2
         self.head = self.above < 0
 
     def of(self, *solids):

@@ -15,7 +15,7 @@ from tests.capture.calibration.test_head_motion import photos
 @pytest.fixture
 def folder(tmp_path):
     """A calibrated data set with mattes and landmarks."""
-    found, mattes, boxes = photos(0.0)
+    found, mattes, boxes = photos(0.0, 90)
     replace(found, cameras=boxes, alphas=[np.uint8(matte * 255) for matte in mattes],
             landmarks=np.random.default_rng(0).normal(size=(68, 3))).save(tmp_path / "capture")
     return tmp_path / "capture"

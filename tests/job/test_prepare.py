@@ -57,7 +57,7 @@ def face(monkeypatch):
 
 
 def test_a_data_sets_face_is_looked_for_once(tmp_path, face):
-    found, _, boxes = photos(0.0)
+    found, _, boxes = photos(0.0, 90)
     points, looked = face
     replace(found, cameras=boxes).save(tmp_path / "capture")
     for _ in range(2):
@@ -69,7 +69,7 @@ def test_a_data_sets_face_is_looked_for_once(tmp_path, face):
 
 
 def test_a_face_is_found_without_moving_the_frame(monkeypatch, face):
-    found, _, _ = photos(0.0)
+    found, _, _ = photos(0.0, 90)
     points, looked = face
     monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
     faced = find_face(found)
@@ -78,14 +78,14 @@ def test_a_face_is_found_without_moving_the_frame(monkeypatch, face):
 
 
 def test_without_its_network_no_face_is_looked_for(monkeypatch):
-    found, _, _ = photos(0.0)
+    found, _, _ = photos(0.0, 90)
     monkeypatch.setattr("lfportrait.models.missing", lambda names: list(names))
     with pytest.warns(UserWarning, match="models fetch face-landmarker"):
         assert find_face(found) is found
 
 
 def test_a_capture_is_turned_into_the_frame_of_its_face_when_asked(monkeypatch, face):
-    found, _, _ = photos(0.0)
+    found, _, _ = photos(0.0, 90)
     points, _ = face
     turned = find_face(found, reframe=True)
     straight = portrait_frame_from_landmarks(turned.landmarks, turned.cameras)
@@ -101,7 +101,7 @@ def test_a_capture_is_turned_into_the_frame_of_its_face_when_asked(monkeypatch, 
 
 
 def test_no_portrait_frame_without_a_face(monkeypatch):
-    found, _, _ = photos(0.0)
+    found, _, _ = photos(0.0, 90)
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture",
                         lambda capture, progress=None: (None, {"views": 1}))
     monkeypatch.setattr("lfportrait.job.prepare.kept_arrays", lambda name, key, find: find())
@@ -112,7 +112,7 @@ def test_no_portrait_frame_without_a_face(monkeypatch):
 @pytest.mark.usefixtures("face")
 @pytest.mark.parametrize("helps", [True, False])
 def test_photos_that_share_nothing_are_placed_by_the_face(tmp_path, monkeypatch, helps):
-    found, _, boxes = photos(0.0)
+    found, _, boxes = photos(0.0, 90)
 
     def apart(*_, **__):
         raise PhotosError("the photos do not overlap enough", {})

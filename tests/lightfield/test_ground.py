@@ -161,7 +161,7 @@ def test_quilts_and_cameras_see_the_same_ground():
 
 
 def test_slices_and_direct_casting_lay_the_field_over_it_alike():
-    field = checkered(shell_field(32))
+    field = checkered(shell_field(32, basis=1))
     field = dataclasses.replace(field, sh=field.sh, backdrop=dataclasses.replace(
         field.backdrop, points=head_points(field)))
     coded = [encode(field, PANEL, EncodeConfig(method=method, step_size=0.2))

@@ -54,9 +54,14 @@ def test_the_kernels_take_eyes_and_places_from_the_display(name):
     assert np.abs(got[..., 1] - x).max() < 1e-12
 
 
+# Kernels for nine coefficients take seconds to compile; rays are the same as with one.
+BASES = pytest.mark.parametrize("basis", [1, pytest.param(9, marks=pytest.mark.slow)])
+
+
+@BASES
 @pytest.mark.parametrize("name", PANELS)
-def test_continuous_coding_casts_the_display_s_rays(name):
-    field = shell_field(size=20, density=40.0)
+def test_continuous_coding_casts_the_display_s_rays(name, basis):
+    field = shell_field(size=20, density=40.0, basis=basis)
     display = PANELS[name]
     mask = ViewMask.build(display, cache=False)
     config = EncodeConfig(blend="continuous", background=0.2, method="direct")
@@ -74,15 +79,16 @@ def test_continuous_coding_casts_the_display_s_rays(name):
         assert abs(float(direct[row, column, channel]) - wanted) <= 0.6
 
 
+@BASES
 @pytest.mark.parametrize("name", PANELS)
-def test_both_methods_agree_between_the_views(name):
-    """Thin, so that the methods' steps matter little; colors turn with the view and the place."""
-    field = shell_field(size=32, density=60.0)
+def test_both_methods_agree_between_the_views(name, basis):
+    """Thin, so that the methods' steps matter little; colors turn with the place, and the view."""
+    field = shell_field(size=32, density=60.0, basis=basis)
     field.density[:] = 8.0
     points = field.lattice_points()
-    sh = np.zeros((len(points), 3, 9))
+    sh = np.zeros((len(points), 3, basis))
     sh[..., 0] = 1.2 * np.sin(9 * points)
-    sh[..., 3] = 0.8
+    sh[..., 3:4] = 0.8
     field = field.with_sh(sh)
     display = PANELS[name]
 

@@ -7,13 +7,5 @@ rendering's, with another shading, and the same texture where a ray ends.
 from .kernels.march import enter_box, make_channel_shade, make_march, sh_basis
 from .kernels.texture import PROBES, REACH, make_detail, make_texture_share
 
-__all__ = [
-           "PROBES",
-           "REACH",
-           "enter_box",
-           "make_channel_shade",
-           "make_detail",
-           "make_march",
-           "make_texture_share",
-           "sh_basis",
-]
+__all__ = ["PROBES", "REACH", "enter_box", "make_channel_shade", "make_detail", "make_march",
+           "make_texture_share", "sh_basis"]

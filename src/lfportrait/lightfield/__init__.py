@@ -1,8 +1,8 @@
 """From a field to a light-field display: one ray for each sub-pixel (Shen et al. 2023, 2.3, Eq. 8).
 
-`display` knows the panel, and reads its files; `placement` says where a field stands before it and
-how deep is sharp, and has the options of coding; `coding` codes a field, with its `ground`, into
-`coded_files`. `interlacing` makes coded pictures of views (`views`, `quilts`), takes them apart and
+`display` knows the panel, and reads its files and coded pictures; `placement` says where a field
+stands before it and how deep is sharp, and has the options of coding; `coding` codes a field, with
+its `ground`. `interlacing` makes coded pictures of views (`views`, `quilts`), takes them apart and
 shows what an eye sees; `patterns` show whether the panel's numbers are right.
 """
 

@@ -1,4 +1,3 @@
-from .coded_files import lossless, read_coded, write_coded
 from .coding import (
     ViewMask,
     code_on_device,
@@ -10,7 +9,7 @@ from .coding import (
     render_view,
     view_camera,
 )
-from .display import Display, customary_views
+from .display import Display, customary_views, lossless, read_coded, write_coded
 from .ground import Ground, backdrop_of, ground_of, world_ground
 from .interlacing import (
     assemble_quilt,

@@ -1,4 +1,4 @@
-"""A lenticular display: which view each sub-pixel belongs to, from where it is seen, and its files.
+"""A lenticular display: the view of each sub-pixel, from where it is seen, its files and pictures.
 
 Display frame: origin at the panel's centre, x right, y up, z to the viewer; the unit is half the
 panel's height. Sub-pixel k of column x and row y (rows from the top) has the phase under its lens,
@@ -11,7 +11,8 @@ The paper's value is v - V_n / 2 of the mirrored column.
 Some panels do not have their sub-pixels side by side: ``cells`` then gives each color's place
 within its pixel, and 3 (x + dx_k) - 3 tan(slant) dy_k takes the place of 3 x + k. Everything here
 is as the viewer sees the panel; one that shows its picture mirrored (``flip_x``, ``flip_y``) gets
-it mirrored beforehand, by `to_panel`.
+it mirrored beforehand, by `to_panel`: coded pictures are turned on the way to a file and back
+(`write_coded`, `read_coded`), in memory they are as seen.
 
 View v is seen from the point (x_v, eye_height, distance) on a horizontal line, with
 x_v = distance tan(cone / 2) (2 (v + 1/2) / V_n - 1): view 0 is the leftmost.
@@ -49,9 +50,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Float64, Int64
+from ..arrays import Float64, Int64, UInt8
 from ..errors import UserError
-from ..files import atomic_write, read_json
+from ..files import atomic_write, read_json, write_image
+from ..media.pictures import read_image
 
 CELL_PATTERNS = ("single", "checkerboard", "rows", "staggered", "columns")
 """Which of the cells a pixel has; the places in this list are Looking Glass's numbers."""
@@ -574,3 +576,36 @@ class Display:
     def scaled(self, width: int, height: int) -> Display:
         """The same lenses on a panel of another size in pixels."""
         return replace(self, width=width, height=height)
+
+
+# -- coded pictures in files -----------------------------------------------------------------------
+
+
+def check_size(image: UInt8, display: Display) -> None:
+    """Raise `UserError` if a picture does not have the panel's size."""
+    if image.shape[:2] != (display.height, display.width):
+        raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
+                        f"display {display.name} has {display.width} x {display.height}: a coded "
+                        "picture must not be scaled")
+
+
+def lossless(path: str | Path) -> Path:
+    """The path, if its format keeps every sub-pixel."""
+    path = Path(path)
+    if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
+        raise UserError("a coded picture must keep every sub-pixel: write it as .png, not "
+                        f"{path.suffix or 'without a suffix'}")
+    return path
+
+
+def read_coded(path: str | Path, display: Display) -> UInt8:
+    """A coded picture as the viewer sees the panel, uint8 [H, W, 3]."""
+    image = np.ascontiguousarray(read_image(path)[..., :3])
+    check_size(image, display)
+    return display.to_panel(image)
+
+
+def write_coded(path: str | Path, image: UInt8, display: Display) -> None:
+    """Write a coded picture, uint8 [H, W, 3] as seen, so that the panel shows it right."""
+    check_size(image, display)
+    write_image(lossless(path), display.to_panel(image), fast=True)

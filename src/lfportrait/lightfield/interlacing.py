@@ -26,8 +26,7 @@ from ..errors import UserError
 from ..media.folders import list_pictures, say_left_out
 from ..media.kinds import kind_of
 from ..media.pictures import read_image
-from .coded_files import check_size
-from .display import Display
+from .display import Display, check_size
 from .kernels.panel import gather_views, interlace_views, lens_of, see_panel
 from .placement import InterlaceConfig
 from .quilts import QuiltLayout, layout_for, warn_of_misfit

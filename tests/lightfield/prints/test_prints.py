@@ -71,7 +71,7 @@ def test_the_eye_sees_the_right_view_at_nine_places(lpi, dpi, size):
 
 
 def test_every_pixel_is_a_ray_of_its_own_direction():
-    field = shell_field(size=32)
+    field = shell_field(size=32, basis=1)
     sheet = PrintSheet.of(PrintConfig(lpi=60.12, dpi=720, size="25x25mm", **PLAIN))
     display, config = sheet.display, EncodeConfig(blend="continuous", depth_scale=0.3)
     rows = encode_rows(field, display, config, 300, 4)
@@ -88,7 +88,7 @@ def test_every_pixel_is_a_ray_of_its_own_direction():
 @pytest.mark.parametrize("method", ["slices", "direct"])
 @pytest.mark.parametrize("name", ["print", "slanted", "lookingglass-go", "lookingglass-16-2024"])
 def test_rows_are_those_of_the_whole_picture(method, name):
-    field = shell_field(size=24)
+    field = shell_field(size=24, basis=1)
     if name in ("print", "slanted"):
         display = PrintSheet.of(PrintConfig(lpi=30, dpi=120, size="30x40mm", **PLAIN,
                                             slant=3.0 if name == "slanted" else 0.0)).display

@@ -18,8 +18,7 @@ import numpy as np
 
 from ...arrays import UInt8
 from ...errors import UserError
-from ..coded_files import check_size
-from ..display import Display
+from ..display import Display, check_size
 
 
 class PygameDriver:
