@@ -139,8 +139,7 @@ class Refinement:
         return self.views[len(self.views) // 2]
 
     def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, torch.Tensor]]:
-        """Losses of each term, and their gradients by the image [1, 3, h, w], for the colors as
-        they are."""
+        """Losses of each term for the colors as they are, and their gradients by the image."""
         image = self._tensor(self.model.picture(view)).requires_grad_(True)
         losses, gradients = {}, {}
         terms = self._terms(view, image)

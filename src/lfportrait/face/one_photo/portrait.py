@@ -409,8 +409,8 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     fit = _kept_fit(capture).of(views)
     assert capture.landmarks is not None
     looks = [_looked_at(capture, view) for view in views]
-    pictures, beards = [look[0] for look in looks], [look[1] for look in looks]
-    picture, camera = pictures[0], capture.cameras[0]
+    pictures, camera = [picture for picture, _ in looks], capture.cameras[0]
+    picture, beard = looks[0]
     note(progress, "laying the head over its photo")
     local = _laid_over(fit, pictures, [_shown(capture, view) for view in views])
     # Metres in the first camera's frame -> the portrait frame.
@@ -418,13 +418,13 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     assert picture.hair is not None and capture.alphas is not None
     matte = capture.alphas[0].astype(np.float32) / 255
     parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])),
-                     vertices, None if beards[0] is None else beards[0].below)
+                     vertices, None if beard is None else beard.below)
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note(progress, "hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
     wires, images = _bare(capture, views, fit, pictures, local, samples)
-    shots = [_shot(capture, view, *seen, samples)
-             for view, *seen in zip(views, images, pictures, beards, strict=True)]
+    shots = [_shot(capture, view, image, *looked, samples)
+             for view, image, looked in zip(views, images, looks, strict=True)]
     worn = shots[0].clothes
     solid = solid_of(parts, samples, sensed,
                      None if worn is None else parts.of_photo(worn, camera) > 0.5)
