@@ -275,6 +275,10 @@ def test_of_a_head_that_is_not_trained_the_rough_field_is_kept(capture, painting
         look.warmup = Kernels()
         look.offer(Progress("", enabled=False), replace(capture, figures=figures), lambda: field)
         assert look.rough is kept and not look.over
+        # A head that can't be made so is left to the job.
+        look.rough = None
+        look.offer(Progress("", enabled=False), replace(capture, figures=figures), lambda: 1 // 0)
+        assert look.rough is None and not look.over
 
 
 @pytest.mark.slow  # whole jobs

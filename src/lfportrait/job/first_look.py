@@ -24,6 +24,7 @@ import time
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -100,15 +101,17 @@ class FirstLook(ABC):
               wait: bool = False) -> None:
         """Take the look, unless it was taken or its kernels are missing: ``wait`` waits for these.
 
-        ``make`` gives the field, for the look alone. Raises `LookTaken` if the job is to end with
+        ``make`` gives the field, for the look alone; that of a head that is not trained is kept as
+        ``rough`` where kernels are missing. Raises `LookTaken` if the job is to end with
         it, `UserError` if the job is to end with it and it can't be made.
         """
         if self.over or not self.wanted():
             return
         if self.warmup is not None:
             if not (wait or self.only or self.warmup.ready(KERNELS)):
-                if is_portrait(capture):  # a moment's work, and the look of it as well
-                    self.rough = make()
+                if is_portrait(capture):  # a moment's work, and so is a look of it
+                    with suppress(Exception):
+                        self.rough = make()
                 return
             self.warmup.wait(KERNELS, progress)
         self.over = True
@@ -125,7 +128,7 @@ class FirstLook(ABC):
         except Exception as error:  # a look must not end the job, whatever a rough field does to it
             self._fail(progress, error)
             return
-        end = time.perf_counter()
+        self.rough, end = None, time.perf_counter()
         self.taken(end - self.begun, end - start)
         if where:
             progress.say(f"a first look after {end - self.begun:.0f} s: {where}")

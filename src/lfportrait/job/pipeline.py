@@ -444,11 +444,11 @@ class _Job:
             if look.over and look.only:
                 return Outcome(task.name)
             if task.stage == "stylize" and not look.over:
-                self._look_at_finished()
+                self._late_look()
         return Outcome(task.name, figures=self.stages.run(
             task.record, task.key, task.outputs, partial(self._done, task)))
 
-    def _look_at_finished(self) -> None:
+    def _late_look(self) -> None:
         """Take the first look after all: the painting is new, or kernels were late."""
         look, capture = self.tools.look, Capture.load(self.out / "capture")
         assert look is not None

@@ -183,7 +183,7 @@ class Refinement:
         return self._steps(progress)
 
     def _order(self) -> list[StyleView]:
-        """The view of each step: the probe first, then all in random order, again and again."""
+        """The view of each step: the probe, the others at random, then all, again and again."""
         generator = np.random.Generator(np.random.Philox(key=[self.config.seed, 1]))
         first = len(self.views) // 2
         order = [first, *(one for one in generator.permutation(len(self.views)) if one != first)]

@@ -109,34 +109,42 @@ def test_of_each_photo_is_known_whether_it_came_cut_out(kept, mattes, cut):
     assert portrait._cut_out(SimpleNamespace(figures=figures), 1) == cut
 
 
-def test_a_photo_of_another_day_shapes_the_head_and_colors_nothing(photo, tmp_path, capsys):
+def test_a_photo_of_another_day_shapes_the_head_and_is_not_seen(photo, tmp_path):
     picture = np.array(Image.open(photo))
     Image.fromarray(picture).save(tmp_path / "one.png")
     grain = gaussian_filter(np.random.default_rng(0).normal(size=(440, 440, 1)), (3, 3, 0))
     made_up = np.clip(picture[..., :3] + 35 * grain / grain.std(), 0, 255)
     Image.fromarray(np.dstack([made_up.astype(np.uint8), picture[..., 3]])).save(
         tmp_path / "two.png")
-    with Progress("", enabled=True) as progress:
-        capture, figures = portrait_capture(read_photos(tmp_path), progress)
-    first, = set(capture.names) - set(figures["other_moments"])
-    assert capture.names[0] == first and len(capture) == len(figures["landmarks_px"]) == 2
-    assert f"{capture.names[1]}: of another day" in capsys.readouterr().err
-    capture.save(tmp_path / "capture")
-    again = Capture.load(tmp_path / "capture")
-    again.images[1] = np.zeros_like(again.images[1])
-    field, made = portrait_field(again, ReconstructConfig(resolution=40))
-    assert made["train"]["views"] == 1
-    shown = field.render(again.cameras, 1)
-    error = (shown.color - capture.image_float(1))[shown.alpha > 0.9]
-    assert (error ** 2).mean() < 0.04, "it is as light as the photo, not black"
+    alone, _ = portrait_capture(read_photos(photo))
+    with pytest.warns(UserWarning, match=r"(one|two).png: of another day") as said:
+        capture, figures = portrait_capture(read_photos(tmp_path))
+    assert len(said) == 1 and len(capture) == len(figures["landmarks_px"]) == 1
+    assert {*capture.names, *figures["other_moments"]} == {"one.png", "two.png"}
+    known = [one.figures[portrait.FIT]["identity"] for one in (alone, capture)]
+    assert known[0] != known[1], "the other one has its part in the shape"
 
 
-def test_of_photos_turned_alike_the_sharpest_is_first(photo, tmp_path):
+def test_of_photos_turned_alike_the_largest_is_first(photo, tmp_path):
     picture = Image.open(photo)
     picture.resize((410, 410)).save(tmp_path / "a.png")
     picture.save(tmp_path / "b.png")
     seen = portrait._usable(read_photos(tmp_path))
     assert [one.photo.name for one in seen] == ["b.png", "a.png"]
+
+
+@pytest.mark.parametrize("turned, chosen", [
+    (((0.05, 200), (0.1, 300), (0.2, 400)), 1), (((0.35, 200), (0.4, 300)), 0),
+    (((0.25, 200), (-0.28, 300), (0.34, 400)), 1)])
+def test_a_larger_photo_decides_only_if_it_is_about_frontal(monkeypatch, turned, chosen):
+    def seen(one):
+        return SimpleNamespace(picture=SimpleNamespace(landmarks=one))
+
+    monkeypatch.setattr(portrait, "_Seen", seen)
+    monkeypatch.setattr(portrait, "face_yaw", lambda one: one[0])
+    monkeypatch.setattr(portrait, "ear_to_ear", lambda one: one[1])
+    order = [one.picture.landmarks for one in portrait._usable(list(turned))]
+    assert order[0] == turned[chosen] and sorted(order) == sorted(turned)
 
 
 def test_a_photo_without_a_face_is_refused(tmp_path):

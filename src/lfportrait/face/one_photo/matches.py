@@ -31,24 +31,29 @@ WINDOW, LIKE, TEXTURE = 15, 0.75, 0.02
 deviation of their grey values from which on they show anything."""
 FURTHEST = 0.15  # A place is looked for so far away at most, over the distance of the eyes.
 VERY_LIKE, SAME, LEAST = 0.9, 0.27, 200
-"""Correlation from which on windows show the same in the same light; from which share of windows
-that are so on two photos are of one moment (of one they have 0.35 to 0.95, of different days or
-expressions 0 to 0.2); and pixels that say it at least."""
+"""Correlation from which on windows are very like; from which share of such windows on two photos
+are of one moment (of one they have 0.35 to 0.95, of different days or expressions 0 to 0.21); and
+pixels that say it at least."""
 MOST = 160  # Places that are taken of a photo, at most.
 
 
 def of_one_moment(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> list[bool]:
-    """Which photos show the face as the first one does, with its expression and in its light.
+    """Which photos show the face as the first one does, or as another of these does.
 
-    The others may be of another day. What shows nothing that another one shows is none of them.
+    The others may be of another day or expression, much less sharp, or show too little of the same.
+    How bright a photo is does not matter.
 
     Parameters
     ----------
     pictures, images : The fit's photos; uint8 [H, W, 3].
+
+    Returns
+    -------
+    same : For each photo; True for the first.
     """
     out, seen = [True], [_seen(fit, pictures, view) for view in range(len(pictures))]
     for other in range(1, len(pictures)):
-        # Those of its moment by now are compared by the one that shows most of the same.
+        # It is compared with the one of that moment that shows most of the same.
         one = max((one for one in range(other) if out[one]),
                   key=lambda one: (seen[one] & seen[other]).sum())
         laid = _Laid.of(fit, pictures, images, one, other)
@@ -58,7 +63,7 @@ def of_one_moment(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) ->
 
 
 def found_again(fit: HeadFit, pictures: list[Picture], images: list[Bytes]) -> list[list[Found]]:
-    """Where each photo shows vertices that another of the same moment shows, too.
+    """Where each photo shows vertices that the first one shows, too.
 
     Parameters
     ----------

@@ -60,7 +60,8 @@ from .solid import WORN, solid_of
 from .warp import warped_together
 from .wires import Wires, wires_of, without_wires
 
-ALIKE = 0.1  # Faces are turned alike within so much of `face_yaw`, some 5 degrees.
+ALIKE, ABOUT_FRONTAL = 0.1, 0.3
+"""Faces are turned alike within the first (`face_yaw`: some 5 degrees), up to the second."""
 AGREED = 3  # How often several photos are compared and the head is fitted to what they share.
 ROUGH = 96
 """Points to two units of the lattice of a head that is looked at before it is made in full."""
@@ -86,7 +87,7 @@ def head_from_photos(photos: Shown | Sequence[Shown], config: ReconstructConfig 
     ----------
     photos : A file, a folder, or a picture uint8 [H, W, 3 or 4] in sRGB (with straight alpha, it
         is the matte); or several of these. The most frontal one decides how the head looks, the
-        sharpest of those that are turned alike.
+        largest of those that are turned alike.
     config : Its resolution counts, and nothing else.
     max_side : Files are reduced to this many pixels on their longer side; 0 keeps them.
     progress : Progress line.
@@ -133,13 +134,15 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
     Parameters
     ----------
     photos : One, or a few of any days and places. With an alpha channel they need no networks
-        for mattes. The most frontal one decides how the head looks.
+        for mattes. The most frontal one decides how the head looks, the largest of those that are
+        turned alike.
     prior : Instead of the installed head.
 
     Returns
     -------
     capture, figures : With mattes, landmarks and the fit, in the portrait frame, the decisive
-        photo first; and figures of the fit.
+        photo first; and figures of the fit. Photos of other moments than the decisive one help to
+        shape the head and are not in the capture; a warning and ``other_moments`` name them.
 
     Raises
     ------
@@ -166,15 +169,16 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None, *,
         fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
     pictures, shown = [one.picture for one in seen], [one.shown for one in seen]
     fit, alike = _agreed(fit, pictures, shown)
-    capture = _captured(fit, seen, alike)
+    others = [one.photo.name for index, one in enumerate(seen) if index not in alike]
+    fit, seen, used = fit.of(alike), [seen[one] for one in alike], len(seen)
+    capture = _captured(fit, seen)
     figures = {**fit.figures(), "hair": [bool(np.any(one.picture.hair)) for one in seen]}
-    if len(alike) < len(seen):
-        others = [one.photo.name for index, one in enumerate(seen) if index not in alike]
+    if others:
         figures["other_moments"] = others
-        say(progress, f"{', '.join(others)}: of another day, light or expression than "
-                      f"{seen[0].photo.name}; that one gives the colors, the others help to shape "
-                      "the head")
-    say(progress, f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
+        warnings.warn(f"{', '.join(others)}: of another day or expression than "
+                      f"{seen[0].photo.name}, or less sharp; that gives the colors, these help to "
+                      "shape the head", stacklevel=2)
+    say(progress, f"{fit.prior.name} fits {used} photo{'s' * (used > 1)}: landmarks to "
                   f"{fit.pixels[0]:.1f} pixels, the face turned by "
                   f"{abs(fit.views[0].angles['yaw']):.0f} degrees; it can be looked at over "
                   f"{PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
@@ -207,7 +211,10 @@ def _agreed(fit: HeadFit, pictures: list[Picture], shown: list[NDArray[np.uint8]
 
 
 def _usable(photos: list[Photo]) -> list[_Seen]:
-    """What is seen in the photos that show a face, the most frontal one first."""
+    """What is seen in the photos that show a face: the decisive one, then by how they are turned.
+
+    It is the most frontal one, and of those that are turned alike the largest.
+    """
     seen, first = [], None
     for photo in photos:
         try:
@@ -221,11 +228,10 @@ def _usable(photos: list[Photo]) -> list[_Seen]:
         assert first is not None
         raise first
     seen.sort(key=lambda one: abs(face_yaw(one.picture.landmarks)))
-    # Of those that are turned alike the sharpest.
-    most = abs(face_yaw(seen[0].picture.landmarks)) + ALIKE
-    first = max((one for one in seen if abs(face_yaw(one.picture.landmarks)) <= most),
-                key=lambda one: ear_to_ear(one.picture.landmarks))
-    return [first, *(one for one in seen if one is not first)]
+    most = min(abs(face_yaw(seen[0].picture.landmarks)) + ALIKE, ABOUT_FRONTAL)
+    decisive = max((one for one in seen if abs(face_yaw(one.picture.landmarks)) <= most),
+                   key=lambda one: ear_to_ear(one.picture.landmarks), default=seen[0])
+    return [decisive, *(one for one in seen if one is not decisive)]
 
 
 def _leave_out(name: str, why: str) -> None:
@@ -331,14 +337,10 @@ def _pictured(image: NDArray[np.uint8], matte: Float32, hair: Float32, landmarks
     return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden)
 
 
-def _captured(fit: HeadFit, seen: list[_Seen], alike: list[int]) -> Capture:
-    """The capture of fitted photos; the world is the first one's head.
-
-    Those that are ``alike`` are of its moment.
-    """
-    base, of_it = fit.views[0], [seen[one] for one in alike]
-    vertices = _laid_over(fit.of(alike), [one.picture for one in of_it],
-                          [one.shown for one in of_it])
+def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
+    """The capture of fitted photos; the world is the first one's head."""
+    base = fit.views[0]
+    vertices = _laid_over(fit, [one.picture for one in seen], [one.shown for one in seen])
     # Landmarks lie where detectors see them, and as deep as they would be triangulated.
     points = vertices[fit.prior.landmarks].copy()
     if fit.prior.lean is not None:
@@ -359,9 +361,8 @@ def _captured(fit: HeadFit, seen: list[_Seen], alike: list[int]) -> Capture:
                         "focal": view.focal, "center": view.center.tolist(),
                         "expression": view.expression.tolist(),
                         "landmarks": one.picture.landmarks.tolist(), "cut_out": one.given,
-                        "skull": None if one.skull is None else [p.tolist() for p in one.skull],
-                        "other_moment": index not in alike}
-                       for index, (view, one) in enumerate(zip(fit.views, seen, strict=True))]}
+                        "skull": None if one.skull is None else [p.tolist() for p in one.skull]}
+                       for view, one in zip(fit.views, seen, strict=True)]}
     capture = Capture(
         cameras, [one.image for one in seen],
         [np.rint(255 * np.clip(one.matte, 0, 1)).astype(np.uint8) for one in seen],
@@ -403,10 +404,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     config = config or ReconstructConfig()
     points = config.resolution or min(lattice_points(capture.cameras.pixel), config.max_resolution)
 
-    # Photos of other moments have helped to shape the head; the rest would be of several people.
-    views = [view for view, known in enumerate(capture.figures[FIT]["views"])
-             if not known.get("other_moment")]
-    fit = _kept_fit(capture).of(views)
+    fit, views = _kept_fit(capture), range(len(capture))
     assert capture.landmarks is not None
     looks = [_looked_at(capture, view) for view in views]
     pictures, camera = [picture for picture, _ in looks], capture.cameras[0]
@@ -422,7 +420,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     samples = MeshSamples.of(vertices, fit.prior.outer, fit.prior.rest)
     note(progress, "hair and body from the outline")
     sensed = _sensed(capture, parts, samples, progress)
-    wires, images = _bare(capture, views, fit, pictures, local, samples)
+    wires, images = _bare(capture, fit, pictures, local, samples)
     shots = [_shot(capture, view, image, *looked, samples)
              for view, image, looked in zip(views, images, looks, strict=True)]
     worn = shots[0].clothes
@@ -443,7 +441,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     note(progress, "colors")
     field = _colored(capture, shell, shots, wires)
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
-               "train": {"rays": 0, "views": len(views), "rays_per_second": 0.0},
+               "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
                "peak_memory_bytes": peak_memory_bytes(),
                "seconds": {"train": round(time.perf_counter() - begun - seconds, 3), "test": 0.0}}
@@ -471,11 +469,11 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
                    open_mouth(picture.landmarks, matte.shape), worn)
 
 
-def _bare(capture: Capture, views: list[int], fit: HeadFit, pictures: list[Picture],
-          local: Float64, samples: MeshSamples) -> tuple[Wires | None, list[NDArray[np.uint8]]]:
-    """The spectacles that the first of some photos shows, and these photos without any."""
+def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float64,
+          samples: MeshSamples) -> tuple[Wires | None, list[NDArray[np.uint8]]]:
+    """The spectacles that the first photo shows, and the photos without any."""
     wires, images = None, []
-    for view, picture in zip(views, pictures, strict=True):
+    for view, picture in enumerate(pictures):
         shown = bare = _shown(capture, view)
         if view:
             bare = without_wires(shown, picture.landmarks)
