@@ -32,7 +32,7 @@ deviation of their grey values from which on they show anything."""
 FURTHEST = 0.15  # A place is looked for so far away at most, over the distance of the eyes.
 VERY_LIKE, SAME, LEAST = 0.9, 0.27, 200
 """Correlation from which on windows are very like; from which share of such windows on two photos
-are of one moment (of one they have 0.35 to 0.95, of different days or expressions 0 to 0.21); and
+are of one moment (of one they have 0.40 to 0.95, of different days or expressions 0 to 0.18); and
 pixels that say it at least."""
 MOST = 160  # Places that are taken of a photo, at most.
 
