@@ -84,15 +84,13 @@ def test_photos_of_another_day_are_known_by_what_they_show():
     pictures = [Picture((SIZE, SIZE), view.project(vertices)[prior.landmarks], FOCAL)
                 for view in views]
     fit = HeadFit(prior, np.zeros(len(prior.identity)), views, [0.0] * 3, 0.0)
-    days = [[_photo(prior, vertices, view, _grainy(vertices, day), 2) for view in views]
-            for day in range(2)]
-    for chosen in ((0, 1, 0), (0, 0, 1)):
-        images = [days[day][view] for view, day in enumerate(chosen)]
-        assert of_one_moment(fit, pictures, images) == [day == 0 for day in chosen]
+    first, aside, far = (_photo(prior, vertices, view, _grainy(vertices, 0), 2) for view in views)
+    other = _photo(prior, vertices, views[1], _grainy(vertices, 1), 2)
+    assert of_one_moment(fit, pictures, [first, other, far]) == [True, False, True]
     # In other light, and half as bright, it is of the same moment; where nothing is seen, of none.
-    darker = np.asarray(days[0][1] * np.linspace(0.3, 0.6, SIZE)[:, None], np.uint8)
+    darker = np.asarray(aside * np.linspace(0.3, 0.6, SIZE)[:, None, None], np.uint8)
     blank = np.full_like(darker, 128)
-    assert of_one_moment(fit, pictures, [days[0][0], darker, blank]) == [True, True, False]
+    assert of_one_moment(fit, pictures, [first, darker, blank]) == [True, True, False]
 
 
 def test_a_surface_unlike_the_models_turns_no_photo():
