@@ -179,7 +179,8 @@ def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
     shell = SimpleNamespace(owner=np.array([HAIR, *[HEAD] * 6]),
                             scalp=np.array([False, *[True] * 5, False]),
                             face=np.ones(7, bool),
-                            on=np.arange(7.0)[:, None] * [0.3, 0, 0], voxel=0.01)
+                            on=np.arange(7.0)[:, None] * [0.3, 0, 0], voxel=0.01,
+                            away=np.zeros(7))
     own = SimpleNamespace(best=np.array([1, 0, HIDDEN / 2, 1, 1, 1, 0]),
                           share=np.array([0, 0, 0, 0, 0.5, 1, 0]))
     unseen = SimpleNamespace(best=np.zeros(7), share=np.zeros(7))
@@ -189,6 +190,19 @@ def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
     assert np.allclose(_hairy(shell, own, grown), [1, 1, 0.5, 0, 0.5, 1, 1])
     shell.owner[:] = HEAD
     assert not _hairy(shell, own, grown).any(), "a shaven head"
+
+
+@pytest.mark.parametrize("deep, hairy", [(-0.04, False), (0.0, True)])
+def test_hair_that_lies_deep_within_skin_is_not_seen(deep, hairy):
+    # A cheek that no photo shows, and something of hair's, in it or on it.
+    cheek = np.arange(60.0)[:, None] * [0.01, 0, 0]
+    shell = SimpleNamespace(owner=np.repeat([HEAD, HAIR], [60, 20]), scalp=np.zeros(80, bool),
+                            face=np.ones(80, bool), on=np.concatenate([cheek, cheek[:20]]),
+                            away=np.repeat([0.0, deep], [60, 20]), voxel=0.01)
+    unseen = SimpleNamespace(best=np.zeros(80), share=np.zeros(80))
+    found = _hairy(shell, unseen, unseen)[:60]
+    assert found[40:].max() == 0
+    assert (found[:15].min() > 0.9) == hairy and (found[:15].max() > 0.1) == hairy
 
 
 def test_ground_in_hair_is_found_and_highlights_are_not():

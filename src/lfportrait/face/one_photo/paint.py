@@ -474,7 +474,9 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     # At a temple that a photo hardly sees the outline of hair has bays.
     head = (shell.owner == HEAD) | (shell.owner == HAIR)
     bare = np.maximum(own.best * (1 - own.share), alike * (1 - other.share))
-    within = _closed(shell.on[head], out[head] > 0.5, bare[head], shell.voxel)
+    # What lies deep within skin may be hair's, and is none.
+    near = np.abs(shell.away[head]) < 1.5 * shell.voxel
+    within = _closed(shell.on[head], near & (out[head] > 0.5), bare[head], shell.voxel)
     out[head] = np.maximum(out[head], within * unseen[head])
     return np.asarray(out)
 
