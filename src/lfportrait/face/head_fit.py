@@ -84,6 +84,8 @@ class Picture:
     inside: Float32 | None = None
     hair: Float32 | None = None  # float32 [H, W] in [0, 1], or None.
     clothes: Bool | None = None  # bool [H, W], what lies below the ears and is no skin, or None.
+    # float64 [68, 2], landmarks of the jaw's edge in pixels where the photo shows one; or None.
+    jaw: Float64 | None = None
 
     @property
     def eyes(self) -> float:

@@ -12,7 +12,7 @@ from lfportrait.face.one_photo.lattice import shell_of
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
-from lfportrait.face.one_photo.solid import Solid
+from lfportrait.face.one_photo.solid import HEAD, Solid
 
 SIZE = 100
 
@@ -39,6 +39,19 @@ def test_free_space_does_not_reach_what_is_within_the_shell(solid):
     middle = tuple(one // 2 + 1 for one in there.shape)
     assert not there[tuple(one // 2 for one in there.shape)]
     assert outer[middle] != outer[0, 0, 0]
+
+
+def test_the_neck_behind_a_jaw_is_none_of_the_face(solid):
+    """However high the jaw's corners are: a photo shows their edge before the neck."""
+    shell = shell_of(solid, 64)
+    rest = solid.head.at_rest(shell.on)
+    face = shell.whole_face
+    head = shell.owner == HEAD
+    beside = head & (rest[:, 2] < 0.0) & (rest[:, 1] > 0.0) & (rest[:, 1] < 0.04)
+    assert beside.sum() > 20 and not face[beside].any()
+    chin = head & (rest[:, 2] > 0.06) & (rest[:, 1] > 0.0)
+    cheeks = head & (rest[:, 2] > 0.03) & (rest[:, 1] > 0.025)
+    assert chin.any() and face[chin].all() and cheeks.any() and face[cheeks].all()
 
 
 @pytest.mark.slow  # many points; a few: here, too

@@ -1,10 +1,18 @@
 """Maps of a person: what lies beyond a photo's upper edge, and what is no hair."""
 
+import cv2
 import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.face.one_photo.parts import ON_TOP, Parts, clean_hair, parts_of
+from lfportrait.face.one_photo.parts import (
+    ON_TOP,
+    Parts,
+    clean_colors,
+    clean_hair,
+    ground_in_blur,
+    parts_of,
+)
 
 SIDE, SKULL = 240, 0.6
 
@@ -164,3 +172,26 @@ def test_hair_that_a_side_cuts_off_is_closed_round_and_shoulders_go_on():
     assert abs(hair - shoulder) <= 2
     assert long[round(factor * 45)] < hair - 0.04 * SIDE * factor, "no box"
     assert abs(long[round(factor * 170)] - shoulder) <= 2
+
+
+@pytest.mark.parametrize(("blur", "mixed"), [(0.5, False), (6.0, True)])
+def test_ground_is_found_in_an_outline_out_of_focus(blur, mixed):
+    shown = np.zeros((300, 300), np.float32)
+    cv2.circle(shown, (150, 150), 100, 1.0, -1)
+    shares = cv2.GaussianBlur(shown, (0, 0), blur)[..., None]
+    image = np.uint8(shares * [190, 140, 120] + (1 - shares) * [240, 240, 250])
+    found = ground_in_blur(image, shown, None, 300.0)
+    row, column = np.mgrid[:300, :300]
+    inner = 100 - np.hypot(row - 150, column - 150)
+    if mixed:
+        assert found[(inner > 2) & (inner < 1.5 * blur)].all()
+        assert not found[inner > 3.5 * blur].any()
+        hair = np.zeros_like(shown)
+        hair[:150] = 1
+        assert not ground_in_blur(image, shown, hair, 300.0)[:150].any()
+        # The person's colors are its own up to the outline.
+        clean = clean_colors(image, shown, found)[(inner > 0) & (inner < 20)]
+        assert np.abs(clean * 255 - [190, 140, 120]).max() < 6
+        assert np.abs(clean_colors(image, shown)[inner > 0] * 255 - [190, 140, 120]).max() > 10
+    else:
+        assert not found[inner > 3].any()

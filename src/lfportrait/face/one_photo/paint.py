@@ -36,9 +36,10 @@ from .piece import METRES
 from .solid import HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
-LEAST, FULL = 0.25, 0.45
-"""Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
-all."""
+LOOSE, FIRM = (0.25, 0.45), (0.06, 0.2)
+"""Cosines of incidence of hair, and of all else: below the first (75 and 87 degrees) a photo says
+nothing, from the second on all. Loose hair lets the ground through, and has no surface."""
+LEAST = 0.25  # What is more slanted has no edge of its own (`_Depths.beside_edge`): a cosine.
 CELL = 0.03  # Of the finest lattice that colors are spread on, portrait units.
 UPWARDS = 1.8  # Colors come from the sides rather than from above or below.
 HIDDEN = 0.3  # How little a photo shows of what it says little of.
@@ -147,7 +148,8 @@ class Shot:
         to_eye = self.camera.position[0] - points
         to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
         cosine = (normals * to_eye).sum(axis=1)
-        share = np.clip((cosine - LEAST) / (FULL - LEAST), 0, 1)
+        least, full = (np.where(owner == HAIR, *ends) for ends in zip(LOOSE, FIRM, strict=True))
+        share = np.clip((cosine - least) / (full - least), 0, 1)
         cells = np.array(solid.all.shape[::-1])
         small = np.floor(pixels / size * cells).astype(np.int64)
         within = (small >= 0).all(axis=1) & (small < cells).all(axis=1)

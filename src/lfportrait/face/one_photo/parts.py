@@ -41,6 +41,15 @@ COARSER = 3.0  # Pixels by which colors are blurred at most before they are halv
 FUZZ = 0.18
 """Hair is so thin up to here from the outline that ground may be seen through it, portrait units.
 """
+BLUR_CELL, BLURS = 0.0025, (1.0, 2.5)
+"""Cells that the blur of an outline is measured in, portrait units; and how much more edges are
+blurred there to see how much they are, cells."""
+SHARP, BLURRIEST = 1.3, 8.0
+"""How blurred (standard deviation, cells) an outline is whose ground is seen in what lies within;
+and at most."""
+WITHIN = 2.0  # So many of these lie between an outline and what the ground does not reach.
+BESIDE, STEP = 4, 0.01
+"""An outline's edge is so near to it, cells; how strong it is at least, over a cell."""
 
 
 @dataclass(frozen=True)
@@ -237,12 +246,50 @@ def _gaps(part: Bool, largest: float) -> Bool:
     return np.asarray((labels > 0) & (size < largest)[labels])
 
 
+def ground_in_blur(image: NDArray[np.uint8], matte: NDArray[np.floating],
+                   hair: NDArray[np.floating] | None, unit: float) -> Bool:
+    """Where an outline out of focus mixes person and ground, bool [H, W]; not in hair.
+
+    The less an edge weakens where it is blurred more, the more it was before (Zhuo and Sim 2011).
+
+    Parameters
+    ----------
+    image : uint8 [H, W, 3], with its ground.
+    matte, hair : [H, W] in [0, 1].
+    unit : Pixels to a portrait unit.
+    """
+    factor = min(1.0, 1.0 / (BLUR_CELL * unit))
+    size = tuple(max(2, round(side * factor)) for side in image.shape[1::-1])
+    small, alpha = (np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_AREA), np.float32)
+                    for one in (image, np.asarray(matte, np.float32)))
+    slopes = [_slopes(small / np.float32(255), sigma) for sigma in BLURS]
+    deep = signed_distance(alpha)
+    near = np.where(np.abs(deep) < BESIDE, slopes[1], np.float32(0))
+    edges = (near >= cv2.dilate(near, np.ones((7, 7), np.uint8))) & (near > STEP)
+    ratio = np.clip(slopes[0] / np.maximum(slopes[1], 1e-6), 1.02, BLURS[1] / BLURS[0])
+    blur = np.sqrt((BLURS[1] ** 2 - (ratio * BLURS[0]) ** 2) / (ratio ** 2 - 1))
+    weight = np.where(edges, np.minimum(near, 10 * STEP), np.float32(0))
+    sums = cv2.GaussianBlur(np.dstack([weight * np.minimum(blur, BLURRIEST), weight]), (0, 0), 6.0)
+    sigma = sums[..., 0] / np.maximum(sums[..., 1], 1e-9)
+    mixed = ((sigma > SHARP) & (deep < WITHIN * sigma)).astype(np.uint8)
+    whole = cv2.resize(mixed, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return np.asarray(whole if hair is None else whole & (hair < 0.5))
+
+
+def _slopes(colors: Float32, sigma: float) -> Float32:
+    """How steep blurred colors [h, w, 3] are, over a cell, [h, w]."""
+    blurred = cv2.GaussianBlur(colors, (0, 0), sigma)
+    return np.asarray(np.sqrt(sum((cv2.Sobel(blurred, cv2.CV_32F, one, 1 - one) / 8) ** 2
+                                  for one in (0, 1)).sum(axis=2)), np.float32)
+
+
 def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],
                  fuzz: NDArray[np.bool_] | None = None) -> Float32:
     """The person's own colors, float32 [H, W, 3] in [0, 1], continued beyond the outline.
 
     At the outline a photo mixes person and ground, by a pixel or two more than a matte knows: what
-    lies there gets the colors further inside; so does ``fuzz`` (`ground_in_hair`).
+    lies there gets the colors further inside; so does ``fuzz`` (`ground_in_hair`,
+    `ground_in_blur`).
     """
     colors = np.asarray(image, np.float32) / np.float32(255)
     reach = 2 + max(image.shape[:2]) // 700

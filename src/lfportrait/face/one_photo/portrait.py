@@ -49,10 +49,20 @@ from .beside import faces_of_people, in_one_piece, seen_from_near, sitter_alone
 from .cloth import clothes_of
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
+from .jaw import on_jaw_edge
 from .lattice import Shell, shell_of
 from .matches import found_again, of_one_moment
 from .paint import Shot, painted
-from .parts import FUZZ, Parts, clean_colors, clean_hair, ground_in_hair, parts_of, signed_distance
+from .parts import (
+    FUZZ,
+    Parts,
+    clean_colors,
+    clean_hair,
+    ground_in_blur,
+    ground_in_hair,
+    parts_of,
+    signed_distance,
+)
 from .piece import METRES
 from .samples import MeshSamples, depth_maps
 from .skin import clothes, not_skin, open_mouth
@@ -334,7 +344,8 @@ def _pictured(image: NDArray[np.uint8], matte: Float32, hair: Float32, landmarks
     hidden = clothes(image, hair, landmarks)
     if beard is not None:  # it hides the head's outline, too
         hidden = hidden | (beard.whole > 0.5)
-    return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden)
+    jaw = on_jaw_edge(image, landmarks) if beard is None else None
+    return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden, jaw)
 
 
 def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
@@ -457,8 +468,10 @@ def _shot(capture: Capture, view: int, image: NDArray[np.uint8], picture: Pictur
     hair, fuzz = picture.hair, None
     camera, matte = capture.cameras[view], capture.alphas[view] / np.float32(255)
     unit = float(camera.focal[0, 0]) / float(np.linalg.norm(camera.position[0]))
-    if hair is not None and not _cut_out(capture, view):
-        fuzz = ground_in_hair(image, matte, hair, FUZZ * unit)
+    if not _cut_out(capture, view):
+        fuzz = ground_in_blur(image, matte, hair, unit)
+        if hair is not None:
+            fuzz |= ground_in_hair(image, matte, hair, FUZZ * unit)
     colors = clean_colors(image, matte, fuzz)
     below = None if beard is None else beneath(beard.below, unit)
     whole, worn = None if beard is None else beard.whole, None
