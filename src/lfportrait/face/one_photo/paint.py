@@ -36,8 +36,8 @@ from .piece import METRES
 from .solid import HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
-LOOSE, FIRM = (0.25, 0.45), (0.06, 0.2)
-"""Cosines of incidence of hair, and of all else: below the first (75 and 87 degrees) a photo says
+LOOSE, FIRM = (0.25, 0.45), (0.15, 0.35)
+"""Cosines of incidence of hair, and of all else: below the first (75 and 81 degrees) a photo says
 nothing, from the second on all. Loose hair lets the ground through, and has no surface."""
 LEAST = 0.25  # What is more slanted has no edge of its own (`_Depths.beside_edge`): a cosine.
 CELL = 0.03  # Of the finest lattice that colors are spread on, portrait units.
