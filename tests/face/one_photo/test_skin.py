@@ -135,6 +135,28 @@ def test_beside_the_edge_of_a_turned_nose_a_photo_says_nothing(yaw, least, most,
             assert one <= weight <= two
 
 
+@pytest.mark.parametrize("gap", [0.02, 0.001])
+def test_hair_that_hangs_before_skin_has_no_rim_of_its_color(gap):
+    """Where the two meet on the skin a photo's own hairline stays."""
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=2800.0,
+                        target=(0, 0, 0), pitch=0.0)
+    curtain = Nothing()
+    left = np.arange(SIDE)[None, :] < SIDE // 2
+    curtain.depth = lambda *_: (np.ones((SIDE, SIDE)),
+                                np.where(left, 4.0 - gap / METRES, 4.0) + np.zeros((SIDE, 1)))
+    solid = _Depths.of(curtain, Nothing(), camera, 0.02)
+    shot = Shot.of(camera, shaded(), (left + np.zeros((SIDE, 1))).astype(np.float32))
+    weights = []
+    for beside in (0.5, 40.5):
+        origin, ray = camera.rays(0, np.array([[SIDE / 2 - beside, SIDE / 2]]))
+        point = origin + ray * (4.0 - gap / METRES) / float(ray[0] @ camera.pose[0, :3, 2])
+        towards = (origin - point) / np.linalg.norm(origin - point)
+        for owner in (HAIR, BODY):
+            weights.append(shot.look(point, towards, solid, 0.02,
+                                     np.array([owner], np.uint8)).weight[0])
+    assert weights == pytest.approx([float(gap < 0.01), 1, 1, 1], abs=0.05)
+
+
 @pytest.mark.parametrize("unit", [40.0, 128.0, 400.0])
 @pytest.mark.parametrize("cosine", [0.45, 0.7])
 def test_what_is_slanted_is_no_edge(cosine, unit):

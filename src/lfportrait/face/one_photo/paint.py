@@ -76,6 +76,9 @@ exactly."""
 DEEP, ABOUT = 0.006 / METRES, 0.012 / METRES
 """What lies so much farther behind a face than its outline, and in the photo less than the second
 beside it, may have the face's color: no fitted jaw ends exactly where the photo's does."""
+RIM = (0.55, 0.7)
+"""Hair that hangs before something has that one's color along its edge: where a photo shows less
+hair than the first it says nothing of it, from the second on all."""
 TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face hides itself so.
 UNDERSIDE = -0.3  # What faces down by more, as the underside of a nose, is the photo's at an edge.
 LIP = 0.025 / METRES
@@ -163,6 +166,9 @@ class Shot:
         weight[head] *= 1 - solid.beside_edge(small[head], far[head], cosine[head],
                                               normals[head, 1] < UNDERSIDE)
         weight *= 1 - np.where(owner == HAIR, 0.0, solid.behind_face(small, far))
+        curls = np.flatnonzero((owner == HAIR) & (weight > 0))
+        bare = np.clip((RIM[1] - hair[curls]) / (RIM[1] - RIM[0]), 0, 1)
+        weight[curls] *= 1 - bare * solid.before_gap(small[curls], far[curls])
         kept = np.where((owner == HEAD) | (owner == HAIR), 0.0, 1.0)
         if self.mouth is not None:
             # Above teeth lies the underside of a lip, which the photo may not see.
@@ -233,6 +239,10 @@ class _Depths(NamedTuple):
         before = np.where(under, 0.0, self.farthest[place] - far)
         excess = np.maximum(far - self.nearest[place], before) - slope
         return self.turned * np.clip(excess / LEDGE - 1, 0, 1)
+
+    def before_gap(self, at: NDArray[np.int64], far: Float64) -> Float64:
+        """How much places [N] at columns and rows [N, 2] stand before what is beside them, [N]."""
+        return np.clip((self.farthest[at[:, 1], at[:, 0]] - far) / LEDGE - 1, 0, 1)
 
     def behind_face(self, at: NDArray[np.int64], far: Float64) -> Float64:
         """How much the face may lie before places [N] at columns and rows [N, 2], [N]."""
