@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Bool, Float32, Float64, UInt8
+from ...color import to_lab
 from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
 
@@ -200,9 +201,7 @@ def skin_distance(colors: NDArray[np.floating], face: Bool, light: float = 0.4) 
     Colors [..., 3] are sRGB in [0, 1], ``face`` bool [...] is its skin; ``light`` is how much light
     and shade count against hue and chroma.
     """
-    from skimage.color import rgb2lab
-
-    values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32)
+    values = to_lab(colors).astype(np.float32)
     values *= np.array([light, 1.0, 1.0], np.float32)
     if face.sum() < 50:
         return np.zeros(colors.shape[:-1], np.float32)
