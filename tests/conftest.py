@@ -231,10 +231,12 @@ def pytest_configure(config: pytest.Config) -> None:
     """Watch the clock in the process that hands out the tests.
 
     The filter is not in pyproject.toml: for its class pytest would load Numba and OpenBLAS before
-    this file has set their threads.
+    this file has set their threads. Hypothesis reads sources when the tests are collected.
     """
     config.addinivalue_line("filterwarnings",
                             "ignore::numba.core.errors.NumbaPerformanceWarning")
+    if not all_run():
+        no_constants()
     option = config.option
     if (config.args_source is pytest.Config.ArgsSource.TESTPATHS
             and getattr(option, "numprocesses", None) and getattr(config, "cache", None)
@@ -409,23 +411,40 @@ def plain_browser(playwright):
         yield running
 
 
+def no_constants() -> None:
+    """Let Hypothesis try no numbers that stand in the sources, as it does where all tests are run.
+
+    It reads every source for them: in a new checkout three seconds of a core.
+    """
+    with suppress(ImportError):  # where this version of Hypothesis has that elsewhere
+        from hypothesis.internal.conjecture import providers
+
+        vars(providers)["is_local_module_file"] = lambda path: False
+
+
+def read_constants(root: Path, share: slice) -> None:
+    """Find the constants in a share of the sources, for Hypothesis in all processes."""
+    with suppress(ImportError):
+        from hypothesis.internal.constants_ast import constants_from_module
+
+        for path in sorted(path for folder in ("src", "scripts")
+                           for path in (root / folder).rglob("*.py"))[share]:
+            module = ModuleType(path.stem)
+            module.__file__ = str(path)
+            constants_from_module(module)
+
+
 def import_a_share(config: pytest.Config) -> None:
     """Read some of the sources and import some of the test files: of each process others.
 
     In a new checkout each test file is rewritten for its asserts, which takes longer than all else
-    before the tests, and Hypothesis looks for constants in each source. What another process has
-    written is read.
+    before the tests, and Hypothesis looks for constants in each source (`no_constants`). What
+    another process has written is read.
     """
     number = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
     share = slice(number, None, int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))
-    with suppress(ImportError):  # where this version of Hypothesis has them elsewhere
-        from hypothesis.internal.constants_ast import constants_from_module
-
-        for path in sorted(path for folder in ("src", "scripts")
-                           for path in (config.rootpath / folder).rglob("*.py"))[share]:
-            module = ModuleType(path.stem)
-            module.__file__ = str(path)
-            constants_from_module(module)
+    if all_run():
+        read_constants(config.rootpath, share)
     for folder in config.getini("testpaths"):
         paths = sorted((config.rootpath / folder).rglob("test_*.py"))
         paths = [path for path in paths if not wholly_slow(path)]

@@ -66,5 +66,10 @@ def _inner(value):
 class OtherMemory(TorchDispatchMode):
     """While this is entered, `PLACE` is such a device."""
 
+    @classmethod
+    def _should_skip_dynamo(cls):
+        # Else torch's compiler, which is given nothing here, is imported, for seconds.
+        return False
+
     def __torch_dispatch__(self, function, types, args=(), kwargs=None):
         return _run(function, args, kwargs or {})

@@ -128,6 +128,7 @@ def spoiled(old, new):
     (spoiled('"stl", "STL model", "For 3D printers"', '"glb", "a", "b"'), "there is glb already"),
     (spoiled("name, title, purpose =", "name, title, other ="), "it has no purpose"),
     (spoiled("parameters = StlConfig", "parameters = dict"), "are no data class"),
+    (spoiled('mm", 100.0, 1, 1000)', 'mm", None)'), "option height is no number, text or choice"),
     (spoiled("height: float = 100.0", "height: float"), "missing 1 required")])
 def test_a_broken_export_is_left_out_with_a_line(install, head, capsys, tmp_path, module, line):
     install(module)

@@ -50,6 +50,13 @@ def srgb_values(light: NDArray[np.floating[Any]]) -> Float64:
                                1.055 * np.maximum(value, 1e-8) ** (1 / 2.4) - 0.055), np.float64)
 
 
+def to_lab(picture: NDArray[Any]) -> NDArray[np.floating[Any]]:
+    """CIE Lab of sRGB values [..., 3], bytes or floats, which are clipped to [0, 1]."""
+    from skimage.color import rgb2lab  # takes a while to import
+
+    return np.asarray(rgb2lab(picture if picture.dtype == np.uint8 else np.clip(picture, 0, 1)))
+
+
 def _to_xyz(primaries: tuple[float, ...]) -> Float64:
     """The matrix [3, 3] from linear RGB with these primaries to XYZ (SMPTE RP 177)."""
     x, y = np.array(primaries[0::2]), np.array(primaries[1::2])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Transfer, transfers
-from lfportrait.example.guides.lines import drawn_lines
+from lfportrait.example.guides.filters import drawn_lines
 from lfportrait.example.guides.regions import Regions, soft_face
 from tests.portraits import drawn_face, with_lines
 

@@ -112,4 +112,3 @@ def test_specimens_are_what_they_stand_for():
     assert np.linalg.norm(capture.landmarks, axis=1) == pytest.approx(0.6)
     shot = field.render(capture.cameras, len(capture) // 2)
     assert 0.05 < shot.alpha.mean() < 0.6
-    assert ball_capture(cut_out=False).alphas is None

@@ -161,7 +161,7 @@ def test_unknown_displays_and_calibrations(tmp_path):
 
 
 # Casting with nine coefficients compiles for seconds what takes the same rays as with one. What
-# nine are on a ray: `test_raycast`, and of coding `test_slices`.
+# nine are on a ray: `test_raycast`, and in slices: `test_views`.
 @pytest.fixture(scope="module", params=[1, pytest.param(9, marks=pytest.mark.slow)])
 def field(request):
     return shell_field(basis=request.param, size=28, density=40.0)

@@ -41,17 +41,11 @@ def coded(field, display, **options):
                   mask=ViewMask.build(display, cache=False))
 
 
-# Four coefficients have terms of their own (`make_build`). Kernels for them take seconds to
-# compile, and who reconstructs has one or nine: of the tests of coding only these have any.
 CASES = [
     ({}, {}, {}),
-    pytest.param({"basis": 4, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3},
-                 marks=pytest.mark.slow),
-    ({"basis": 1, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3}),
-    ({"basis": 1, "shape": (20, 14, 31)}, {"eye_height": 0.7}, {"background": 0.2}),
+    ({"size": 17}, {"subpixels": "BGR"}, {"focus": 0.3}),
+    ({"shape": (20, 14, 31)}, {"eye_height": 0.7}, {"background": 0.2}),
     ({"box": (0.8, 1.1, 0.9), "center": (0.1, -0.05, 0.2)}, {}, {"turn": 25.0}),
-    pytest.param({"basis": 4, "size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0},
-                 marks=pytest.mark.slow),
     ({"size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0}),
     ({"size": 40}, {}, {"draft": True}),
     ({"size": 5, "density": 4.0}, {"cone": 20}, {"size": 1.1, "shift_x": 0.4, "shift_y": 0.3}),
@@ -59,9 +53,18 @@ CASES = [
 ]
 
 
+# The kernel for nine coefficients takes five seconds to compile. Slices of nine are built and
+# followed for views, too, whose kernel is smaller and compared with a twin (`test_views`).
+BASES = [1, pytest.param(9, marks=pytest.mark.slow)]
+# Four have terms of their own (`make_build`), but who reconstructs has one or nine: of the tests of
+# coding only this one has any.
+FOUR = pytest.param(4, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("basis", [*BASES, FOUR])
 @pytest.mark.parametrize(("field", "panel", "options"), CASES)
-def test_every_sub_pixel_equals_the_twin(field, panel, options):
-    field = shell_field(**{"size": 24, "basis": 9, **field})
+def test_every_sub_pixel_equals_the_twin(field, panel, options, basis):
+    field = shell_field(**{"size": 24, "basis": basis, **field})
     display = dataclasses.replace(SMALL, **panel)
     config = EncodeConfig(**options)
     image = coded(field, display, **options)
@@ -143,8 +146,7 @@ def smooth_field(basis, size=64):
     {}, {"turn": 20.0}, {"blend": "continuous"}, {"focus": -0.3, "size": 0.6}, {"draft": True}])
 @pytest.mark.parametrize("panel", [
     {}, {"subpixels": "BGR", "eye_height": 0.4}, {"cone": 20, "inverted": True}])
-# Direct casting with nine is compiled for nothing else; the twins above have nine.
-@pytest.mark.parametrize("basis", [1, pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("basis", BASES)
 def test_slices_show_what_direct_casting_shows(options, basis, panel):
     field = smooth_field(basis)
     display = dataclasses.replace(SMALL, width=240, height=160, **panel)
@@ -156,8 +158,9 @@ def test_slices_show_what_direct_casting_shows(options, basis, panel):
     assert psnr(image / 255.0, direct / 255.0) > (40 if "draft" in options else 44)
 
 
-def test_one_view_is_what_that_view_has_in_the_coded_picture():
-    field = smooth_field(9, 32)
+@pytest.mark.parametrize("basis", BASES)
+def test_one_view_is_what_that_view_has_in_the_coded_picture(basis):
+    field = smooth_field(basis, 32)
     image = coded(field, SMALL)
     rows, columns = np.ogrid[:40, :60]
     config = EncodeConfig(method="slices")
@@ -169,8 +172,9 @@ def test_one_view_is_what_that_view_has_in_the_coded_picture():
             assert np.array_equal(image[..., place][own], whole[..., place][own])
 
 
-def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
-    field = smooth_field(9, 32)
+@pytest.mark.parametrize("basis", BASES)
+def test_masks_that_were_built_or_read_need_one_compilation(tmp_path, basis):
+    field = smooth_field(basis, 32)
     for loaded in (False, True):
         mask = ViewMask.build(SMALL, cache=tmp_path)
         assert mask.loaded == loaded
@@ -178,7 +182,7 @@ def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
     render_view(field, SMALL, 3, EncodeConfig(method="slices"))
     # Of each width of the mask's numbers there is one kernel: Numba tells arrays that can't be
     # written to from others.
-    kinds = [signature[12].dtype for signature in slice_kernel(9).kernel.signatures]
+    kinds = [signature[12].dtype for signature in slice_kernel(basis).kernel.signatures]
     assert len(kinds) == len(set(kinds))
 
 
@@ -196,8 +200,9 @@ def test_the_method_follows_the_placement():
         method(method="slices", turn=120.0)
 
 
-def test_an_empty_field_leaves_the_background():
-    field = shell_field(size=12)
+@pytest.mark.parametrize("basis", BASES)
+def test_an_empty_field_leaves_the_background(basis):
+    field = shell_field(size=12, basis=basis)
     field.density[:] = 0.0
     assert (coded(field, SMALL, background=0.4) == 102).all()
 

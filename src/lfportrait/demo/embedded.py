@@ -16,8 +16,9 @@ from ..errors import UserError
 from ..example import Exemplar, Sitting
 from ..face import read_landmarks
 from ..field import C0, VoxelField
-from ..files import read_json
+from ..files import read_json, write_json
 from ..media.pictures import read_image
+from ..temporary import temporary_folder
 from .styles import demo_styles
 
 DATA = Path(__file__).parent / "data"
@@ -71,16 +72,22 @@ def demo_capture(size: int = SIZE, views: int = VIEWS) -> Capture:
     if not LEAST_SIZE <= size <= SIZE:
         raise UserError(f"the demo's photos are {SIZE} pixels wide; give a size from {LEAST_SIZE} "
                         f"to {SIZE} with --size, not {size}")
-    whole = Capture.load(DATA / "capture")
-    assert whole.alphas is not None
     chosen = ((np.arange(views) + 0.5) * VIEWS / views).astype(int)
+    whole, folder = read_json(DATA / "capture" / "transforms.json"), DATA / "capture"
+    # A capture of these alone: to decode all photos would take half a second.
+    with temporary_folder() as fewer:
+        frames = [whole["frames"][view] for view in chosen]
+        write_json(fewer / "transforms.json", {**whole, "frames": [
+            {**frame, "file_path": str(folder / frame["file_path"])} for frame in frames]})
+        taken = Capture.load(fewer)
+    assert taken.alphas is not None
     images, alphas = [], []
-    for view in chosen:
-        picture = resized(np.dstack([whole.images[view], whole.alphas[view]]), size, size)
+    for image, alpha in zip(taken.images, taken.alphas):
+        picture = resized(np.dstack([image, alpha]), size, size)
         alphas.append(np.ascontiguousarray(picture[..., 3]))
         images.append(picture[..., :3] * (picture[..., 3:] > 0))
-    return replace(whole, cameras=whole.cameras[chosen].scaled(size / SIZE), images=images,
-                   alphas=alphas, names=[Path(whole.names[view]).stem for view in chosen],
+    return replace(taken, cameras=taken.cameras.scaled(size / SIZE), images=images, alphas=alphas,
+                   names=[Path(name).stem for name in taken.names],
                    held_out=np.arange(views) % 8 == 4)
 
 

@@ -1,29 +1,16 @@
 from .exemplar import Exemplar, face_size
 from .frontal import FRONTAL, PROFILE, frontal_view, head_mesh, suited
-from .guides.filters import appearance_guide
 from .guides.position import Guides, position_guide
-from .guides.regions import FaceFrame, Regions, find_regions, photo_regions
+from .guides.regions import Regions, find_regions
 from .lids import Lids, asked_lids, closed_words, eye_openings, shut_eyes
 from .mouth import parts_lips
 from .painter.ground import GroundSize, known_ground
 from .painter.picture_materials import painted_shares
-from .patches import PatchSearch
 from .skin.charts import Atlas, draw_atlas
 from .skin.painting import Painting, SkinConfig, SkinPainter, rehearse_painting
 from .skin.sitter import SKIN_PIXELS, Skin, canvas_of
 from .skin.storage import as_stored, load_skin, save_skin, skin_key
-from .styleblit import (
-    BlitConfig,
-    LookUpTable,
-    Seeds,
-    Style,
-    Synthesis,
-    TableConfig,
-    TransferResult,
-    build_table,
-    plant,
-    synthesise,
-)
+from .styleblit import BlitConfig, Style, TableConfig, TransferResult, build_table, synthesise
 from .surface_guide import SurfaceGuide
 from .transfers import (
     Method,
@@ -35,7 +22,6 @@ from .transfers import (
     as_painted,
     face_landmarks,
     fitting,
-    from_the_front,
     mix_regions,
     photo_method,
     prepare,
@@ -43,7 +29,7 @@ from .transfers import (
 )
 from .video import VideoTransfer
 from .worn.hat import Wear, not_worn
-from .worn.inpainting import bared, without_spectacles
+from .worn.inpainting import bared
 
 __all__ = [
     "FRONTAL",
@@ -52,32 +38,26 @@ __all__ = [
     "Atlas",
     "BlitConfig",
     "Exemplar",
-    "FaceFrame",
     "GroundSize",
     "Guides",
     "Lids",
-    "LookUpTable",
     "Method",
     "MethodConfig",
     "Painting",
-    "PatchSearch",
     "PhotoMethod",
     "Regions",
-    "Seeds",
     "Sitting",
     "Skin",
     "SkinConfig",
     "SkinPainter",
     "Style",
     "SurfaceGuide",
-    "Synthesis",
     "TableConfig",
     "Transfer",
     "TransferConfig",
     "TransferResult",
     "VideoTransfer",
     "Wear",
-    "appearance_guide",
     "as_painted",
     "as_stored",
     "asked_lids",
@@ -91,7 +71,6 @@ __all__ = [
     "face_size",
     "find_regions",
     "fitting",
-    "from_the_front",
     "frontal_view",
     "head_mesh",
     "known_ground",
@@ -101,8 +80,6 @@ __all__ = [
     "painted_shares",
     "parts_lips",
     "photo_method",
-    "photo_regions",
-    "plant",
     "position_guide",
     "prepare",
     "rehearse_painting",
@@ -112,5 +89,4 @@ __all__ = [
     "suited",
     "synthesise",
     "transfer",
-    "without_spectacles",
 ]

@@ -34,11 +34,11 @@ from .guides.filters import (
     Distribution,
     appearance_guide,
     broad_blur,
+    drawn_lines,
     gaussian_blur,
     match_histogram,
     shrunk,
 )
-from .guides.lines import drawn_lines
 from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
 from .guides.regions import (
     Regions,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bool, Float32, Float64, UInt8
 from ..color import linear_light
-from .landmarks import FacePose, face_pose
+from .landmarks import face_pose
 from .rims import (
     UNIT,
     Rim,
@@ -101,14 +101,14 @@ def spectacle_lenses(found: Spectacles, shape: tuple[int, int],
     return mask.astype(np.float32)
 
 
-def find_spectacles(image: UInt8, landmarks: NDArray[np.floating],
-                    pose: FacePose | None = None, sure: float = SURE) -> Spectacles | None:
+def find_spectacles(image: UInt8, landmarks: NDArray[np.floating], sure: float = SURE,
+                    ) -> Spectacles | None:
     """The lines of the spectacles in a portrait uint8 [H, W, 3] by its landmarks [68, 2], or None.
 
     ``sure`` is how sure they must be.
     """
     points = np.asarray(landmarks, np.float64)
-    pose = pose or face_pose(points)
+    pose = face_pose(points)
     if abs(pose.yaw) > MOST_TURNED:
         return None
     face = upright(image, points, pose)

@@ -231,10 +231,11 @@ def _holes(triangles: Int32) -> list[Int64]:
 
 def with_normals(points: Float64, triangles: Int32) -> Float64:
     """Outward unit normals [N, 3] of a mesh's vertices, weighted by the triangles' areas."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    face = np.cross(b - a, c - a)
-    out = np.stack([np.bincount(triangles.ravel(), np.repeat(face[:, k], 3), len(points))
-                    for k in range(3)], axis=1)
+    # Coordinate by coordinate: to pick whole points of three numbers takes five times as long.
+    along = np.ascontiguousarray(points.T)
+    a, b, c = (np.take(along, corner, axis=1) for corner in triangles.T)
+    out = np.stack([np.bincount(triangles.ravel(), np.repeat(one, 3), len(points))
+                    for one in np.cross(b - a, c - a, axis=0)], axis=1)
     return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
 
 

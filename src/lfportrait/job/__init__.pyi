@@ -3,7 +3,6 @@ from .graph import (
     FULL,
     QUICK,
     STAGES,
-    Scale,
     Task,
     capture_key,
     code_key,
@@ -28,7 +27,7 @@ from .warmup import Warmup, head_kernels
 from .work import Tools, do_stage
 
 __all__ = ["FAIR", "FULL", "GOOD", "QUICK", "STAGES", "FirstLook", "Inspection", "MadeFrom",
-           "MakeConfig", "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck",
+           "MakeConfig", "PhotoCheck", "PhotoFacts", "Session", "Source", "StyleCheck",
            "Task", "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
            "do_stage", "field_key", "find_face", "fitted", "get_networks", "head_kernels",

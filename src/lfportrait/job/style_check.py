@@ -20,6 +20,7 @@ from scipy import ndimage
 
 from ..arrays import Float32, Float64, UInt8
 from ..capture import Camera
+from ..color import to_uint8
 from ..demo import demo_landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, Regions, frontal_view, head_mesh, shut_eyes
@@ -364,9 +365,8 @@ def _paint(check: StyleCheck) -> None:
     side = 560
     views = Camera.arc(np.array(VIEWS), distance=4.4, width=side, height=side, focal=1.9 * side,
                        target=(0.0, -0.02, 0.0))
-    check.preview = np.concatenate([
-        np.asarray(np.clip(styled.render(views, view).color, 0, 1) * 255 + 0.5, np.uint8)
-        for view in range(len(VIEWS))], axis=1)
+    check.preview = np.concatenate([to_uint8(styled.render(views, view).color)
+                                    for view in range(len(VIEWS))], axis=1)
 
 
 _WIDTH, _TALL, _GAP = 1680, 620, 24

@@ -84,7 +84,7 @@ def _transfer() -> None:
 def _stylize() -> None:
     from ..stylize import rehearse
 
-    rehearse(ball_field(9), ball_capture(), drawn_exemplar())
+    rehearse(ball_field(9), ball_capture())
 
 
 def _encode() -> None:
@@ -288,13 +288,12 @@ def ball_points(cameras: Camera, view: int) -> Float64:
     return points.reshape(int(cameras.height[view]), int(cameras.width[view]), 3)
 
 
-def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
-                 arc: float = 115.0) -> Capture:
-    """Photos of a speckled ball with landmarks on its front, from -``arc`` to ``arc`` degrees."""
-    cameras = Camera.arc(np.linspace(-arc, arc, views), distance=4.0, width=size, height=size,
+def ball_capture(size: int = 32, arc: float = 115.0) -> Capture:
+    """16 photos of a speckled ball, from -``arc`` to ``arc`` degrees; landmarks on its front."""
+    cameras = Camera.arc(np.linspace(-arc, arc, 16), distance=4.0, width=size, height=size,
                          focal=1.7 * size)
     images, alphas = [], []
-    for view in range(views):
+    for view in range(len(cameras)):
         points = ball_points(cameras, view)
         speckles = 130 + 60 * np.sin(7 * points @ np.array([1.0, 1.7, 0.6]))
         images.append(np.repeat(np.nan_to_num(speckles, nan=20.0)[..., None], 3, 2
@@ -303,9 +302,8 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True,
     face = _face()
     x, y = 1.5 * _RADIUS * face[:, 0], -0.7 * _RADIUS * (face[:, 1] + 0.3)
     z = np.sqrt(np.maximum(_RADIUS ** 2 - x ** 2 - y ** 2, 0.0))
-    return Capture(cameras, images, alphas if cut_out else None,
-                   [f"{view}.png" for view in range(views)], np.zeros(views, bool),
-                   landmarks=np.stack([x, y, z], axis=1))
+    return Capture(cameras, images, alphas, [f"{view}.png" for view in range(len(images))],
+                   np.zeros(len(images), bool), landmarks=np.stack([x, y, z], axis=1))
 
 
 def ball_field(basis: int, size: int = 20) -> VoxelField:

@@ -28,7 +28,15 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from ..arrays import Float32, Float64, UInt8
-from ..color import BT2020, SRGB, linear_light, primaries_to_srgb, srgb_values, tone_mapped
+from ..color import (
+    BT2020,
+    SRGB,
+    linear_light,
+    primaries_to_srgb,
+    srgb_values,
+    to_uint8,
+    tone_mapped,
+)
 
 _PROFILED = ("L", "RGB", "CMYK", "LAB")  # Pillow's modes that LittleCMS converts.
 _D65, _DCI_WHITE, _C = (0.3127, 0.3290), (0.314, 0.351), (0.310, 0.316)
@@ -302,7 +310,7 @@ def _in_eight_bits(picture: Image.Image) -> Image.Image:
     most = 65535.0 if picture.mode.startswith("I") else 1.0
     if values.max(initial=0.0) > most:
         most = float(values.max())
-    return Image.fromarray(np.uint8(np.clip(values / most, 0.0, 1.0) * 255.0 + 0.5))
+    return Image.fromarray(to_uint8(values / most))
 
 
 def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:

@@ -218,7 +218,9 @@ class Export(ABC):
         if not is_dataclass(self.parameters):
             raise TypeError("its parameters are no data class")
         self.parameters()
-        {option.name: option.type for option in self.options}
+        for one in self.options:
+            if not one.choices and type(one.default) not in _TYPES:
+                raise TypeError(f"its option {one.name} is no number, text or choice")
 
     @property
     def kind(self) -> str:

@@ -405,10 +405,10 @@ class Jobs:
             if facts[0] not in job.notes:
                 job.notes = [*job.notes, facts[0]][-_NOTES:]
         else:
-            self._stage(job, kind, job.stage(facts[0]), facts)
+            self._stage(kind, job.stage(facts[0]), facts)
         self._keep(job)
 
-    def _stage(self, job: JobState, kind: str, stage: StageState, facts: tuple[Any, ...]) -> None:
+    def _stage(self, kind: str, stage: StageState, facts: tuple[Any, ...]) -> None:
         if kind == "begin":
             stage.state, stage.progress, stage.note = "running", None, ""
             stage.begun = time.time()

@@ -29,6 +29,7 @@ import tyro
 from numpy.typing import NDArray
 
 from ..arrays import Float32, Float64, Int32, UInt8
+from ..color import to_uint8
 from ..errors import UserError
 from ..field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
 from ..labels import (
@@ -409,7 +410,7 @@ class StyledField(VoxelField):
                 more["painted_texels"] = self.painted_texels
         save_field(self, path, deflated=("labels", "painted", "photo", *more), **more,
                    style_names=np.array(self.styles, np.str_),
-                   painted=_bytes(self.painted), photo=_bytes(self.photo), labels=self.labels,
+                   painted=to_uint8(self.painted), photo=to_uint8(self.photo), labels=self.labels,
                    region_names=np.array(self.regions, np.str_),
                    mix=np.str_(json.dumps(self.mixture, ensure_ascii=False)))
 
@@ -473,11 +474,6 @@ def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
     return StyledField.load(path, plain_field) if mixable else plain_field
 
 
-def _bytes(colors: Float32) -> UInt8:
-    """Colors in [0, 1] as whole numbers of 255ths."""
-    return (colors * np.float32(255) + np.float32(0.5)).astype(np.uint8)
-
-
 def _floats(colors: UInt8) -> Float32:
-    """The inverse of `_bytes`."""
+    """The inverse of `to_uint8`."""
     return np.divide(colors, np.float32(255), dtype=np.float32)

@@ -311,7 +311,7 @@ def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: St
     return views, {name: round(value, 3) for name, value in seconds.items()}
 
 
-def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
+def rehearse(field: VoxelField, capture: Capture) -> None:
     """Run through a stylisation on the skin of a tiny capture, the painting of the face left out.
 
     The face's kernels are those of the transfer, which can be compiled at the same time elsewhere.

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Float32
 from ..capture import Capture
@@ -286,8 +285,6 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
     return colors, textures, {"skin": {"pixels": len(skin.index)}, **rows[0],
                               **({"styles": rows} if len(rows) > 1 else {})}
 
-
-Points = NDArray[np.floating]
 
 PARTED = 0.14
 """Height of the gap between the lips over the mouth's width, of a mouth that is open."""

@@ -23,6 +23,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from ... import models
 from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
 from ...cache import kept_arrays, key_of
+from ...color import to_uint8
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.filters import grey
@@ -170,7 +171,7 @@ def painted_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int
     target = PatchTarget(source.asked(tones, level), start, start, even=source.even(shape))
     search = replace(SEARCH, levels=min(SEARCH.levels, source.levels))
     _, places = synthesise_patches(target, PatchSource.of(source.strokes, guides), search, seed)
-    return _bytes(_finer(places, source, whole) + _twice(tones)), pixels
+    return to_uint8(_finer(places, source, whole) + _twice(tones)), pixels
 
 
 def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int = 0,
@@ -374,12 +375,7 @@ def _plain(source: _Source, shape: tuple[int, int], seed: int) -> UInt8:
     rng = np.random.Generator(np.random.Philox(key=[seed, 46]))
     noise = gaussian_filter(rng.standard_normal(shape).astype(np.float32), 1.0)
     noise *= grain / max(float(noise.std()), 1e-6)
-    return _bytes(np.median(picture[chosen], axis=0).astype(np.float32) + noise[..., None])
-
-
-def _bytes(color: Float32) -> UInt8:
-    """Colors in [0, 1] as whole numbers of 255ths."""
-    return np.asarray(np.clip(color, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
+    return to_uint8(np.median(picture[chosen], axis=0).astype(np.float32) + noise[..., None])
 
 
 assert MATERIALS[GROUND] == "background"

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from ...arrays import Bool, Float32, Int32, UInt8
 from ...cache import kept_arrays, key_of
+from ...color import to_lab
 from ...labels import BY_HAND, MATERIALS, PICTURE_LABELS
 from ...labels import FEATURES as FACE_FEATURES
 from ..exemplar import Exemplar
@@ -136,11 +137,9 @@ class SmallPicture:
 
     def pure(self, plain: Bool) -> Float32:
         """Where colors are purer than the plain skin's: shade makes none purer."""
-        from skimage.color import rgb2lab
-
         if not plain.any():
             return np.zeros(plain.shape, np.float32)
-        colors = rgb2lab(np.clip(self.blurred(LIKE_SKIN[-1][0]), 0, 1))
+        colors = to_lab(self.blurred(LIKE_SKIN[-1][0]))
         chroma = np.hypot(colors[..., 1], colors[..., 2])
         most = PURER * max(float(np.quantile(chroma[plain], 0.9)), LEAST_CHROMA)
         return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
@@ -244,9 +243,7 @@ def _hanging(part: Bool, meeting: Bool) -> Bool:
 
 def _colors(small: SmallPicture, where: Bool) -> Float32:
     """Blurred colors of some pixels, Lab with half the lightness, float32 [N, 3]."""
-    from skimage.color import rgb2lab
-
-    colors = rgb2lab(np.clip(small.blurred(BLUR)[where], 0, 1)) * [0.5, 1.0, 1.0]
+    colors = to_lab(small.blurred(BLUR)[where]) * [0.5, 1.0, 1.0]
     return np.asarray(colors, np.float32)
 
 
@@ -417,10 +414,7 @@ def _beard(small: SmallPicture, skin: Float32) -> Float32:
 
 def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
     """How surely chin and lip are bearded, by chroma over lightness, which shade keeps."""
-    from skimage.color import rgb2lab
-
-    looks = [lab[..., 1:] / (lab[..., :1] + 10) for lab in (
-        rgb2lab(np.clip(part, 0, 1)) for part in (plain, chin, lip))]
+    looks = [lab[..., 1:] / (lab[..., :1] + 10) for lab in map(to_lab, (plain, chin, lip))]
     skin, chin, lip = (np.median(part, axis=0) for part in looks)
     apart = min(float(np.linalg.norm(part - skin)) for part in (chin, lip))
     spread = np.linalg.norm(looks[0].std(axis=0)) + 0.02
@@ -504,14 +498,12 @@ def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
     forehead or a nose. Only where its hue is not the clothes', and it is lit: a coat may be as
     brown as shaded skin, and linen as white as a highlight.
     """
-    from skimage.color import rgb2lab
-
     worn = small.part(shares[..., CLOTHES]) > 0.5
     skin = small.part(shares[..., [SKIN, NECK, EARS]].sum(axis=-1)) > 0.8
     if min(worn.sum(), skin.sum()) < FEW:
         return
-    image = np.clip(small.blurred(LIKE_HAIR[0][0] * 2), 0, 1)
-    ours, theirs = (rgb2lab(image[part][::max(1, int(part.sum()) // COMPARED)][None])[0]
+    image = small.blurred(LIKE_HAIR[0][0] * 2)
+    ours, theirs = (to_lab(image[part][::max(1, int(part.sum()) // COMPARED)])
                     for part in (worn, skin))
     away = cKDTree(theirs).query(ours, k=min(3, len(theirs)))[0][:, -1]
     bare = (away < SAME) & (ours[:, 0] > np.median(theirs[:, 0]))
@@ -521,7 +513,7 @@ def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
     if np.linalg.norm((middles[0] - middles[1])[1:]) < OTHER_HUE:
         return
     like = np.zeros(worn.shape, np.float32)
-    to_bare, to_cloth = (np.linalg.norm(rgb2lab(image[worn][None])[0] - middle, axis=1)
+    to_bare, to_cloth = (np.linalg.norm(to_lab(image[worn]) - middle, axis=1)
                          for middle in middles)
     like[worn] = to_bare < to_cloth
     give(shares, shares[..., CLOTHES] * small.whole(like), CLOTHES, FEATURES)
@@ -583,13 +575,11 @@ def _broad_colors(small: SmallPicture, share: Float32) -> Float32:
 
     Within it: a narrow rim of dark hair is no lighter for the forehead below it.
     """
-    from skimage.color import rgb2lab
-
     share = np.ascontiguousarray(small.part(share))
     total = np.maximum(broad_blur(share, BROAD * small.size), np.float32(1e-3))
     image = np.stack([broad_blur(small.image[..., c] * share, BROAD * small.size) / total
                       for c in range(3)], axis=-1)
-    return np.asarray(rgb2lab(np.clip(image, 0, 1)) * [0.5, 1.0, 1.0], np.float32)
+    return np.asarray(to_lab(image) * [0.5, 1.0, 1.0], np.float32)
 
 
 def _like_part(small: SmallPicture, shares: Float32, material: int, colors: Float32,
@@ -672,12 +662,9 @@ def _one_cloth(image: UInt8, shares: Float32, own: Bool, above: Bool) -> None:
     ``own`` [h, w] was taken for hair, ``above`` is the hat or linen over the forehead: hair of both
     would have patches.
     """
-    from skimage.color import rgb2lab
-
     if min(own.sum(), above.sum()) < FEW_ALIKE:
         return
-    middles = [np.median(rgb2lab(image[part][::max(1, int(part.sum()) // FEW_ALIKE)][None])[0],
-                         axis=0)
+    middles = [np.median(to_lab(image[part][::max(1, int(part.sum()) // FEW_ALIKE)]), axis=0)
                for part in (own, above)]
     if np.linalg.norm(middles[0] - middles[1]) > CLOTH_APART:
         less = own if own.sum() < above.sum() else above

@@ -279,8 +279,11 @@ def _unlike(lab: Float32, share: Float32, sigma: float, upper: Float32, others: 
         return out
     # Few colors are distinguished: in steps of 1 they are many fewer than places.
     rounded: Float32 = np.rint(_blurred(lab, share, sigma)[asked])
-    steps, same = np.unique(rounded, axis=0, return_inverse=True)
-    away, *near = (_distance(steps, material)[same.reshape(-1)] for material in (upper, *others))
+    # As one number each they are sorted eight times as fast as in threes.
+    _, first, same = np.unique(rounded.astype(np.int64) @ np.array([1 << 20, 1 << 10, 1]),
+                               return_index=True, return_inverse=True)
+    steps = rounded[first]
+    away, *near = (_distance(steps, material)[same] for material in (upper, *others))
     nearest = np.clip(np.min(near, axis=0), SKIN_LIKE, furthest)
     out[asked] = np.clip((away - nearest) / SURE + 0.5, 0, 1)
     return out

@@ -98,12 +98,12 @@ class HatPainter:
             shares[..., FEATURES] += taken
             shares[..., HAIR] -= taken
 
-    def paint(self, skin: Skin, canvas: Canvas, position: Float32, anchor: Float32, size: float,
+    def paint(self, skin: Skin, canvas: Canvas, position: Float32, size: float,
               color: Float32) -> None:
         """Paint it over a painting, float32 [H, W, 3] in [0, 1], in place.
 
-        ``position`` and ``anchor`` are float32 [N, 2], where the guide leads, and places in its
-        plane, in the exemplar's pixels; ``size`` is the canvas's pixels per pixel of the exemplar.
+        ``position`` is float32 [N, 2], where the guide leads, in the exemplar's pixels; ``size`` is
+        the canvas's pixels per pixel of the exemplar.
         """
         places = self._places(skin, position)
         if not self._beside_hair:
@@ -111,7 +111,7 @@ class HatPainter:
             high = np.clip((-skin.flat[:, 1] / skin.plane.height - NAPE) / SHADE, 0, 1)
             hair = np.asarray(_hair(skin) * (1 - skin.ears) * high, np.float32)
             places = replace(places, cover=np.maximum(places.cover, hair))
-        paint = self._laid(canvas, places, position, anchor, size, color)
+        paint = self._laid(canvas, places, position, size, color)
         shown = canvas.spread(np.stack([places.cover, places.light], axis=1))
         own = canvas.own
         cover, light = shown[own, 0, None], shown[own, 1, None]
@@ -145,8 +145,8 @@ class HatPainter:
         found = sample_labels(mask, np.ascontiguousarray(position[None]))
         return np.asarray(found[0, :, 0], np.float32) / np.float32(255)
 
-    def _laid(self, canvas: Canvas, places: _Places, position: Float32, anchor: Float32,
-              size: float, color: Float32) -> Float32:
+    def _laid(self, canvas: Canvas, places: _Places, position: Float32, size: float,
+              color: Float32) -> Float32:
         """Patches of it, float32 [H, W, 3]."""
         painter = self._painter
         _, theirs = painter.source(size)

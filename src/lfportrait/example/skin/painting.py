@@ -373,7 +373,7 @@ class SkinPainter:
         shade_ears(places, canvas, color)
         self._draw(places, canvas, color)
         if self._hat is not None:
-            self._hat.paint(places, canvas, position, anchor, size, color)
+            self._hat.paint(places, canvas, position, size, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
         return Painting(skin, color, step, clock.seconds)

@@ -27,6 +27,7 @@ from scipy import ndimage
 
 from ...arrays import Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
+from ...color import to_lab
 from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.filters import disk, grey, skin_distance, smaller
@@ -125,12 +126,10 @@ def _unlike(small: SmallPicture, sample: Bool, where: Bool) -> tuple[Bool, Bool]
     the sample, and these with each other. Looked at is ``where``.
     """
     from scipy.spatial import cKDTree
-    from skimage.color import rgb2lab
-
     unlike = np.zeros(where.shape, bool)
     if sample.sum() < FEW:
         return unlike, unlike
-    lab = rgb2lab(np.clip(small.blurred(LAB_BLUR), 0, 1)) * [LIGHT, 1.0, 1.0]
+    lab = to_lab(small.blurred(LAB_BLUR)) * [LIGHT, 1.0, 1.0]
     skin = lab[sample][::max(1, int(sample.sum()) // MOST)]
     tree, near = cKDTree(skin), [max(1, round(NEAR * len(skin)))]
     own = np.quantile(tree.query(skin, k=near)[0], USUAL)
@@ -392,13 +391,11 @@ def _unlike_hair(small: _Small, cut: Bool) -> bool:
 
 def _veil(colors: Float32, cheeks: Bool, core: Bool) -> Bool:
     """What may hang beside a face and is no hair, by its colors: all of a light cloth."""
-    from skimage.color import rgb2lab
-
     light = grey(colors)
     most = np.median(light[cheeks]) if cheeks.any() else 1.0
     if np.median(light[core]) > most:
         return np.ones(core.shape, bool)
-    lab = rgb2lab(np.clip(colors, 0, 1))
+    lab = to_lab(colors)
     return np.asarray((light > most + HAIRY) | (lab[..., 2] < -GREY))
 
 

@@ -1,8 +1,6 @@
 from .atlas import (
     Atlas,
     DeviceTexture,
-    FieldParts,
-    TextureParts,
     ViewJob,
     field_parts,
     keep_field,
@@ -15,6 +13,6 @@ from .atlas import (
     views_on_gpu,
 )
 
-__all__ = ["Atlas", "DeviceTexture", "FieldParts", "TextureParts", "ViewJob",
+__all__ = ["Atlas", "DeviceTexture", "ViewJob",
            "field_parts", "keep_field", "keep_texture", "picture_texture", "render_views",
            "shader", "texture_parts", "upload", "views_on_gpu"]

@@ -199,8 +199,7 @@ def recolored(page: OpenPage, voxels: VoxelField) -> dict[str, Any] | None:
     rows = voxels.links[page.filled]
     if (rows < 0).any():
         return None
-    shown = np.clip(voxels.sh[rows][:, (1, 0, 2), 0] * np.float32(C0) + np.float32(0.5), 0.0, 1.0)
-    levels = (shown * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
+    levels = to_uint8(voxels.sh[rows][:, (1, 0, 2), 0] * np.float32(C0) + np.float32(0.5))
     stream, _ = code_values(page.filled, levels, np.zeros(len(levels), np.uint8))
     return {"bands": [{"low": 0.0, "high": 1.0}], "streams": {"0": _base64(stream)},
             "texels": _texels(page, voxels)}

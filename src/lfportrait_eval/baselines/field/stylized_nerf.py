@@ -41,6 +41,7 @@ from lfportrait.device import device_name, torch_device
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
 
+from ..adam import Adam
 from ..config import StylizedNerfConfig
 from .photo_views import Correspondence, PhotoView, dump_views, photo_views, seen_from, tensor
 
@@ -196,7 +197,7 @@ class PaintingTeacher:
             self.wanted = [normalised_to(network.encode(self._tensor(view.content))[-1], inside[-1],
                                          self.style[-1])
                            for view, inside in zip(views, self._inside)]
-        self._adam = torch.optim.Adam(list(network.decoder.values()), lr=LEARNING_RATE)
+        self._adam = Adam(network.decoder.values(), LEARNING_RATE)
         self._taken = 0
 
     def _tensor(self, picture: Float32) -> torch.Tensor:
@@ -246,11 +247,10 @@ class PaintingTeacher:
         for step in range(steps):
             index = int(self.random.integers(len(self.views)))
             loss = self._loss(index, None if shown is None else shown[index])
-            self._adam.zero_grad()
+            self._adam.clear()
             loss.backward()  # type: ignore[no-untyped-call]
             self._taken += 1
-            for group in self._adam.param_groups:
-                group["lr"] = LEARNING_RATE / (1 + 5e-5 * self._taken)
+            self._adam.rate = LEARNING_RATE / (1 + 5e-5 * self._taken)
             self._adam.step()
             self.task.tell(f"decoder {step + 1} of {steps}: loss {float(loss.detach()):.3f}", 1)
 

@@ -19,6 +19,8 @@ from torch.nn import functional
 
 from lfportrait.arrays import Float32, UInt8
 
+from ..adam import Adam
+
 STRIDE = 8
 """Sides of a picture are padded to multiples of this."""
 BLOCKS = 4
@@ -121,15 +123,14 @@ def train(pairs: list[tuple[UInt8, Float32]], width: int, *,
         painter, judge = Painter(width), _discriminator()
     for network in (painter, judge):
         cast(Any, network).to(place, memory_format=torch.channels_last)
-    optimisers = [torch.optim.Adam(network.parameters(), rate, betas=(0.5, 0.99))
-                  for network in (painter, judge)]
+    optimisers = [Adam(network.parameters(), rate, (0.5, 0.99)) for network in (painter, judge)]
     start, step, losses = time.perf_counter(), 0, [1.0]
     while True:
         done = step / steps if steps else (time.perf_counter() - start) / max(seconds, 1e-3)
         if done >= 1:
             break
         for optimiser in optimisers:
-            optimiser.param_groups[0]["lr"] = rate * min(1.0, max(0.1, 2.0 - 1.9 * done))
+            optimiser.rate = rate * min(1.0, max(0.1, 2.0 - 1.9 * done))
         photo, wanted = shown[int(order.integers(len(shown)))]
         # Exposure and color of the light vary; the painting stays.
         light = torch.from_numpy(order.uniform(0.85, 1.15, (1, 3, 1, 1)).astype(np.float32))
@@ -142,13 +143,13 @@ def train(pairs: list[tuple[UInt8, Float32]], width: int, *,
                                for a, b in zip(_edges(made), _edges(wanted)))
         if adversarial > 0:
             total = total + adversarial * (judge(torch.cat([photo, made], 1)) - 1).square().mean()
-        optimisers[0].zero_grad()
+        optimisers[0].clear()
         total.backward()
         optimisers[0].step()
         if adversarial > 0:
             real = judge(torch.cat([photo, wanted], 1))
             fake = judge(torch.cat([photo, made.detach()], 1))
-            optimisers[1].zero_grad()
+            optimisers[1].clear()
             ((real - 1).square().mean() + fake.square().mean()).backward()
             optimisers[1].step()
         step += 1
