@@ -326,12 +326,12 @@ class _Mean:
 class Paint(NamedTuple):
     """Of a shell's points: coefficients, and of how much of what they are (255: all of it).
 
-    Coefficients are float32 [N, 3, 1]; hair uint8 [N], None if there is none; clothes uint8 [N],
-    None if they are not known.
+    Coefficients are float32 [N, 3, 1]; hair uint8 [N], 0 on a bald head, which is painted as one;
+    clothes uint8 [N], None if they are not known.
     """
 
     sh: Float32
-    hair: UInt8 | None
+    hair: UInt8
     clothes: UInt8 | None
 
 
@@ -398,7 +398,7 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     sh = np.asarray((out - 0.5) / C0, np.float32)[:, :, None]
     clothes = _whole(worn) if known else None
     if not (hair.any() or bearded.any()):
-        return Paint(sh, None, clothes)
+        return Paint(sh, np.zeros(len(sh), np.uint8), clothes)
     # A photo's own hairline is finer than that of the pieces.
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)

@@ -511,8 +511,7 @@ def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | N
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
     if _knows_hair():
         field.hair = hair  # else it would be a guess by place
-        if hair is not None:
-            hair[shell.owner == WORN] = 0
+        hair[shell.owner == WORN] = 0
         field.clothes = clothes
     return field
 
