@@ -318,3 +318,21 @@ def test_shoulders_may_be_higher_than_a_chin(skin):
     middle, jaw, *shoulders, brows = _depth(skin.plane, places, True)
     assert middle == pytest.approx(1, abs=0.05) and jaw < 1 and min(shoulders) > 1.3 and brows < 1
     assert np.allclose(_depth(skin.plane, places, False)[2:4], jaw)
+
+
+def test_a_head_on_which_the_network_sees_no_hair_is_bald(field, monkeypatch):
+    """Unlike one of which nothing is known; specks and a shaven nape are no hair."""
+    plain = field.with_sh(np.full((len(field.density), 3, 1), 0.4))
+
+    def specks(image, size):
+        out = np.zeros(image.shape[:2], np.float32)
+        out[:, ::40] = 1.0
+        return out
+
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
+    monkeypatch.setattr("lfportrait.face.hair_mask", specks)
+    hair = Skin.of(plain, HEAD_LANDMARKS, pixels=30.0).hair
+    assert hair is not None and hair.dtype == np.float32 and not hair.any()
+    monkeypatch.setattr("lfportrait.face.hair_mask", lambda image, size: np.float32(
+        np.random.default_rng(0).random(image.shape[:2]) < 0.4))
+    assert Skin.of(plain, HEAD_LANDMARKS, pixels=30.0).hair is None, "it may have some"

@@ -5,7 +5,8 @@ segmentation network is asked about the charts that stand upright. What looks li
 knows is hair behind, too. Without it hair is what lies around the face in another color; or, as
 curls of stone or bronze have the color of the face, where the crown is much rougher than forehead
 and cheeks, what is as rough as the crown and hangs together with it. A shaven or veiled head has no
-such crown.
+such crown: one on which the network sees no hair is painted bald, others have hair where most heads
+have it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ ROOM, GROUND = 1.4, 0.35
 AGREED = 0.35
 """Share of its hair (intersection over union) that charts which show the same places must agree on.
 A real head's: 0.72; statues and shaven heads: 0.1 at most."""
+BARE = 0.06
+"""Where the network calls less than this share of each chart hair, it sees none. A shaven head: up
+to 0.035."""
 LOWEST = -0.75  # Hair hangs at least this far below the brows (up, in the face's heights).
 BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
 """Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
@@ -61,6 +65,8 @@ REACH = 20.0
 def network_hair(atlas: Atlas, index: Int32) -> Float32 | None:
     """Hair by the network on the charts that show a face, [N]; NaN on others. None without it.
 
+    It is 0 where it looked if it sees (almost) none.
+
     It has learnt from selfies: large, on a dark ground with room around it a head is found; from
     behind a shaven one is called hair. Nor is it believed where it calls one place hair in one
     chart and not in the next: the curls of a statue.
@@ -70,7 +76,7 @@ def network_hair(atlas: Atlas, index: Int32) -> Float32 | None:
 
     if models.missing(["hair-segmentation"]):
         return None
-    out = np.full(atlas.depth.shape, np.nan, np.float32)
+    out, most = np.full(atlas.depth.shape, np.nan, np.float32), 0.0
     away = -atlas.cameras.pose[:, :3, 2]  # towards each chart's eye, in the portrait frame
     for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes.tolist()):
         if abs(away[n, 1]) > np.sin(np.radians(UPRIGHT)) or away[n, 2] < np.cos(np.radians(TURNED)):
@@ -84,7 +90,12 @@ def network_hair(atlas: Atlas, index: Int32) -> Float32 | None:
         top, left = (side - rows) // 2, (side - columns) // 2
         square[top:top + rows, left:left + columns] = np.uint8(picture * 255 + 0.5)
         out[part] = hair_mask(square, size=512)[top:top + rows, left:left + columns]
-    return out.reshape(-1)[index] if _agreed(atlas, out.reshape(-1)) else None
+        if there.any():
+            most = max(most, float((out[part][there[..., 0]] > 0.5).mean()))
+    known = out.reshape(-1)
+    if most < BARE:
+        return known[index] * np.float32(0)
+    return known[index] if _agreed(atlas, known) else None
 
 
 def _agreed(atlas: Atlas, hair: Float32) -> bool:

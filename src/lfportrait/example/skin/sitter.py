@@ -297,6 +297,8 @@ def _found_hair(plane: HeadPlane, points: Float32, colors: Float32, flat: Float3
         hair = hair_by_color(plane, colors, flat, seen, ears)
         if hair is None:
             hair = hair_by_relief(plane, flat, contours, seen, ears)
+        if hair is None and known is not None and not (known > 0).any():
+            return np.zeros(len(points), np.float32)  # a bald head
     if hair is None or seen.min() >= 1:
         return hair
     return settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
