@@ -84,7 +84,8 @@ class Picture:
     inside: Float32 | None = None
     hair: Float32 | None = None  # float32 [H, W] in [0, 1], or None.
     clothes: Bool | None = None  # bool [H, W], what lies below the ears and is no skin, or None.
-    # float64 [68, 2], landmarks of the jaw's edge in pixels where the photo shows one; or None.
+    # float64 [17, 2], the jaw's edge beside its landmarks in pixels, NaN where the photo shows
+    # none; None if it was not looked for, as under a beard.
     jaw: Float64 | None = None
 
     @property

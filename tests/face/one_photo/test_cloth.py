@@ -191,6 +191,26 @@ def test_what_no_photo_shows_of_a_body_is_worn_as_what_it_shows(head):
     assert _clothed(shell, own).max() == 0
 
 
+def test_where_neck_and_body_meet_in_teeth_clothes_end_evenly(head):
+    shell = _Shell()
+    random = np.random.default_rng(4)
+    turn, high = random.uniform(-np.pi, np.pi, 40000), random.uniform(-0.7, -0.5, 40000)
+    shell.normals = np.stack([np.sin(turn), np.zeros(len(turn)), np.cos(turn)], axis=1)
+    shell.on = 0.3 * shell.normals + np.stack([0 * high, high, 0 * high], axis=1)
+    teeth = np.sin(60 * turn) > 0
+    shell.owner = np.where(high > -0.6 + 0.02 * np.where(teeth, 1, -1), HEAD, BODY)
+    shell.face, shell.scalp = np.zeros((2, len(turn)), bool)
+    own = _Mean(len(turn))
+    own.best[:] = own.weights[:] = np.where(high < -0.66, 1.0, 0.0)  # the shirt is seen, no more
+    own.worn[:] = own.weights
+    own.best[high > -0.52] = own.weights[high > -0.52] = 1.0
+    worn = _clothed(shell, own)
+    edge = np.abs(high + 0.6) < 0.01
+    assert (shell.owner[edge & teeth] == BODY).all() and (shell.owner[edge & ~teeth] == HEAD).all()
+    assert abs(np.median(worn[edge & teeth]) - np.median(worn[edge & ~teeth])) < 0.4
+    assert worn[high < -0.65].min() > 0.9 and worn[high > -0.55].max() < 0.1
+
+
 @pytest.fixture(scope="module")
 def shell(head):
     """The shell of that person, 48 voxels high. Not to be changed."""

@@ -5,6 +5,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
+from lfportrait.face.one_photo.beard import BEARD
 from lfportrait.face.one_photo.paint import ABOUT, DEEP, Look, Shot, _Depths
 from lfportrait.face.one_photo.piece import METRES
 from lfportrait.face.one_photo.samples import MeshSamples
@@ -155,6 +156,22 @@ def test_hair_that_hangs_before_skin_has_no_rim_of_its_color(gap):
             weights.append(shot.look(point, towards, solid, 0.02,
                                      np.array([owner], np.uint8)).weight[0])
     assert weights == pytest.approx([float(gap < 0.01), 1, 1, 1], abs=0.05)
+
+
+def test_of_hair_a_photo_says_less_than_of_skin_that_is_as_slanted():
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=700.0,
+                        target=(0, 0, 0), pitch=0.0)
+    wall = Nothing()
+    wall.depth = lambda *_: (np.ones((SIDE, SIDE)), np.full((SIDE, SIDE), 4.0))
+    solid = _Depths.of(wall, Nothing(), camera, 0.02)
+    shot = Shot.of(camera, shaded(), None)
+    for cosine, owner, least, most in ((0.2, HEAD, 0.1, 0.3), (0.2, BODY, 0.1, 0.3),
+                                       (0.2, HAIR, 0, 0), (0.2, BEARD, 0, 0), (0.4, HEAD, 1, 1),
+                                       (0.4, HAIR, 0.7, 0.95), (0.1, HEAD, 0, 0)):
+        normal = np.array([[np.sqrt(1 - cosine ** 2), 0.0, cosine]])
+        weight = shot.look(np.zeros((1, 3)), normal, solid, 0.02,
+                           np.array([owner], np.uint8)).weight[0]
+        assert least <= weight <= most, (cosine, owner)
 
 
 @pytest.mark.parametrize("unit", [40.0, 128.0, 400.0])

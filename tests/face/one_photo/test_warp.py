@@ -38,6 +38,19 @@ def test_the_chin_follows_its_landmarks():
     assert np.allclose(points[:, 2], view.to_camera(vertices)[:, 2])
 
 
+def test_the_chin_lies_on_the_edge_that_a_photo_shows():
+    """Where it shows none landmarks say where it is."""
+    prior = generic_prior()
+    view, vertices = _view(prior, 0.0), prior.shape(np.zeros(0), np.zeros(0))
+    landmarks = view.project(vertices)[prior.landmarks]
+    jaw = landmarks[:17].copy()
+    jaw[5:12, 1] += 12.0
+    for edge, least, most in ((jaw, 8.0, 16.0), (np.full((17, 2), np.nan), -3.0, 3.0)):
+        points = warped(prior, view, vertices, Picture((SIZE, SIZE), landmarks, FOCAL, jaw=edge))
+        moved = points[:, :2] / points[:, 2:] * FOCAL + SIZE / 2 - view.project(vertices)
+        assert least < moved[prior.landmarks[8], 1] < most
+
+
 def _with_ears(prior: HeadPrior, view: View, stretch: float) -> tuple[Picture, np.ndarray]:
     """A photo of a head whose ears stand out so many times as far, and its vertices."""
     true = prior.shape(np.zeros(0), np.zeros(0))

@@ -1,6 +1,6 @@
 """Hair of a sitter's head: as its field knows it, by the network, by color, relief, or place.
 
-A head that was fitted to one photo knows what of it is hair, if it has any. Of others the
+A head that was fitted to one photo knows what of it is hair, or that it is bald. Of others the
 segmentation network is asked about the charts that stand upright. What looks like the hair that it
 knows is hair behind, too. Without it hair is what lies around the face in another color; or, as
 curls of stone or bronze have the color of the face, where the crown is much rougher than forehead

@@ -126,6 +126,7 @@ def _unlike(small: SmallPicture, sample: Bool, where: Bool) -> tuple[Bool, Bool]
     the sample, and these with each other. Looked at is ``where``.
     """
     from scipy.spatial import cKDTree
+
     unlike = np.zeros(where.shape, bool)
     if sample.sum() < FEW:
         return unlike, unlike

@@ -2,8 +2,8 @@
 
 Landmarks of a jaw lie beside its edge by a few hundredths of the eyes' distance, and no matte shows
 it before a neck. What is left between the two would be painted on the throat as a second chin. So
-the landmarks move across the jaw to where the photo has the strongest edge along all of it: the
-best path through a band around them, by dynamic programming.
+the edge is looked for across the jaw, where the photo has the strongest one along all of it: the
+best path through a band around the landmarks, by dynamic programming.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ from scipy.interpolate import CubicSpline
 from ...arrays import Float32, Float64
 
 FIRST, LAST = 5, 12
-"""Of the landmarks that move; an edge is looked for from one before the first to the last."""
+"""Landmarks from the first to the one before the last have an edge; it is looked for from one
+before the first to the last."""
 BETWEEN = 6  # Places that are looked at from one landmark to the next.
-WIDE, STEPS = 0.09, 240
+WIDE, STEPS = 0.07, 240
 """How far from the landmarks, over the distance of the eyes' outer corners, an edge may be; and
 steps to that distance."""
 FINE, ACROSS = 0.008, 0.033
-"""Widths of the blur before edges are looked for, and of these, over the same distance."""
-CLEAR, MOST = 12.0, 30.0
-"""How strong an edge (CIE 1976 L*a*b*) weighs as much as the whole band's width; and counts at
-most."""
+"""Widths of the blur before edges are looked for, and of an edge, over the same distance."""
+FAINT, CLEAR = 4.0, 6.0
+"""How strong an edge is at least (CIE 1976 L*a*b*); and one that counts half as much as the band's
+whole width: no edge counts more than that, so that a collar's, which is stronger, is not taken."""
 BEND, STEP = 0.25, 3
 """What a step more or less from place to place costs; and how many there may be."""
 
 
-def on_jaw_edge(image: NDArray[np.uint8], landmarks: Float64) -> Float64:
-    """Landmarks whose chin lies on the edge that a photo shows beside it.
+def jaw_edge(image: NDArray[np.uint8], landmarks: Float64) -> Float64:
+    """Where a photo shows the edge of a chin, beside its landmarks.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def on_jaw_edge(image: NDArray[np.uint8], landmarks: Float64) -> Float64:
 
     Returns
     -------
-    landmarks : float64 [68, 2]. Where the photo shows no edge they stay.
+    places : float64 [17, 2] in pixels, for each landmark of the jaw; NaN where there is no edge.
     """
     eyes = float(np.linalg.norm(landmarks[45] - landmarks[36]))
     line = CubicSpline(np.arange(17), landmarks[:17])
@@ -58,10 +59,12 @@ def on_jaw_edge(image: NDArray[np.uint8], landmarks: Float64) -> Float64:
     # Below a chin lies its shade.
     edges = np.maximum(-change[..., 0], 0) + 0.5 * np.hypot(change[..., 1], change[..., 2])
     away = np.arange(-wide, wide + 1)
-    path = cheapest_path((away / wide) ** 2 - np.minimum(edges, MOST) / CLEAR, BEND, STEP)
-    out = landmarks.copy()
-    chosen = slice(BETWEEN, (LAST - FIRST) * BETWEEN + 1, BETWEEN)
-    out[FIRST:LAST] += (away[path[chosen]] * eyes / STEPS)[:, None] * across[chosen]
+    path = cheapest_path((away / wide) ** 2 - edges / (edges + CLEAR), BEND, STEP)
+    chosen = np.arange(BETWEEN, (LAST - FIRST) * BETWEEN + 1, BETWEEN)
+    found = places[chosen] + (away[path[chosen]] * eyes / STEPS)[:, None] * across[chosen]
+    found[edges[chosen, path[chosen]] < FAINT] = np.nan
+    out = np.full((17, 2), np.nan)
+    out[FIRST:LAST] = found
     return out
 
 

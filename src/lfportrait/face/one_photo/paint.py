@@ -37,9 +37,10 @@ from .solid import HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
 LOOSE, FIRM = (0.25, 0.45), (0.15, 0.35)
-"""Cosines of incidence of hair, and of all else: below the first (75 and 81 degrees) a photo says
-nothing, from the second on all. Loose hair lets the ground through, and has no surface."""
-LEAST = 0.25  # What is more slanted has no edge of its own (`_Depths.beside_edge`): a cosine.
+"""Cosines of incidence of hair and beards, and of all else: below the first (75 and 81 degrees) a
+photo says nothing, from the second on all. Loose hair lets the ground through, and has no surface.
+"""
+LEAST = 0.25  # No slope is taken for steeper than at this cosine (`_Depths.beside_edge`).
 CELL = 0.03  # Of the finest lattice that colors are spread on, portrait units.
 UPWARDS = 1.8  # Colors come from the sides rather than from above or below.
 HIDDEN = 0.3  # How little a photo shows of what it says little of.
@@ -154,7 +155,8 @@ class Shot:
         to_eye = self.camera.position[0] - points
         to_eye /= np.linalg.norm(to_eye, axis=1)[:, None]
         cosine = (normals * to_eye).sum(axis=1)
-        least, full = (np.where(owner == HAIR, *ends) for ends in zip(LOOSE, FIRM, strict=True))
+        loose = (owner == HAIR) | (owner == BEARD)
+        least, full = (np.where(loose, *ends) for ends in zip(LOOSE, FIRM, strict=True))
         share = np.clip((cosine - least) / (full - least), 0, 1)
         cells = np.array(solid.all.shape[::-1])
         small = np.floor(pixels / size * cells).astype(np.int64)
@@ -326,8 +328,8 @@ class _Mean:
 class Paint(NamedTuple):
     """Of a shell's points: coefficients, and of how much of what they are (255: all of it).
 
-    Coefficients are float32 [N, 3, 1]; hair uint8 [N], 0 on a bald head, which is painted as one;
-    clothes uint8 [N], None if they are not known.
+    Coefficients are float32 [N, 3, 1]; hair uint8 [N]; clothes uint8 [N], None if they are not
+    known.
     """
 
     sh: Float32
@@ -465,7 +467,7 @@ def _clothed(shell: Shell, own: _Mean) -> Float64:
 
 
 def _evened(points: Float64, values: Float64, radius: float) -> Float64:
-    """Means of values [N] around places [N, 3], within about ``radius``, [N]."""
+    """Means [N] of values [N] within about ``radius`` of points [N, 3], portrait units."""
     cell = 0.5 * radius
     places = ((points - points.min(axis=0)) / cell + 4).T
     at = np.rint(places).astype(int)

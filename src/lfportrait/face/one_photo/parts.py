@@ -42,8 +42,8 @@ FUZZ = 0.18
 """Hair is so thin up to here from the outline that ground may be seen through it, portrait units.
 """
 BLUR_CELL, BLURS = 0.0025, (1.0, 2.5)
-"""Cells that the blur of an outline is measured in, portrait units; and how much more edges are
-blurred there to see how much they are, cells."""
+"""Cells that the blur of an outline is measured in, portrait units, or a pixel of a photo that has
+larger ones; and how much more edges are blurred there to see how much they are, cells."""
 SHARP, BLURRIEST = 1.3, 8.0
 """How blurred (standard deviation, cells) an outline is whose ground is seen in what lies within;
 and at most."""

@@ -49,12 +49,13 @@ from .beside import faces_of_people, in_one_piece, seen_from_near, sitter_alone
 from .cloth import clothes_of
 from .depth import Sensed, sensed_depth
 from .headwear import headwear, skull_in
-from .jaw import on_jaw_edge
+from .jaw import jaw_edge
 from .lattice import Shell, shell_of
 from .matches import found_again, of_one_moment
 from .paint import Shot, painted
 from .parts import (
     FUZZ,
+    LEAST_HAIR,
     Parts,
     clean_colors,
     clean_hair,
@@ -344,7 +345,7 @@ def _pictured(image: NDArray[np.uint8], matte: Float32, hair: Float32, landmarks
     hidden = clothes(image, hair, landmarks)
     if beard is not None:  # it hides the head's outline, too
         hidden = hidden | (beard.whole > 0.5)
-    jaw = on_jaw_edge(image, landmarks) if beard is None else None
+    jaw = jaw_edge(image, landmarks) if beard is None else None
     return Picture(matte.shape[::-1], landmarks, focal, signed_distance(matte), hair, hidden, jaw)
 
 
@@ -437,11 +438,12 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     worn = shots[0].clothes
     solid = solid_of(parts, samples, sensed,
                      None if worn is None else parts.of_photo(worn, camera) > 0.5)
+    bald = _bald(picture, matte, _shown(capture, 0))
     seconds = 0.0
     if points > ROUGH:
         looked = time.perf_counter()
         rough = functools.cache(
-            lambda: _colored(capture, shell_of(solid, ROUGH, wires), shots, wires))
+            lambda: _colored(capture, shell_of(solid, ROUGH, wires), shots, wires, bald))
         if progress is not None:
             progress.show(rough, at_once=True)
         if look is not None:
@@ -450,7 +452,7 @@ def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
     note(progress, "lattice")
     shell = shell_of(solid, points, wires)
     note(progress, "colors")
-    field = _colored(capture, shell, shots, wires)
+    field = _colored(capture, shell, shots, wires, bald)
     figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
                "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
                "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
@@ -500,9 +502,19 @@ def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float6
     return wires, images
 
 
-def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | None,
+def _bald(picture: Picture, matte: Float32, shown: NDArray[np.uint8]) -> bool:
+    """Whether a photo shows a whole head, and the network no hair on it, like skin or not."""
+    if np.any(picture.hair) or not _knows_hair():
+        return False
+    low, high = np.clip(picture.landmarks[[0, 16], 0].astype(int), 0, matte.shape[1])
+    cut_off = bool((matte[0, min(low, high):max(low, high)] > 0.5).any())
+    hair = (_hair_seen(shown, picture.landmarks) > 0.5) & (matte > 0.5)
+    return not cut_off and hair.sum() < LEAST_HAIR * ear_to_ear(picture.landmarks) ** 2
+
+
+def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | None, bald: bool,
              ) -> VoxelField:
-    """A shell in its colors, as a field."""
+    """A shell in its colors, as a field; ``bald``: of a head that is known to have no hair."""
     sh, hair, clothes = painted(shell, shots)
     if wires is not None:
         worn = shell.owner == WORN
@@ -510,8 +522,9 @@ def _colored(capture: Capture, shell: Shell, shots: list[Shot], wires: Wires | N
     field = shell.field(sh)
     field.frame, field.cone = capture.frame, PORTRAIT_CONE
     if _knows_hair():
-        field.hair = hair  # else it would be a guess by place
         hair[shell.owner == WORN] = 0
+        if bald or hair.any():
+            field.hair = hair  # else it would be a guess by place
         field.clothes = clothes
     return field
 

@@ -242,7 +242,11 @@ def _ear_moves(prior: HeadPrior, view: View, vertices: Float64, seen: Float64, p
 def _chin(prior: HeadPrior, view: View, vertices: Float64, normals: Float64, picture: Picture,
           ) -> tuple[NDArray[np.int64], Float64]:
     """Vertices of the chin's edge and their moves across it: before a neck no matte shows it."""
-    landmarks = (prior.vertices_seen(picture.landmarks) if picture.jaw is None else picture.jaw)
+    landmarks = prior.vertices_seen(picture.landmarks)
+    if picture.jaw is not None:
+        shown = np.flatnonzero(np.isfinite(picture.jaw[:, 0]))
+        landmarks = landmarks.copy()
+        landmarks[shown] = picture.jaw[shown]
     jaw = jaw_vertices(view, prior, vertices, normals, landmarks)[CHIN]
     seen, across = view.project(vertices[jaw]), across_jaw(landmarks)[CHIN]
     away = ((landmarks[CHIN] - seen) * across).sum(axis=1)
