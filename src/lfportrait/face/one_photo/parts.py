@@ -279,8 +279,8 @@ def ground_in_blur(image: NDArray[np.uint8], matte: NDArray[np.floating],
 def _slopes(colors: Float32, sigma: float) -> Float32:
     """How steep blurred colors [h, w, 3] are, over a cell, [h, w]."""
     blurred = cv2.GaussianBlur(colors, (0, 0), sigma)
-    return np.asarray(np.sqrt(sum((cv2.Sobel(blurred, cv2.CV_32F, one, 1 - one) / 8) ** 2
-                                  for one in (0, 1)).sum(axis=2)), np.float32)
+    across, down = (cv2.Sobel(blurred, cv2.CV_32F, one, 1 - one) / 8 for one in (1, 0))
+    return np.asarray(np.sqrt((across ** 2 + down ** 2).sum(axis=2)), np.float32)
 
 
 def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating],

@@ -502,7 +502,7 @@ def _bare(capture: Capture, fit: HeadFit, pictures: list[Picture], local: Float6
     return wires, images
 
 
-def _bald(picture: Picture, matte: Float32, shown: NDArray[np.uint8]) -> bool:
+def _bald(picture: Picture, matte: NDArray[np.floating], shown: NDArray[np.uint8]) -> bool:
     """Whether a photo shows a whole head, and the network no hair on it, like skin or not."""
     if np.any(picture.hair) or not _knows_hair():
         return False
