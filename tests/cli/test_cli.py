@@ -97,7 +97,7 @@ def test_empty_folder(tmp_path, style, capsys):
     assert not left_in(tmp_path / "out")
 
 
-def test_two_photos(tmp_path, style, capsys):
+def test_two_photos(tmp_path, style, capsys, no_networks):
     noise = np.random.default_rng(0).integers(0, 256, (2, 60, 80, 3), dtype=np.uint8)
     for number, image in enumerate(noise):
         write_image(tmp_path / "photos" / f"{number}.jpg", image)
