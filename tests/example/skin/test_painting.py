@@ -1,6 +1,7 @@
 """A painted skin: the exemplar's colors, each place once, the same on every chart."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -146,13 +147,23 @@ def test_lines_are_copied_whole(skin, monkeypatch):
     assert whole > 1.5 * broken > 0
 
 
+def test_what_the_guide_does_not_lead_to_the_face_is_copied_in_holes_alone(monkeypatch):
+    inside, around = np.float32([1, 0, 0, 1]), np.float32([0.9, 0.9, 0.6, 0.4])
+    blurs = iter([np.ones(4, np.float32), around])
+    monkeypatch.setattr(CopiedFace, "_calm", lambda *_: next(blurs))
+    planes = np.stack([inside, inside, 0 * inside], axis=1)
+    sitter = SimpleNamespace(hair=None, outwards=np.ones(4, bool))
+    core = CopiedFace.core(CopiedFace.__new__(CopiedFace), sitter, None, planes, inside, 1.0)
+    assert core.tolist() == [True, True, False, False]
+
+
 @pytest.mark.slow  # paints four times; whose pieces: test_cells.py
 def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch):
     """An exemplar with green dots around its face, which a rough skin would like to have."""
     image, points = painter.exemplar.image.copy(), painter.exemplar.landmarks
-    face = soft_face(image.shape, points, 0.4)
-    rows, columns = np.indices(face.shape)
-    image[(face < 240) & (face > 60) & (rows % 4 < 2) & (columns % 4 < 2)] = 0, 255, 0
+    soft = soft_face(image.shape, points, 0.4)
+    rows, columns = np.indices(soft.shape)
+    image[(soft < 240) & (soft > 60) & (rows % 4 < 2) & (columns % 4 < 2)] = 0, 255, 0
     made = []
     paint_face = CopiedFace.paint
 

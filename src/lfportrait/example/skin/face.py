@@ -43,6 +43,9 @@ NEAR = 0.06
 """Skin that is so near to features, over the face's size, has their shade or make-up."""
 STEADY, EDGE = 0.02, 0.03
 """Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
+HOLE = 0.8
+"""What the guide does not lead to the face is painted so where so much of what is around it is: at
+a corner of a forehead, some pixels from beyond the painter's hairline were a stain."""
 
 
 def deep_shade(transfer: Transfer, inside: Bool, bearded: Float32) -> Bool:
@@ -122,7 +125,8 @@ class CopiedFace:
             core &= skin.hair * (1 - face[:, 2]) < HAIRY
         core &= steady > DRAWN_OUT
         # No crumbs of the exemplar's outline.
-        return np.asarray(self._calm(canvas, core.astype(np.float32), EDGE, size) > 0.5)
+        around = self._calm(canvas, core.astype(np.float32), EDGE, size)
+        return np.asarray((around > 0.5) & (core | (around > HOLE)))
 
     def _calm(self, canvas: Canvas, values: Float32, sigma: float, size: float) -> Float32:
         """Values [N] blurred over the surface, ``sigma`` over the face's size."""
