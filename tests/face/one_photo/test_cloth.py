@@ -12,7 +12,7 @@ from lfportrait.face.one_photo import cloth, paint
 from lfportrait.face.one_photo.cloth import clothes_of
 from lfportrait.face.one_photo.collar import Collar
 from lfportrait.face.one_photo.lattice import shell_of
-from lfportrait.face.one_photo.paint import EVEN_HEM, Shot, _clothed, _evened, _Mean, painted
+from lfportrait.face.one_photo.paint import Shot, _clothed, _Mean, painted
 from lfportrait.face.one_photo.parts import parts_of
 from lfportrait.face.one_photo.samples import MeshSamples
 from lfportrait.face.one_photo.solid import BODY, HEAD, solid_of
@@ -318,16 +318,3 @@ def test_the_far_side_of_a_turned_face_has_the_near_ones_color(shell, monkeypatc
     monkeypatch.setattr(paint, "SQUARER", (9.0, 10.0))
     out = 0.5 + C0 * painted(shell, [Shot.of(camera, colors, None)]).sh[:, :, 0]
     assert np.abs(np.median(out[slanted], axis=0) - SKIN).max() > 0.2, "the photo shows it"
-
-
-def test_a_ragged_edge_of_clothes_becomes_even():
-    random = np.random.default_rng(5)
-    points = random.uniform(-0.2, 0.2, (60000, 3)) * [1, 1, 0.05]
-    edge = 0.02 * np.sign(np.sin(250 * points[:, 0]))  # teeth 0.04 high
-    even = _evened(points, (points[:, 1] < edge).astype(float), EVEN_HEM)
-    inner = np.abs(points[:, 0]) < 0.15
-    low, high = (inner & (sign * points[:, 1] > 0.035) for sign in (-1, 1))
-    assert even[low].min() > 0.65 and even[high].max() < 0.35
-    at_edge = inner & (np.abs(points[:, 1]) < 0.004)
-    assert np.abs(even[at_edge] - 0.5).max() < 0.3
-    np.testing.assert_allclose(_evened(points, np.ones(len(points)), EVEN_HEM), 1.0, atol=1e-5)

@@ -44,8 +44,8 @@ NEAR = 0.06
 STEADY, EDGE = 0.02, 0.03
 """Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
 HOLE = 0.8
-"""What the guide does not lead to the face is painted so where so much of what is around it is: at
-a corner of a forehead, some pixels from beyond the painter's hairline were a stain."""
+"""What the guide does not lead to the face is painted so where so much of what is around it is, and
+nowhere else: at a forehead's corner it would take paint from beyond the painter's hairline."""
 
 
 def deep_shade(transfer: Transfer, inside: Bool, bearded: Float32) -> Bool:

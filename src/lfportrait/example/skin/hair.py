@@ -94,7 +94,7 @@ def network_hair(atlas: Atlas, index: Int32) -> Float32 | None:
             most = max(most, float((out[part][there[..., 0]] > 0.5).mean()))
     known = out.reshape(-1)
     if most < BARE:
-        return known[index] * np.float32(0)
+        return np.where(np.isnan(known[index]), known[index], np.float32(0))
     return known[index] if _agreed(atlas, known) else None
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ...arrays import Float32, Float64
+from ..head_fit import across_jaw
 
 FIRST, LAST = 5, 12
 """Landmarks from the first to the one before the last have an edge; it is looked for from one
@@ -44,13 +45,9 @@ def jaw_edge(image: NDArray[np.uint8], landmarks: Float64) -> Float64:
     places : float64 [17, 2] in pixels, for each landmark of the jaw; NaN where there is no edge.
     """
     eyes = float(np.linalg.norm(landmarks[45] - landmarks[36]))
-    line = CubicSpline(np.arange(17), landmarks[:17])
     along = np.linspace(FIRST - 1, LAST, (LAST - FIRST + 1) * BETWEEN + 1)
-    places, ahead = line(along), line(along, 1)
-    across = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
-    outward = ((places - landmarks[27:36].mean(axis=0)) * across).sum(axis=1)
-    across *= np.where(outward < 0, -1.0, 1.0)[:, None]
+    places, across = (CubicSpline(np.arange(17), one)(along)
+                      for one in (landmarks[:17], across_jaw(landmarks)))
     half, wide = round(0.5 * ACROSS * STEPS), int(WIDE * STEPS)
     offsets = np.arange(-wide - half, wide + half + 1) * eyes / STEPS
     seen = _profiles(image, places[:, None] + offsets[None, :, None] * across[:, None],

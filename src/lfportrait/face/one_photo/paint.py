@@ -92,9 +92,9 @@ LIT = 3
 """
 SEEN = 6e-4  # How much of a neck must be seen to say what it wears, portrait units squared.
 HEM = 6.0  # How many times as sharp as a mean over surroundings the edge of clothes is.
-EVEN_HEM, SHARPER = 0.03, 5.0
-"""Around a neck, where skin and clothes meet almost at a tangent, that edge is even over the first,
-portrait units, and so many times as sharp as such means are."""
+SHARPER = 5.0
+"""Around a neck, where skin and clothes meet almost at a tangent, that edge is as even as means
+over twice `CELL` are, and so many times as sharp."""
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -459,25 +459,11 @@ def _clothed(shell: Shell, own: _Mean) -> Float64:
                       * np.clip(HEM * (around[asked[used]] - 0.5) + 0.5, 0, 1))
     if neck.any():
         # What lies beside the neck's end: more of a body than that has no edge there.
-        beside = part & (shell.on[:, 1] > shell.on[neck, 1].min() - 2 * EVEN_HEM)
-        even = np.clip(SHARPER * (_evened(shell.on[beside], out[beside], EVEN_HEM) - 0.5) + 0.5,
-                       0, 1)
+        beside = part & (shell.on[:, 1] > shell.on[neck, 1].min() - 2 * CELL)
+        mean = _spread(shell.on[beside], out[beside][:, None], np.ones(beside.sum()), 1)[:, 0]
+        even = np.clip(SHARPER * (mean - 0.5) + 0.5, 0, 1)
         out[beside] += (1 - own.best[beside]) * (even - out[beside])
     return out
-
-
-def _evened(points: Float64, values: Float64, radius: float) -> Float64:
-    """Means [N] of values [N] within about ``radius`` of points [N, 3], portrait units."""
-    cell = 0.5 * radius
-    places = ((points - points.min(axis=0)) / cell + 4).T
-    at = np.rint(places).astype(int)
-    size = tuple(int(axis.max()) + 5 for axis in at)
-    flat = np.ravel_multi_index(tuple(at), size)
-    sums, count = (ndimage.gaussian_filter(
-        np.bincount(flat, weight, int(np.prod(size))).reshape(size).astype(np.float32), 1.5,
-        truncate=2.5) for weight in (values, np.ones(len(values))))
-    mean = sums / np.maximum(count, np.float32(1e-9))
-    return np.asarray(ndimage.map_coordinates(mean, places, order=1), np.float64)
 
 
 def _bearded(shell: Shell, own: _Mean) -> Float64:

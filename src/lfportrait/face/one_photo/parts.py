@@ -255,7 +255,7 @@ def ground_in_blur(image: NDArray[np.uint8], matte: NDArray[np.floating],
     Parameters
     ----------
     image : uint8 [H, W, 3], with its ground.
-    matte, hair : [H, W] in [0, 1].
+    matte, hair : [H, W] in [0, 1]; hair None if it is not known.
     unit : Pixels to a portrait unit.
     """
     factor = min(1.0, 1.0 / (BLUR_CELL * unit))
