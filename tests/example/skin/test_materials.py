@@ -20,8 +20,10 @@ from lfportrait.example.painter.materials import (
     guide_agreement,
     light_neck,
     main_material,
+    material_guides,
     pieces,
 )
+from lfportrait.example.painter.patch_painter import GuideWeights
 from lfportrait.example.painter.picture_materials import (
     CLOTHES,
     EARS,
@@ -38,6 +40,7 @@ from lfportrait.example.painter.picture_materials import (
     painted_shares,
     picture_shares,
 )
+from lfportrait.example.patches import PatchSearch, PatchSource, PatchTarget, synthesise_patches
 from lfportrait.example.skin.hair import below_hair, hair_by_place, without_bays
 from lfportrait.example.skin.painting import DARKEST, sitter_looks, sitter_shares
 from lfportrait.example.surface_guide import HeadPlane
@@ -688,7 +691,8 @@ def test_skin_is_no_darker_than_most_of_the_exemplars(painter, shares):
 def test_pixels_of_a_tone_are_used_as_often_as_it_is_asked_for():
     random = np.random.default_rng(5)
     theirs = SimpleNamespace(tone=np.repeat(np.float32([[0.2], [0.8]]), 30, 0).repeat(60, 1),
-                             shares=np.zeros((60, 60, len(MATERIALS)), np.float32))
+                             shares=np.zeros((60, 60, len(MATERIALS)), np.float32),
+                             hue=np.zeros((60, 60), np.float32))
     theirs.shares[..., SKIN] = 1
     shares = np.zeros((4000, len(MATERIALS)), np.float32)
     shares[:, SKIN] = 1
@@ -706,11 +710,17 @@ def test_pixels_of_a_tone_are_used_as_often_as_it_is_asked_for():
     assert not even_uses(shares, tone, theirs, 1.0).any()
     assert np.allclose(even_uses(np.roll(shares, SKIN - HAIR, 1), tone, theirs,
                                  2 * np.ones(len(MATERIALS), np.float32)), 2 * even)
+    # Skin of another hue is hardly used, and its part falls to the rest.
+    theirs.hue[:, :20] = 0.3
+    rare = even_uses(np.roll(shares, SKIN - HAIR, 1), tone, theirs, 1.0)
+    assert np.allclose(rare[:, 20:], 1.5 * even[:, 20:], rtol=0.01)
+    assert rare[:, :20].max() < 0.01 * even.max()
 
 
 def test_pieces_come_from_where_the_exemplar_has_the_tone():
     size, side = 40.0, 80
-    theirs = SimpleNamespace(tone=np.zeros((side, side), np.float32))
+    theirs = SimpleNamespace(tone=np.zeros((side, side), np.float32),
+                             hue=np.zeros((side, side), np.float32))
     theirs.tone[:, side // 2:] = 0.8
     own = np.arange(side * side, dtype=np.int32).reshape(side, side)
     theirs.deep = theirs.nearest = np.repeat(own[None], len(MATERIALS), 0)
@@ -729,6 +739,11 @@ def test_pieces_come_from_where_the_exemplar_has_the_tone():
     again = pieces(main_material(np.repeat(shares[:1], 2, 0)), theirs, wanted[:2],
                    np.stack([plane[0], near]), tone[:2], size)
     assert np.allclose(again[1] - again[0], near - plane[0], atol=1e-4)
+    # Nor from where it has another hue, if there is a choice.
+    stains = theirs.hue
+    stains[:side // 2] = 0.3
+    _, row = pieces(main_material(shares), theirs, wanted, plane, tone, size).T
+    assert (row < side // 2).mean() < 0.5 * (y < side // 2).mean()
 
 
 def test_places_that_are_moved_far_are_not_at_home():
@@ -769,3 +784,45 @@ def test_kernels_of_the_materials(count):
     near = nearest[found, y, x]
     there = np.stack([near % 20, near // 20], axis=1) + np.float32(0.5)
     assert np.array_equal(moved, np.where((near == y * 20 + x)[:, None], position, there))
+
+
+def _flesh(stained: bool) -> ExemplarMaterials:
+    """Skin that is red in the shade and yellow in the light, perhaps with a green stain."""
+    tone = np.linspace(0.35, 0.75, 240, dtype=np.float32)[None].repeat(120, 0)
+    warm = np.float32([0.18, -0.02, -0.14]) * (0.4 + tone[..., None])
+    picture = tone[..., None] + warm
+    if stained:
+        picture[40:80, 100:140] += np.float32([-0.12, 0.06, 0.02])
+    shares = np.zeros((120, 240, len(MATERIALS)), np.float32)
+    shares[..., SKIN] = 1
+    shares[:, :20], shares[:, :20, HAIR] = 0, 1
+    return ExemplarMaterials.of(picture, shares, 120.0)
+
+
+def test_flesh_of_another_hue_than_its_tone_mostly_has_is_known():
+    stained, plain = _flesh(True).hue, _flesh(False).hue
+    assert stained[50:70, 110:130].min() > 0.08
+    # Shade is of another hue than light: that is usual.
+    assert plain[:, 30:].max() < 0.03 and stained[:20, 30:].max() < 0.03
+    assert not stained[:, :20].any()
+
+
+def test_where_skin_is_plain_patches_of_another_hue_are_not_taken():
+    theirs = _flesh(True)
+    search = PatchSearch(levels=3)
+    out = {}
+    for weight in (0.0, 1.0):
+        weights = GuideWeights(hue=weight)
+        source = PatchSource.of(
+            (theirs.luma[..., None] + np.float32([0.1, 0, -0.1])).clip(0, 1),
+            material_guides(theirs.shares, theirs.tone, theirs.detail, theirs.hue, weights))
+        shares = np.zeros((64, 64, len(MATERIALS)), np.float32)
+        shares[..., SKIN] = 1
+        flat = np.zeros((64, 64), np.float32)
+        # Tones of the stain's place, where the search begins.
+        guides = material_guides(shares, flat + theirs.tone[60, 120], flat, flat, weights)
+        y, x = np.mgrid[:64, :64].astype(np.float32)
+        start = np.stack([100 + x * 0.6, 40 + y * 0.6], axis=-1)
+        _, places = synthesise_patches(PatchTarget(guides, start, start), source, search)
+        out[weight] = theirs.hue.reshape(-1)[places].mean()
+    assert out[0.0] > 0.02 and out[1.0] < 0.4 * out[0.0]

@@ -16,6 +16,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
 from ...arrays import Bool, Float32, Int32, Int64
+from ...color import to_lab
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.filters import Distribution, broad_blur, gaussian_blur, grey, match_histogram
@@ -63,6 +64,10 @@ exemplar's white collar on a dark coat."""
 TONES, RARE, FINE = 24, 4.0, 1023
 """Tones that uses of the exemplar are evened out in; none is used so many times more than another;
 and steps that are distinguished between them."""
+HUES, MOST_OTHER = 8, 0.3
+"""Tones between which the usual hue of flesh is interpolated; and no hue is further off."""
+USUAL = 0.08
+"""Flesh whose hue is so far from the usual one is to be used 1 / e times as often as other flesh."""
 AGREES = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""
@@ -85,6 +90,9 @@ class ExemplarMaterials:
     nearest: Int32  # int32 [7, h, w], flat index of the nearest pixel of each material.
     deep: Int32  # The same, of the nearest pixel well inside each material.
     present: Bool  # bool [7], materials that it shows.
+    # float32 [h, w], how far the broad color of flesh is from what flesh of its tone mostly has
+    # (a and b of Lab, over 100); 0 where there is none.
+    hue: Float32
 
     @property
     def luma(self) -> Float32:
@@ -110,7 +118,33 @@ class ExemplarMaterials:
             limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
             deep[material] = _nearest(inside & (depth >= limit), luma.shape)
         tone = broad_blur(luma, BLUR * size)
-        return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
+        return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present,
+                                 _other_hues(picture, shares, tone, size))
+
+
+def _other_hues(picture: Float32, shares: Float32, tone: Float32, size: float) -> Float32:
+    """How far flesh of a picture [h, w, 3] is of another hue than most flesh of its tone, [h, w].
+
+    As for `ExemplarMaterials`; skin and neck by themselves.
+    """
+    out = np.zeros(tone.shape, np.float32)
+    for alike in ([SKIN, EARS], [NECK]):
+        share = np.ascontiguousarray(shares[..., alike].sum(axis=-1), np.float32)
+        inside = share > 0.5
+        if inside.sum() < FEW:
+            continue
+        total = np.maximum(broad_blur(share, BLUR * size), np.float32(1e-3))
+        broad = np.stack([broad_blur(picture[..., c] * share, BLUR * size) / total
+                          for c in range(3)], axis=-1)
+        hues, tones = to_lab(broad[inside])[:, 1:], tone[inside]
+        edges = np.unique(np.quantile(tones, np.linspace(0, 1, HUES + 1)))
+        which = np.clip(np.searchsorted(edges, tones) - 1, 0, max(len(edges) - 2, 0))
+        middles = [(np.median(tones[which == n]), *np.median(hues[which == n], axis=0))
+                   for n in np.unique(which)]
+        at, *usual = np.array(middles).T
+        off = [hues[:, n] - np.interp(tones, at, usual[n]) for n in range(2)]
+        out[inside] = np.minimum(np.hypot(*off) / 100, MOST_OTHER)
+    return out
 
 
 def _nearest(there: Bool, shape: tuple[int, ...]) -> Int32:
@@ -221,15 +255,15 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
     return out, strong
 
 
-def material_guides(shares: Float32, tone: Float32, detail: Float32,
-                    weights: tuple[float, float, float]) -> Float32:
-    """Guides of patches, float32 [..., 4]: detail, tone, materials (2), of ``shares`` [..., 7].
+def material_guides(shares: Float32, tone: Float32, detail: Float32, hue: Float32,
+                    weights: tuple[float, float, float, float]) -> Float32:
+    """Guides of patches, float32 [..., 5]: detail, tone, materials (2), hue; of ``shares`` [..., 7].
 
-    The weights are those of tone, detail and materials.
+    The weights are those of tone, detail, materials and hue.
     """
-    roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2])
-    planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
-                            axis=-1)
+    roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2, weights[3]])
+    planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES,
+                             255 * hue[..., None]], axis=-1)
     return np.asarray(planes * roots.astype(np.float32), np.float32)
 
 
@@ -255,7 +289,7 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     ours, these = (np.clip(np.rint(tones.reshape(-1) * (TONES - 1)), 0, TONES - 1).astype(int)
                        for tones in (tone, reference))
     for material in range(len(MATERIALS)):
-        share = theirs.shares[..., material]
+        share = theirs.shares[..., material] * np.exp(-(theirs.hue / USUAL) ** 2)
         asked, there = (gaussian_filter1d(np.bincount(bins, weights, TONES), 1.0, mode="nearest")
                         for bins, weights in ((ours, shares[:, material]),
                                               (these, share.reshape(-1))))
@@ -365,6 +399,7 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
         place = guided + FAR * size * (chance - 0.5)
         there = theirs.deep[kinds, *exemplar_pixels(place, theirs)]
         off = np.abs(theirs.tone.reshape(-1)[there] - asked)
+        off += theirs.hue.reshape(-1)[there]
         off += AWAY / size * np.linalg.norm(place - guided, axis=1)
         better = off < best - 1e-6
         best[better], chosen[better] = off[better], place[better]

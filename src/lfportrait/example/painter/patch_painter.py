@@ -45,6 +45,8 @@ class GuideWeights(NamedTuple):
     """Of the photo's edges and patterns."""
     material: float = 3.0
     """Of keeping hair, skin and clothes separate."""
+    hue: float = 1.0
+    """Of keeping flesh of one hue: what is green on a painter's temple makes stains on a scalp."""
 
 
 class Atlas(Protocol):
@@ -111,6 +113,8 @@ class PatchRequest:
     # How often the exemplar's pixels may be used, against evenly: a number, or one a material.
     often: float | Float32 = 1.0
     own: bool = False  # Whether ``color`` may be painted over.
+    # float32 [N], how far flesh is to be of another hue than most (`ExemplarMaterials`); None: 0.
+    hue: Float32 | None = None
 
 
 class PatchPainter:
@@ -142,8 +146,10 @@ class PatchPainter:
         size = round(size, 3)
         if size not in self._sources:
             picture, theirs = resized_materials(self.exemplar, self.shares, size)
+            if self._weights.hue == 0:
+                theirs.hue[:] = 0  # nor does it count where pieces come from
             self._sources = {size: (PatchSource.of(picture, self._guides(
-                theirs.shares, self.tones(theirs), theirs.detail)), theirs)}
+                theirs.shares, self.tones(theirs), theirs.detail, theirs.hue)), theirs)}
         return self._sources[size]
 
     def _target(self, atlas: Atlas, size: float, request: PatchRequest) -> PatchTarget:
@@ -155,8 +161,9 @@ class PatchPainter:
         even = even_uses(request.shares[active], request.tone[active], theirs, request.often,
                          self.tones(theirs))
         # First, as the planes that these are made of are the largest of all.
+        hue = np.zeros_like(request.tone) if request.hue is None else request.hue
         guides = GuideLevels.of(atlas.spread(self._guides(
-            request.shares, request.tone, request.detail)), source, self.search)
+            request.shares, request.tone, request.detail, hue)), source, self.search)
         start = start_levels(atlas.spread(request.begin), source, self.search)
         asked, weight, sure = (atlas.spread(values) for values in (
             request.wanted, request.weight[:, None], request.sure))
@@ -171,8 +178,8 @@ class PatchPainter:
         del request  # a hundred MB, which nobody needs during the search
         return synthesise_patches(target.pop(), self.source(size)[0], self.search, self.seed)[0]
 
-    def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
-        return material_guides(shares, tone, detail, self._weights)
+    def _guides(self, shares: Float32, tone: Float32, detail: Float32, hue: Float32) -> Float32:
+        return material_guides(shares, tone, detail, hue, self._weights)
 
 
 def flesh(shares: Float32) -> Float32:

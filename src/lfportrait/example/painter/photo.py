@@ -125,7 +125,7 @@ EDGE = 0.03  # Blur that finds the edge of what is painted so, over the face's s
 UTMOST = 0.2  # Tones are carried by no more than this: beyond it is a cast shadow, not light.
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
-WEIGHTS = GuideWeights(tone=0.3, detail=1.0, material=1.5)
+WEIGHTS = GuideWeights(tone=0.3, detail=1.0, material=1.5, hue=0.0)
 """Half of a head's: a photo's guides are sharp, and its face is painted already."""
 CHUNK = 1.0  # Weight of staying with StyleBlit's chunks where those are of like material.
 

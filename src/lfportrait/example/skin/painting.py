@@ -442,8 +442,10 @@ class SkinPainter:
         often = float((state == ACTIVE).sum() / max(int(active.sum()), 1))
         exchange(canvas.owner, color)
         sure = np.stack([trust, UNSEEN + (1 - UNSEEN) * skin.seen], axis=1)
+        # Where patches stay in place the painter's own hues do, too.
+        hue = hold * theirs.hue[exemplar_pixels(placed.wanted, theirs)]
         return PatchRequest(shares, tone, detail, placed.wanted, begin, weight, sure, state, color,
-                            often, own=True)
+                            often, own=True, hue=np.asarray(hue, np.float32))
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
