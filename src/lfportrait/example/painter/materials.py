@@ -67,7 +67,7 @@ and steps that are distinguished between them."""
 HUES, MOST_OTHER = 8, 0.3
 """Tones between which the usual hue of flesh is interpolated; and no hue is further off."""
 USUAL = 0.08
-"""Flesh whose hue is so far from the usual one is to be used 1 / e times as often as other flesh."""
+"""Flesh whose hue is so far from the usual one is to be used 1 / e times as often as other."""
 AGREES = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""
@@ -257,9 +257,9 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
 
 def material_guides(shares: Float32, tone: Float32, detail: Float32, hue: Float32,
                     weights: tuple[float, float, float, float]) -> Float32:
-    """Guides of patches, float32 [..., 5]: detail, tone, materials (2), hue; of ``shares`` [..., 7].
+    """Guides of patches, float32 [..., 5]: detail, tone, materials (2), hue.
 
-    The weights are those of tone, detail, materials and hue.
+    ``shares`` are float32 [..., 7]. The weights are those of tone, detail, materials and hue.
     """
     roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2, weights[3]])
     planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES,
