@@ -32,7 +32,7 @@ from ..geometry.chart import (
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
-from .colors import NAPE, continued_in_shade, hair_cells, usual_hair
+from .colors import NAPE, continued_in_shade, hair_cells, heights_of, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
@@ -150,6 +150,9 @@ NARROW_FRINGE = -0.75
 ON, SURELY = 3.0, 0.5
 """Voxels beside the closed surface up to which what was trained is that surface, and the share of
 the photos' own colors from which on closed colors begin at them."""
+_SHORTEST = 0.05  # Of the circles of rows at the crown, over those below.
+_EVENLY = 2.0  # Sigma, in cells, over which the thickness of hair is evened.
+_TAPER = 0.6  # Height above the nape, portrait units, from which on hair is as thick as above.
 KNOT = 3  # Cells around a knot that are part of it.
 LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
 
@@ -195,7 +198,10 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
         ears = ears_of(head, chart, photos)
-        guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
+        skull = head_distance(head, chart, surface.distance)
+        skull = with_hair(skull, chart, distance,
+                          known & ~knotted & (_confidence(surface.facing) > YIELDS))
+        guess = _led(guess, skull, surface, distance, ears)
     base, known = guess.base, guess.known
     shown = (guess.trust > 0) & finite & ~knotted
     ratio = np.asarray(np.log(np.where(shown, distance, base) / base), np.float64)
@@ -267,6 +273,32 @@ def _led(guess: _Guess, base: Float64, surface: HeadSurface, distance: Float64,
         beside = _ear_cells(chart, ears)
         trust[beside], known[beside], yields[beside] = 0.0, False, EAR_STANDS_OUT
     return _Guess(base, trust, known, np.where(skin, FOLLOWS, LAX), yields, ears)
+
+
+def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> Float64:
+    """Distances [V, U] of a fitted skull with hair on it, as thick as photos show it beside.
+
+    A fitted head has no hair. Where photos show none either, it goes on from what they show as a
+    membrane, and gets thinner towards the nape.
+
+    Parameters
+    ----------
+    skull, chart : Distances [V, U] of the fitted head, world units.
+    distance : Of what was trained, [V, U]; NaN where there is nothing.
+    shown : bool [V, U], where photos show it well.
+    """
+    hair = usual_hair(chart, skull)
+    shown = shown & hair & np.isfinite(distance)
+    if not shown.any():
+        return skull
+    thick = smoothed(np.where(shown, np.log(np.where(shown, distance, 1.0) / skull), 0.0), shown,
+                     _EVENLY)
+    # At the crown rows are short circles, all of whose columns are neighbours.
+    upwards = np.maximum(np.cos(chart.elevation), _SHORTEST) ** 2
+    thick = continued(np.where(shown, thick, 0.0)[..., None], shown, upwards=upwards,
+                      apart=hair)[..., 0]
+    taper = np.clip((heights_of(chart, skull) - NAPE) / _TAPER, 0.0, 1.0)
+    return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
 
 
 def _confidence(facing: Float64) -> Float64:
