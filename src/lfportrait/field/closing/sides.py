@@ -226,14 +226,13 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     colors, share = photo_colors(photos, chart, whole, np.nan_to_num(colors), np.asarray(there))
     own |= share > SURELY
     bare = np.broadcast_to((chart.axis[:, 1] > NECK)[:, None], gap.shape)
-    paint = continued_in_shade(colors, own, upwards, hair, bare, normal)
-    shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
-                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True,
-                  ears=guess.ears,
-                  yields=guess.yields, fringe=FRINGE if head is None else NARROW_FRINGE)
+    paint = np.clip(continued_in_shade(colors, own, upwards, hair, bare, normal), 0, 1)
+    shell = Shell(chart, whole, cosine, paint, ndimage.binary_dilation(gap, np.ones((3, 3))), voxel,
+                  guessed=True, ears=guess.ears, yields=guess.yields,
+                  fringe=FRINGE if head is None else NARROW_FRINGE)
     closed, count = with_shell(field, shell, photos, cut)
-    grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras), guess.ears, beside, hair,
-                    cut, photos, gap)
+    grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras, hair), guess.ears, beside,
+                    hair, cut, photos, gap, paint)
     return closed, Closed(float((area * gap).sum() / area.sum()), count, grazed)
 
 

@@ -242,7 +242,9 @@ _RESIDUAL, _ITERATIONS = 1e-5, 60
 _DAMPING, _COARSEST = 0.6, 2000
 """Of the Jacobi steps of a plate's grids; cells of the coarsest, which is solved exactly."""
 
-LEAK = 0.003  # How strongly a membrane holds together across a border, over elsewhere.
+LEAK = 1e-5
+"""How strongly a membrane holds together across a border, over elsewhere: borders are long, and at
+0.003 hair behind a head was a quarter skin."""
 
 
 def at_places(values: Float64, places: Float64) -> Float64:
