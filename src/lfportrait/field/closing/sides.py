@@ -152,7 +152,7 @@ ON, SURELY = 3.0, 0.5
 the photos' own colors from which on closed colors begin at them."""
 _SHORTEST = 0.05  # Of the circles of rows at the crown, over those below.
 _EVENLY = 2.0  # Sigma, in cells, over which the thickness of hair is evened.
-_TAPER = 0.6  # Height above the nape, portrait units, from which on hair is as thick as above.
+_THICKENS = (-0.25, 0.25)  # Heights, portrait units, over which hair above a nape becomes thick.
 KNOT = 3  # Cells around a knot that are part of it.
 LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
 
@@ -296,7 +296,7 @@ def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> F
     upwards = np.maximum(np.cos(chart.elevation), _SHORTEST) ** 2
     thick = continued(np.where(shown, thick, 0.0)[..., None], shown, upwards=upwards,
                       apart=hair)[..., 0]
-    taper = np.clip((heights_of(chart, skull) - NAPE) / _TAPER, 0.0, 1.0)
+    taper = np.interp(heights_of(chart, skull), _THICKENS, (0.0, 1.0))
     return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
 
 
