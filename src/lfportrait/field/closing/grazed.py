@@ -37,6 +37,7 @@ from ..geometry.chart import (
     normals_of,
     read_surface,
     smoothed,
+    widened,
 )
 from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
@@ -63,6 +64,8 @@ BESIDE = 3.0
 """Voxels around ears that belong to them: depth maps, not the chart, know where they face."""
 STANDS_OUT = 2.0, 20.0
 """Voxels by which what stands out of the surface, where rays may meet ears, is an ear's, too."""
+NEXT = 3
+"""Cells around those of ears in which hair keeps its colors: true ears are not as fitted ones."""
 FACED, SURELY = 0.2, 4
 """An ear's colors stay where so many photos see a surface that faces them at such a cosine."""
 ALIKE = 24  # Places of an ear around one whose median tells its color.
@@ -210,6 +213,9 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
         low, high = STANDS_OUT
         near = nearest_cells(grazed.beside, places) & (-high < deep) & (deep < -low)
         near |= grazed.ears.distance(points)[0] < BESIDE * voxel
+        if grazed.hair is not None:
+            around = widened(grazed.beside, NEXT) & grazed.hair
+            share[nearest_cells(around, places)] = 0.0
         share[near] = 0.0
         if grazed.photos is not None:
             sh = _with_even_ears(sh, np.flatnonzero(near), points, field.density, grazed.photos)

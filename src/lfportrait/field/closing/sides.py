@@ -28,6 +28,7 @@ from ..geometry.chart import (
     normals_of,
     read_surface,
     smoothed,
+    widened,
 )
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
@@ -186,7 +187,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     if not known.any():
         return field, None
     # A knot stands by itself: no head is fitted to it, and the closed sides do not begin at it.
-    knotted = _widened(surface.knots > 0, KNOT)
+    knotted = widened(surface.knots > 0, KNOT)
     head = None if fit_head is None else _fitted(
         fit_head, surface, capture, np.where(known & ~knotted, distance, np.nan))
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
@@ -329,10 +330,4 @@ def _ear_cells(chart: Chart, ears: Ears) -> Bool:
     row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
     inside = (row >= 0) & (row < len(found))
     found[row[inside], column[inside] % found.shape[1]] = True
-    return _widened(found, 1)
-
-
-def _widened(cells: Bool, by: int) -> Bool:
-    """Cells [V, U] and those up to so many beside them; columns go around."""
-    around = np.pad(cells, ((0, 0), (by, by)), mode="wrap")
-    return np.asarray(ndimage.binary_dilation(around, np.ones((2 * by + 1,) * 2))[:, by:-by])
+    return widened(found, 1)

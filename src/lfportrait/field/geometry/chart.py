@@ -270,6 +270,12 @@ def smoothed(values: Float64, known: Bool, width: float) -> Float64:
     return np.asarray(total / np.maximum(weight, 1e-9), np.float64)
 
 
+def widened(cells: Bool, by: int) -> Bool:
+    """Cells [V, U] and those up to so many beside them; columns go around."""
+    around = np.pad(cells, ((0, 0), (by, by)), mode="wrap")
+    return np.asarray(ndimage.binary_dilation(around, np.ones((2 * by + 1,) * 2))[:, by:-by])
+
+
 def large_pieces(cells: Bool, area: Float64, least: float) -> Bool:
     """The cells, [V, U], of pieces with an area of ``least`` or more; columns go around."""
     pieces, count = ndimage.label(np.tile(cells, 2), np.ones((3, 3), np.int8))
