@@ -114,6 +114,34 @@ def test_an_unseen_face_is_pulled_to_the_head_more_than_hair():
     assert found.tension[cheek].min() > 10 * found.tension[behind].max()
 
 
+def hair_behind(thick, low=-np.inf):
+    """How thick hair is behind a skull, [V], over how thick photos show it before the ears."""
+    chart = bust_chart(0.05)
+    skull = bust_distance(chart)
+    shown = (np.abs(chart.angle) < np.radians(100)) & (chart.axis[:, 1] > low)[:, None]
+    trained = np.where(shown, skull * (1 + thick), np.nan)
+    found = sides.with_hair(skull, chart, trained, shown)
+    behind = np.abs(chart.angle) > np.radians(150)
+    return (chart.axis[:, 1], (found / skull - 1)[:, behind].mean(axis=1),
+            np.abs(found / skull - 1)[:, np.abs(chart.angle) < np.radians(30)])
+
+
+@pytest.mark.parametrize("thick", [0.1, 0.3])
+def test_hair_behind_is_as_thick_as_photos_show_it_and_ends_at_the_nape(thick):
+    height, behind, front = hair_behind(thick)
+    crown, nape = behind[-3:], behind[(height > -0.33) & (height < -0.2)]
+    assert np.all(crown > 0.9 * thick) and np.all(crown < 1.01 * thick)
+    assert np.all(nape < 0.4 * thick)
+    assert np.all(np.diff(behind[height > -0.3]) > -1e-9)
+    # There is none on a neck, or on a face, however far they are from the fitted head.
+    assert not behind[height < -0.4].any()
+    assert not front[height < 0.1].any()
+
+
+def test_a_head_whose_hair_no_photo_shows_has_its_skull_there():
+    assert not hair_behind(0.2, low=9.0)[1].any()
+
+
 def photographs(field):
     """An arc of photos of a field, with mattes."""
     found = Camera.arc(np.linspace(-14, 14, 15), distance=5.0, width=SIDE, height=SIDE,

@@ -115,6 +115,49 @@ def test_hair_that_nothing_faces_keeps_the_strands_of_before_the_last_training(h
     assert np.array_equal(with_even_colors(trained, grazed).sh, trained.sh)
 
 
+def test_hair_that_nothing_faces_has_the_colors_it_was_closed_in(head):
+    field, chart, distance = head
+    left, hair = chart.angle < 0, np.ones(distance.shape, bool)
+    faced = np.broadcast_to(np.where(left, 0.0, 1.0), distance.shape).copy()
+    paint = np.full((*distance.shape, 3), (0.3, 0.2, 0.1))
+    even = with_even_colors(field, Grazed(chart, distance, faced, None, ~hair, hair, None,
+                                          paint=paint), field)
+    points = field.lattice_points()
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (np.abs(points[:, 1]) < 0.1)
+    stays, goes = near & (points[:, 0] > 0.1), near & (points[:, 0] < -0.1)
+    assert np.array_equal(even.sh[stays], field.sh[stays])
+    assert np.abs(0.5 + C0 * even.sh[goes][..., 0] - paint[0, 0]).max() < 1e-6
+    assert not even.sh[goes][..., 1:].any()
+
+
+def test_next_to_ears_hair_keeps_its_colors(head):
+    field, chart, distance = head
+    hair = np.ones(distance.shape, bool)
+    places = np.array([[-0.6, 0.0, 0.0]])
+    ears = Ears(places, places / 0.6, np.ones(1, bool), np.zeros((0, 2, 3)), cKDTree(places), 0.05,
+                0.02)
+    beside = np.broadcast_to(np.abs(np.degrees(chart.angle) + 90) < 15, distance.shape)
+    grazed = Grazed(chart, distance, np.zeros(distance.shape), ears, beside, hair, None,
+                    paint=np.full((*distance.shape, 3), 0.3))
+    even = with_even_colors(field, grazed)
+    points = field.lattice_points()
+    angle = np.degrees(np.arctan2(points[:, 0], points[:, 2]))
+    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (np.abs(points[:, 1]) < 0.1)
+    by_ear, far = near & (np.abs(angle + 90) < 22), near & (angle > 0)
+    assert np.array_equal(even.sh[by_ear], field.sh[by_ear])
+    assert np.abs(0.5 + C0 * even.sh[far][..., 0] - 0.3).max() < 1e-6
+
+
+def test_hair_must_be_faced_more_squarely_than_skin(head):
+    _, chart, distance = head
+    every = np.ones(distance.shape, bool)
+    skin, hair = (faced_by(chart, distance, ARC, part) for part in (~every, every))
+    assert np.array_equal(skin, faced_by(chart, distance, ARC))
+    head_rows = (chart.axis[:, 1] > -0.3) & (np.arange(len(chart.axis)) < chart.level)
+    between = head_rows[:, None] & (skin > 0.1) & (skin < 1)
+    assert np.all(hair <= skin) and np.all(hair[between] < skin[between])
+
+
 @pytest.fixture(scope="module")
 def photographed(head):
     """A gray head with specks, darker on its left, and an arc of photos without them."""

@@ -127,6 +127,15 @@ def test_hair_goes_on_behind_and_above_but_not_over_the_face():
     assert np.abs(mixed - colors)[behind].mean() > 0.1
 
 
+def test_a_head_of_hair_takes_no_color_of_the_neck_however_little_of_it_is_shown():
+    chart = bust_chart(0.016)
+    hair = usual_hair(chart, bust_distance(chart))
+    colors = np.where(hair[..., None], [0.2, 0.1, 0.0], [0.9, 0.7, 0.6])
+    seen = ~hair | (np.abs(np.degrees(chart.angle)) < 30)
+    found = continued(colors, seen, apart=hair)
+    assert np.abs(found - colors)[hair].max() < 0.01
+
+
 def test_the_surface_lies_where_the_face_is(surface):
     camera = cameras([0.0])
     truth = photographs("before", camera, "depth")[0]

@@ -190,7 +190,7 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
     hair : bool [V, U]; None where crown and face have one color.
     own : bool [V, U], of the cells that photos show well: not an ear before hair.
     """
-    height = _heights(chart, distance)
+    height = heights_of(chart, distance)
     aside = np.degrees(np.abs(chart.angle))[None]
     usual = usual_hair(chart, distance)
     # Of a fringe or a bald forehead photos know more than most heads.
@@ -222,7 +222,7 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
 
 def usual_hair(chart: Chart, distance: Float64) -> Bool:
     """Where most heads have hair on a chart's surface, bool [V, U]."""
-    begins = np.interp(_heights(chart, distance), *_HAIRLINE.T)
+    begins = np.interp(heights_of(chart, distance), *_HAIRLINE.T)
     return np.asarray(np.degrees(np.abs(chart.angle))[None] > begins)
 
 
@@ -236,7 +236,7 @@ def _joined(cells: Bool, seeds: Bool) -> Bool:
     return np.asarray(kept[pieces[:, :half]] | kept[pieces[:, half:]])
 
 
-def _heights(chart: Chart, distance: Float64) -> Float64:
+def heights_of(chart: Chart, distance: Float64) -> Float64:
     """Heights of the surface's cells, [V, U], portrait units."""
     return np.asarray(chart.axis[:, 1][:, None]
                       + np.sin(chart.elevation)[:, None] * distance * chart.scale)

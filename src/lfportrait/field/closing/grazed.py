@@ -5,8 +5,10 @@ arbitrary: nobody who looks from where the photos were taken sees it, but from a
 stippled and a temple streaked. So the surface is read once more when its last training is done.
 Its colors lose their specks in a median, which keeps the edge of a jaw, and its chroma is smoothed
 wider than its lightness, to which eyes are sharper. The less squarely photos look, the more of it
-counts. Hair keeps its strands, but where photos do not face it they are those of before that
-training: at an outline the photos' ground gets into them.
+counts. Hair has the colors of before that training where photos do not face it, as at an outline
+the photos' ground gets into them; and the less they do, the more it has those that photos show
+along it, or else those that it was closed in (`Grazed.paint`). What was trained of the last locks
+that photos see is a ragged edge from aside, dark or bright, beside smooth closed hair.
 
 Ears have no place in a chart: neither the fitted ones nor what stands out beside them, where true
 ears are not as the fitted. What hardly any photo faces there takes the colors of what is faced
@@ -35,6 +37,7 @@ from ..geometry.chart import (
     normals_of,
     read_surface,
     smoothed,
+    widened,
 )
 from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
@@ -45,6 +48,7 @@ from .photos import Photos
 
 SQUARELY = 0.5
 """Cosine to the photos that see a place best from which on their colors stay as they are."""
+HAIR_SQUARELY = 0.8  # The same for hair, whose locks hide each other.
 BARELY = 0.1, 0.2  # Cosines over which the photos themselves say what colors are.
 BEST = 0.8  # Quantile of the cosines to the photos that counts.
 MEDIAN = (5, 7)
@@ -60,6 +64,8 @@ BESIDE = 3.0
 """Voxels around ears that belong to them: depth maps, not the chart, know where they face."""
 STANDS_OUT = 2.0, 20.0
 """Voxels by which what stands out of the surface, where rays may meet ears, is an ear's, too."""
+NEXT = 3
+"""Cells around those of ears in which hair keeps its colors: true ears are not as fitted ones."""
 FACED, SURELY = 0.2, 4
 """An ear's colors stay where so many photos see a surface that faces them at such a cosine."""
 ALIKE = 24  # Places of an ear around one whose median tells its color.
@@ -86,6 +92,8 @@ class Grazed:
     cut: Cut | None  # What lies below is none of the head.
     photos: Photos | None = None  # What they show; None: only the field tells colors.
     gap: Bool | None = None  # bool [V, U], where the surface is new; None: everywhere.
+    # float64 [V, U, 3], what hair has where photos show nothing; None: it keeps its own colors.
+    paint: Float64 | None = None
 
     def new(self) -> tuple[Float64, Float64]:
         """Places where the surface or an ear is new, and outward normals there, [N, 3] each."""
@@ -121,18 +129,21 @@ def photo_colors(photos: Photos, chart: Chart, distance: Float64, colors: Float6
     return colors + share[..., None] * (shown - colors), np.asarray(share, np.float64)
 
 
-def faced_by(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
+def faced_by(chart: Chart, distance: Float64, cameras: Camera, hair: Bool | None = None,
+             ) -> Float64:
     """How far colors of a surface's cells are the photos', float64 [V, U] (`Grazed.faced`).
 
     Parameters
     ----------
     chart, distance : The surface, float64 [V, U], world units.
     cameras : Of the photos.
+    hair : bool [V, U], cells of hair; None: none.
     """
     even = smoothed(distance, np.ones(distance.shape, bool), _EVEN)
     cosine = np.quantile(cosines_of(chart, even, cameras), BEST, axis=0)
     cosine = ndimage.gaussian_filter(np.clip(cosine, -0.2, 1.0), _EVEN, mode=("nearest", "wrap"))
-    share = np.clip(cosine / SQUARELY, 0, 1)
+    square = SQUARELY if hair is None else np.where(hair, HAIR_SQUARELY, SQUARELY)
+    share = np.clip(cosine / square, 0, 1)
     body = np.interp(chart.axis[:, 1], SHOULDERS, (1.0, 0.0))[:, None]
     return np.asarray(np.maximum(share * share * (3 - 2 * share), body), np.float64)
 
@@ -165,8 +176,8 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
     ----------
     field : Without a texture.
     grazed : Its surface.
-    closed : The same lattice points before the last training, whose colors hair keeps where photos
-        do not face it; None: it keeps those of ``field``.
+    closed : The same lattice points before the last training, whose colors hair has where photos
+        do not face it, under `Grazed.paint`; None: those of ``field``.
 
     Returns
     -------
@@ -181,12 +192,16 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
     if not covered.any():
         return field
     even, twice = without_specks(colors, covered, grazed.hair), 1
+    stays = grazed.faced
+    if grazed.hair is not None and grazed.paint is not None:
+        even[grazed.hair] = grazed.paint[grazed.hair]
+    elif grazed.hair is not None:
+        stays = np.maximum(stays, grazed.hair)
     if grazed.photos is not None:
         even, twice = _shown_finely(grazed, distance, np.nan_to_num(colors), covered, even), 2
     points = field.lattice_points()
     places, away = chart.places(points)
     deep = (at_places(grazed.distance, places) - away) * at_places(cosine, places) / voxel
-    stays = grazed.faced if grazed.hair is None else np.maximum(grazed.faced, grazed.hair)
     share = 1.0 - at_places(stays, places)
     share[(deep < -OUTER) | (deep > INNER)] = 0.0
     sh = field.sh
@@ -198,6 +213,9 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
         low, high = STANDS_OUT
         near = nearest_cells(grazed.beside, places) & (-high < deep) & (deep < -low)
         near |= grazed.ears.distance(points)[0] < BESIDE * voxel
+        if grazed.hair is not None:
+            around = widened(grazed.beside, NEXT) & grazed.hair
+            share[nearest_cells(around, places)] = 0.0
         share[near] = 0.0
         if grazed.photos is not None:
             sh = _with_even_ears(sh, np.flatnonzero(near), points, field.density, grazed.photos)

@@ -28,11 +28,12 @@ from ..geometry.chart import (
     normals_of,
     read_surface,
     smoothed,
+    widened,
 )
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
-from .colors import NAPE, continued_in_shade, hair_cells, usual_hair
+from .colors import NAPE, continued_in_shade, hair_cells, heights_of, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
@@ -150,6 +151,9 @@ NARROW_FRINGE = -0.75
 ON, SURELY = 3.0, 0.5
 """Voxels beside the closed surface up to which what was trained is that surface, and the share of
 the photos' own colors from which on closed colors begin at them."""
+_SHORTEST = 0.05  # Of the circles of rows at the crown, over those below.
+_EVENLY = 2.0  # Sigma, in cells, over which the thickness of hair is evened.
+_THICKENS = (-0.25, 0.25)  # Heights, portrait units, over which hair above a nape becomes thick.
 KNOT = 3  # Cells around a knot that are part of it.
 LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
 
@@ -183,7 +187,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     if not known.any():
         return field, None
     # A knot stands by itself: no head is fitted to it, and the closed sides do not begin at it.
-    knotted = _widened(surface.knots > 0, KNOT)
+    knotted = widened(surface.knots > 0, KNOT)
     head = None if fit_head is None else _fitted(
         fit_head, surface, capture, np.where(known & ~knotted, distance, np.nan))
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
@@ -195,7 +199,10 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
         ears = ears_of(head, chart, photos)
-        guess = _led(guess, head_distance(head, chart, surface.distance), surface, distance, ears)
+        skull = head_distance(head, chart, surface.distance)
+        skull = with_hair(skull, chart, distance,
+                          known & ~knotted & (_confidence(surface.facing) > YIELDS))
+        guess = _led(guess, skull, surface, distance, ears)
     base, known = guess.base, guess.known
     shown = (guess.trust > 0) & finite & ~knotted
     ratio = np.asarray(np.log(np.where(shown, distance, base) / base), np.float64)
@@ -220,14 +227,13 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     colors, share = photo_colors(photos, chart, whole, np.nan_to_num(colors), np.asarray(there))
     own |= share > SURELY
     bare = np.broadcast_to((chart.axis[:, 1] > NECK)[:, None], gap.shape)
-    paint = continued_in_shade(colors, own, upwards, hair, bare, normal)
-    shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
-                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True,
-                  ears=guess.ears,
-                  yields=guess.yields, fringe=FRINGE if head is None else NARROW_FRINGE)
+    paint = np.clip(continued_in_shade(colors, own, upwards, hair, bare, normal), 0, 1)
+    shell = Shell(chart, whole, cosine, paint, ndimage.binary_dilation(gap, np.ones((3, 3))), voxel,
+                  guessed=True, ears=guess.ears, yields=guess.yields,
+                  fringe=FRINGE if head is None else NARROW_FRINGE)
     closed, count = with_shell(field, shell, photos, cut)
-    grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras), guess.ears, beside, hair,
-                    cut, photos, gap)
+    grazed = Grazed(chart, whole, faced_by(chart, whole, photos.cameras, hair), guess.ears, beside,
+                    hair, cut, photos, gap, paint)
     return closed, Closed(float((area * gap).sum() / area.sum()), count, grazed)
 
 
@@ -269,6 +275,32 @@ def _led(guess: _Guess, base: Float64, surface: HeadSurface, distance: Float64,
     return _Guess(base, trust, known, np.where(skin, FOLLOWS, LAX), yields, ears)
 
 
+def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> Float64:
+    """Distances [V, U] of a fitted skull with hair on it, as thick as photos show it beside.
+
+    A fitted head has no hair. Where photos show none either, it goes on from what they show as a
+    membrane, and gets thinner towards the nape.
+
+    Parameters
+    ----------
+    skull, chart : Distances [V, U] of the fitted head, world units.
+    distance : Of what was trained, [V, U]; NaN where there is nothing.
+    shown : bool [V, U], where photos show it well.
+    """
+    hair = usual_hair(chart, skull)
+    shown = shown & hair & np.isfinite(distance)
+    if not shown.any():
+        return skull
+    thick = smoothed(np.where(shown, np.log(np.where(shown, distance, 1.0) / skull), 0.0), shown,
+                     _EVENLY)
+    # At the crown rows are short circles, all of whose columns are neighbours.
+    upwards = np.maximum(np.cos(chart.elevation), _SHORTEST) ** 2
+    thick = continued(np.where(shown, thick, 0.0)[..., None], shown, upwards=upwards,
+                      apart=hair)[..., 0]
+    taper = np.interp(heights_of(chart, skull), _THICKENS, (0.0, 1.0))
+    return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
+
+
 def _confidence(facing: Float64) -> Float64:
     """How far photos that look at a surface at cosines [V, U] tell where it lies, 0 to 1."""
     return np.asarray(np.clip((facing - SQUARE) / (WELL - SQUARE), 0, 1), np.float64)
@@ -298,10 +330,4 @@ def _ear_cells(chart: Chart, ears: Ears) -> Bool:
     row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
     inside = (row >= 0) & (row < len(found))
     found[row[inside], column[inside] % found.shape[1]] = True
-    return _widened(found, 1)
-
-
-def _widened(cells: Bool, by: int) -> Bool:
-    """Cells [V, U] and those up to so many beside them; columns go around."""
-    around = np.pad(cells, ((0, 0), (by, by)), mode="wrap")
-    return np.asarray(ndimage.binary_dilation(around, np.ones((2 * by + 1,) * 2))[:, by:-by])
+    return widened(found, 1)
