@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -33,6 +33,7 @@ from .hair import NAPE
 from .lattice import Shell
 from .parts import Parts
 from .piece import METRES
+from .shade import Light, open_around
 from .solid import HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
@@ -62,6 +63,7 @@ LENGTH = 12.0  # How long they are over their widths.
 CROWN, AROUND = -0.25, 0.5
 """Where they start (depth, forward), and how far from there they are as wide as that."""
 DARKEST = 0.02  # Added to luminance before its logarithm.
+FEWEST = 100  # So few places say nothing of their light.
 UNDER = 0.008 / METRES
 """How far under a chin a beard goes on beside what hangs down of it, portrait units."""
 BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
@@ -95,6 +97,8 @@ HEM = 6.0  # How many times as sharp as a mean over surroundings the edge of clo
 SHARPER = 5.0
 """Around a neck, where skin and clothes meet almost at a tangent, that edge is as even as means
 over twice `CELL` are, and so many times as sharp."""
+FINEST = 0.22
+"""Standard deviation, in voxels, of the mean that a point of a lattice takes from a photo."""
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -137,6 +141,15 @@ class Shot:
         within = self.hair > 0.99
         return (strand_contrast(self.colors, within, unit),
                 aligned(self.colors, within, unit, WIDTHS[0]))
+
+    def as_fine_as(self, voxel: float) -> Shot:
+        """It without what is finer than a lattice: between its points that would be dots."""
+        unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
+        sigma = FINEST * voxel * unit
+        if sigma < 0.3:  # less than a pixel's neighbors
+            return self
+        return replace(self, colors=np.asarray(cv2.GaussianBlur(self.colors, (0, 0), sigma),
+                                               np.float32))
 
     def look(self, points: Float64, normals: Float64, solid: _Depths, voxel: float,
              owner: NDArray[np.uint8]) -> Look:
@@ -353,10 +366,11 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         factor = min(1.0, 1.0 / (shell.voxel * float(shot.camera.focal[0, 0])
                                  / float(np.linalg.norm(shot.camera.position[0]))))
         depths = _Depths.of(unworn, faces, shot.camera.scaled(factor), shell.voxel)
+        fine = shot.as_fine_as(shell.voxel)
         with ThreadPoolExecutor(2) as pool:
-            coming = pool.submit(shot.look, points * mirror, normals * mirror, depths, shell.voxel,
+            coming = pool.submit(fine.look, points * mirror, normals * mirror, depths, shell.voxel,
                                  shell.owner)
-            look = shot.look(points, normals, depths, shell.voxel, shell.owner)
+            look = fine.look(points, normals, depths, shell.voxel, shell.owner)
         mirrored = coming.result()
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         look = look.beside(mirrored)
@@ -383,7 +397,8 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     else:
         own.worn[:], other.worn[:] = 0.0, 0.0
     fill = _fill(points, own, other, _parts(hair, beard, worn), skin,
-                 shell.collar.around(points) if known else None)
+                 shell.collar.around(points) if known else None,
+                 (normals, open_around(shell.points, normals, shell.away)))
     if hair.any():
         # Short hair is too fine for strands.
         grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
@@ -534,12 +549,13 @@ def _closed(points: Float64, inside: Bool, bare: Float64, voxel: float = 0.0) ->
 
 
 def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...], head: Bool,
-          ring: Float64 | None = None) -> Float64:
+          ring: Float64 | None = None, lit: tuple[Float64, Float64] | None = None) -> Float64:
     """Colors [N, 3] of what the photos do not show: of each of the parts (`_parts`) by its own.
 
     What is no clothes on the ``head`` goes on by itself: where clothes are not known they are seen
     on no cheek, but necks go on in skin. ``ring`` is where places are around the neck [N, 2]
-    (`Collar.around`), if clothes are known: they go on around it.
+    (`Collar.around`), if clothes are known: they go on around it. ``lit`` are normals [N, 3], and
+    how open places lie [N] (`shade.open_around`): skin goes on in its light.
     """
     def filled(kind: int) -> Float64:
         out, place = np.zeros_like(points), parts[kind] > 0
@@ -547,9 +563,13 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
             return out
         weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
+        light = np.ones((len(at), 3))
+        if kind == 2 and lit is not None:
+            light = _lit(at, *(one[place] for one in lit), photo, weight)
+            photo, mirrored = photo / light, mirrored / light
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, near=True),
-                          0, 1)
+                          0, 1 / light)
         found = _filled(at, photo, weight, matched, known)
         if ring is not None and kind == 3:
             far = _far(at, weight, CLOSE_BY)[:, None]
@@ -563,11 +583,22 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                 shown, whole = weight[bare, None], photo.copy()
                 whole[bare] = shown * photo[bare] + (1 - shown) * found[bare]
                 found[~bare] = _spread(at, whole, np.maximum(weight, 0.5 * bare), 0)[~bare]
-        out[place] = parts[kind][place, None] * found
+        out[place] = parts[kind][place, None] * found * light
         return out
 
     with ThreadPoolExecutor(2) as pool:
         return np.asarray(sum(pool.map(filled, range(len(parts)))))
+
+
+def _lit(points: Float64, normals: Float64, free: Float64, photo: Float64, weight: Float64,
+         ) -> Float64:
+    """The light on places [N, 3] of skin, factors [N, 3], by what the photo shows so well."""
+    if weight.sum() <= FEWEST:
+        return np.ones_like(photo)
+    # Eyelids and nostrils are smaller than what light tells of a head.
+    smooth = _spread(points, np.column_stack([normals, np.log(free)]), np.ones(len(points)), 0)
+    normals, free = smooth[:, :3], np.exp(smooth[:, 3])
+    return Light.of(normals, free, photo, weight).at(normals, free)
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
@@ -577,7 +608,7 @@ def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, k
     By wide means; if ``near``, what these leave over by narrower ones, too, up to `UNEVEN`.
     """
     both = np.minimum(weight, known)
-    if both.sum() <= 100:
+    if both.sum() <= FEWEST:
         return np.ones_like(colors)
     ratio = np.log(np.clip((others + 0.02) / (colors + 0.02), 0.3, 3.0))
     wide = _spread(points, ratio, both, 3)
