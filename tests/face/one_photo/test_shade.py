@@ -3,7 +3,7 @@
 import numpy as np
 
 from lfportrait.capture import Camera
-from lfportrait.face.one_photo.paint import Shot, _fill, _Mean
+from lfportrait.face.one_photo.paint import Relief, Shot, _fill, _Mean
 from lfportrait.face.one_photo.shade import Light, open_around
 
 SKIN = np.array([0.5, 0.36, 0.3])
@@ -60,7 +60,7 @@ def test_a_cheek_that_is_not_seen_goes_on_in_its_light():
     skin = np.ones(len(points), bool)
     side = (np.abs(normals[:, 2]) < 0.2) & (np.abs(normals[:, 1]) > 0.7)
     off = []
-    for lit in (None, (normals, np.ones(len(points)))):
+    for lit in (None, Relief(normals, np.ones(len(points)))):
         found = _fill(points, own, other, parts, skin, None, lit)
         off.append(float(np.abs(found - true)[side].mean()))
     assert off[1] < 0.3 * off[0]
