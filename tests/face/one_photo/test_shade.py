@@ -3,7 +3,7 @@
 import numpy as np
 
 from lfportrait.capture import Camera
-from lfportrait.face.one_photo.paint import Relief, Shot, _fill, _Mean
+from lfportrait.face.one_photo.paint import Relief, Shot, _fill, _grain, _Mean
 from lfportrait.face.one_photo.shade import Light, open_around
 
 SKIN = np.array([0.5, 0.36, 0.3])
@@ -74,3 +74,19 @@ def test_what_is_finer_than_a_lattice_makes_no_dots():
     coarse = shot.as_fine_as(5 / unit).colors
     assert np.ptp(coarse[8:-8, 8:-8]) < 0.05 and abs(coarse[8:-8, 8:-8].mean() - 0.5) < 0.01
     assert np.array_equal(shot.as_fine_as(1 / unit).colors, shot.colors)
+
+
+def test_what_is_not_seen_is_as_uneven_as_what_is():
+    points = np.random.default_rng(0).standard_normal((40_000, 3))
+    points /= 2 * np.linalg.norm(points, axis=1)[:, None]
+    seen = points[:, 2] > 0
+    spread = []
+    for strength in (0.0, 0.1):
+        noise = np.random.default_rng(1).standard_normal((40_000, 1))
+        # A dark mouth is no grain.
+        mouth = np.ones(len(points))
+        mouth[(np.abs(points[:, 0]) < 0.1) & (np.abs(points[:, 1]) < 0.05)] = 0.2
+        colors = SKIN * np.exp(strength * noise) * mouth[:, None]
+        grain = _grain(points, 2 * points, colors, seen.astype(float), ~seen, (1.0,))
+        spread.append(float(np.log(grain).std()))
+    assert spread[0] < 0.02 and 0.06 < spread[1] < 0.15

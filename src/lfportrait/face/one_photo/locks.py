@@ -2,7 +2,7 @@
 
 On a chart of a head, around it and down it, long hair hangs down: strands are about upright. A row
 of the chart is seen from somewhere beside the face to where the surface turns away. From there on
-the detail of that part follows anew, each piece faded into the next. Mirrored instead, waves would
+the detail of that part follows again, each piece faded into the next. Mirrored instead, waves would
 meet as rings.
 """
 

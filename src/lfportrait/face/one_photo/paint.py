@@ -68,6 +68,9 @@ DARKEST = 0.02  # Added to luminance before its logarithm.
 FEWEST = 100  # So few places say nothing of their light.
 DEPTHS, DEEPEST = 0.8, 0.2
 """Power of how open hair lies that its brightness goes with, and the least open it is taken for."""
+GRAINS: tuple[tuple[int, tuple[float, ...]], ...] = (1, (0.8, 0.8)), (2, (0.5,))
+"""Beards and skin, which of `_parts` they are, and how uneven what no photo shows of them is over
+what it shows, in the finest octaves of `WIDTHS`: half of it is features of a face."""
 FINE = 2  # Octaves of strands that are copied from what a photo shows, of `WIDTHS`.
 STRONGEST = 2.5  # So many standard deviations what is copied is brighter or darker, at most.
 UNDER = 0.008 / METRES
@@ -412,8 +415,15 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         own.worn[:], other.worn[:] = 0.0, 0.0
     relief = Relief(normals, open_around(shell.points, normals, shell.away),
                     _long(points[hair > 0.5]))
-    fill = _fill(points, own, other, _parts(hair, beard, worn), skin,
+    parts = _parts(hair, beard, worn)
+    fill = _fill(points, own, other, parts, skin,
                  shell.collar.around(points) if known else None, relief)
+    for kind, strength in GRAINS:
+        asked = (parts[kind] > 0) & (own.best < 1) & (other.best < 1)
+        if asked.any():
+            grain = _grain(points, normals, own.colors, own.pure(kind), asked, strength)
+            share = parts[kind] ** 2 * (1 - other.best)  # a beard's edge is soft
+            fill[asked] *= grain[:, None] ** share[asked, None]
     if hair.any():
         grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
         fill[grown] *= (_grown(shell, shots[0], own, hair > 0.5, grown)
@@ -430,6 +440,24 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)
     return Paint(sh, _whole(grown), clothes)
+
+
+def _grain(points: Float64, normals: Float64, colors: Float64, weight: Float64, asked: Bool,
+           strength: tuple[float, ...]) -> Float64:
+    """Factors [M] of the brightness of places [N, 3] of a material, where it is asked for.
+
+    They are so many times as uneven as what is seen of the material, in octaves of `WIDTHS`.
+    """
+    contrast, seen = np.zeros(len(WIDTHS)), weight > 0.5
+    if seen.sum() > FEWEST:
+        logs = np.log(colors[seen].mean(axis=1) + DARKEST)
+        for octave, share in enumerate(strength):
+            mean = _spread(points[seen], logs[:, None], weight[seen], octave)[:, 0]
+            # What differs by more than most of it is an edge, or a feature of a face.
+            uneven = 1.5 * float(np.median(np.abs(logs - mean)))
+            contrast[octave] = share * min(SHARPEST, uneven)
+            logs = mean
+    return tufts(points[asked], normals[asked], WIDTHS, contrast, 0.0)
 
 
 def _long(hair: Float64) -> float:
