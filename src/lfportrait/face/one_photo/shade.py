@@ -66,7 +66,7 @@ class Light(NamedTuple):
         moments = (share[:, None] * features).T @ features + TIE * np.eye(features.shape[1])
         out = np.linalg.solve(moments, (share[:, None] * features).T @ found)
         out[-1] = np.maximum(out[-1], 0)  # no place is brighter as it lies deeper
-        return Light(out)
+        return Light(np.asarray(out, np.float64))
 
     def at(self, normals: Float64, free: Float64) -> Float64:
         """Factors [N, 3] of colors at places."""
