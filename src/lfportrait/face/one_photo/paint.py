@@ -7,15 +7,16 @@ matched, then means over ever wider surroundings (pull and push, Gortler et al. 
 
 Hair that no photo shows has strands that run down from the crown, as strong as those it shows; it
 would else be as smooth as a helmet. They are noise that is long in the direction in which hair
-falls, in octaves of a strand's width, each with its contrast in the photo. Short hair has tufts
-(`tufts`).
+falls, in octaves of a strand's width, each with its contrast in the photo. Fine ones are copied
+from what it shows (`locks`). Short hair has tufts (`tufts`). Skin, and hair between locks, is lit
+as it lies (`shade`).
 """
 
 from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -31,8 +32,10 @@ from .beard import BEARD
 from .collar import spread_around
 from .hair import NAPE
 from .lattice import Shell
+from .locks import Chart
 from .parts import Parts
 from .piece import METRES
+from .shade import Light, open_around
 from .solid import HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
@@ -62,6 +65,14 @@ LENGTH = 12.0  # How long they are over their widths.
 CROWN, AROUND = -0.25, 0.5
 """Where they start (depth, forward), and how far from there they are as wide as that."""
 DARKEST = 0.02  # Added to luminance before its logarithm.
+FEWEST = 100  # So few places say nothing of their light.
+DEPTHS, DEEPEST = 0.8, 0.2
+"""Power of how open hair lies that its brightness goes with, and the least open it is taken for."""
+GRAINS: tuple[tuple[int, tuple[float, ...]], ...] = (1, (0.8, 0.8)), (2, (0.5,))
+"""Beards and skin, which of `_parts` they are, and how uneven what no photo shows of them is over
+what it shows, in the finest octaves of `WIDTHS`: half of it is features of a face."""
+FINE = 2  # Octaves of strands that are copied from what a photo shows, of `WIDTHS`.
+STRONGEST = 2.5  # So many standard deviations what is copied is brighter or darker, at most.
 UNDER = 0.008 / METRES
 """How far under a chin a beard goes on beside what hangs down of it, portrait units."""
 BAY, BAY_CELL = 0.010 / METRES, 0.0025 / METRES
@@ -95,6 +106,8 @@ HEM = 6.0  # How many times as sharp as a mean over surroundings the edge of clo
 SHARPER = 5.0
 """Around a neck, where skin and clothes meet almost at a tangent, that edge is as even as means
 over twice `CELL` are, and so many times as sharp."""
+FINEST = 0.22
+"""Standard deviation, in voxels, of the mean that a point of a lattice takes from a photo."""
 SHARPEST = 0.25
 """Contrast of one octave at most: beyond, a photo shows highlights rather than strands."""
 
@@ -137,6 +150,15 @@ class Shot:
         within = self.hair > 0.99
         return (strand_contrast(self.colors, within, unit),
                 aligned(self.colors, within, unit, WIDTHS[0]))
+
+    def as_fine_as(self, voxel: float) -> Shot:
+        """It without what is finer than a lattice: between its points that would be dots."""
+        unit = float(self.camera.focal[0, 0]) / float(np.linalg.norm(self.camera.position[0]))
+        sigma = FINEST * voxel * unit
+        if sigma < 0.3:  # less than a pixel's neighbors
+            return self
+        return replace(self, colors=np.asarray(cv2.GaussianBlur(self.colors, (0, 0), sigma),
+                                               np.float32))
 
     def look(self, points: Float64, normals: Float64, solid: _Depths, voxel: float,
              owner: NDArray[np.uint8]) -> Look:
@@ -325,6 +347,14 @@ class _Mean:
         return np.asarray(self.best * np.clip(2 * share - 1, 0, 1))
 
 
+class Relief(NamedTuple):
+    """How a surface lies in the light, and how long its hair is."""
+
+    normals: Float64  # float64 [N, 3].
+    free: Float64  # float64 [N], how open places lie (`shade.open_around`).
+    long: float = 0.0  # 1 if it hangs down far below the nape, 0 if it does not.
+
+
 class Paint(NamedTuple):
     """Of a shell's points: coefficients, and of how much of what they are (255: all of it).
 
@@ -353,10 +383,11 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         factor = min(1.0, 1.0 / (shell.voxel * float(shot.camera.focal[0, 0])
                                  / float(np.linalg.norm(shot.camera.position[0]))))
         depths = _Depths.of(unworn, faces, shot.camera.scaled(factor), shell.voxel)
+        fine = shot.as_fine_as(shell.voxel)
         with ThreadPoolExecutor(2) as pool:
-            coming = pool.submit(shot.look, points * mirror, normals * mirror, depths, shell.voxel,
+            coming = pool.submit(fine.look, points * mirror, normals * mirror, depths, shell.voxel,
                                  shell.owner)
-            look = shot.look(points, normals, depths, shell.voxel, shell.owner)
+            look = fine.look(points, normals, depths, shell.voxel, shell.owner)
         mirrored = coming.result()
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         look = look.beside(mirrored)
@@ -382,17 +413,21 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         worn = _clothed(shell, own)
     else:
         own.worn[:], other.worn[:] = 0.0, 0.0
-    fill = _fill(points, own, other, _parts(hair, beard, worn), skin,
-                 shell.collar.around(points) if known else None)
+    relief = Relief(normals, open_around(shell.points, normals, shell.away),
+                    _long(points[hair > 0.5]))
+    parts = _parts(hair, beard, worn)
+    fill = _fill(points, own, other, parts, skin,
+                 shell.collar.around(points) if known else None, relief)
+    for kind, strength in GRAINS:
+        asked = (parts[kind] > 0) & (own.best < 1) & (other.best < 1)
+        if asked.any():
+            grain = _grain(points, normals, own.colors, own.pure(kind), asked, strength)
+            share = parts[kind] ** 2 * (1 - other.best)  # a beard's edge is soft
+            fill[asked] *= grain[:, None] ** share[asked, None]
     if hair.any():
-        # Short hair is too fine for strands.
         grown = (hair > 0.5) & (own.best < 1) & (other.best < 1)
-        length = np.clip((NAPE - np.percentile(points[hair > 0.5, 1], 1)) / STRANDS, 0, 1)
-        contrast, coherence = shots[0].contrast()
-        fine = (strands(points[grown], length * contrast)
-                * tufts(points[grown], normals[grown], WIDTHS, (1 - length) * contrast,
-                        coherence))
-        fill[grown] *= fine[:, None] ** (1 - other.best[grown, None])
+        fill[grown] *= (_grown(shell, shots[0], own, hair > 0.5, grown)
+                        ** (1 - other.best[grown, None]))
     # An ear that no photo shows is not flat.
     fill *= (other.best + (1 - other.best) * shell.light)[:, None]
     share = own.best[:, None]
@@ -405,6 +440,62 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)
     return Paint(sh, _whole(grown), clothes)
+
+
+def _grain(points: Float64, normals: Float64, colors: Float64, weight: Float64, asked: Bool,
+           strength: tuple[float, ...]) -> Float64:
+    """Factors [M] of the brightness of places [N, 3] of a material, where it is asked for.
+
+    They are so many times as uneven as what is seen of the material, in octaves of `WIDTHS`.
+    """
+    contrast, seen = np.zeros(len(WIDTHS)), weight > 0.5
+    if seen.sum() > FEWEST:
+        logs = np.log(colors[seen].mean(axis=1) + DARKEST)
+        for octave, share in enumerate(strength):
+            mean = _spread(points[seen], logs[:, None], weight[seen], octave)[:, 0]
+            # What differs by more than most of it is an edge, or a feature of a face.
+            uneven = 1.5 * float(np.median(np.abs(logs - mean)))
+            contrast[octave] = share * min(SHARPEST, uneven)
+            logs = mean
+    return tufts(points[asked], normals[asked], WIDTHS, contrast, 0.0)
+
+
+def _long(hair: Float64) -> float:
+    """Whether hair, places [N, 3], hangs down below the nape, 0 to 1."""
+    if not len(hair):
+        return 0.0
+    return float(np.clip((NAPE - np.percentile(hair[:, 1], 1)) / STRANDS, 0, 1))
+
+
+def _grown(shell: Shell, shot: Shot, own: _Mean, hair: Bool, asked: Bool) -> Float64:
+    """Factors [M, 3] of the colors of hair [N] that the photos do not show, where it is asked for.
+
+    Fine detail of long hair is what they show of it, broad strands and short hair's tufts are noise
+    of its contrast.
+    """
+    points, normals, weight = shell.on, shell.normals, own.pure(0)
+    # Short hair is too fine for strands.
+    long = _long(points[hair])
+    contrast, coherence = shot.contrast()
+    at, facing, out = points[asked], normals[asked], np.ones((int(asked.sum()), 3))
+    seen, copied = weight * own.square, np.zeros(len(at))
+    used = hair & (seen > 0)
+    if long > 0 and seen.sum() > FEWEST:
+        logs = np.log(own.colors[used] + DARKEST)
+        fine = logs - _spread(points[used], logs, seen[used], 1)
+        most = STRONGEST * np.sqrt(seen[used] @ fine ** 2 / seen.sum()) + 1e-9
+        chart = Chart.of(points[used], most * np.tanh(fine / most), weight[used], shell.voxel)
+        found, copied = chart.at(at)
+        copied *= long
+        out *= np.exp(copied[:, None] * found)
+    octaves = [(contrast, np.ones(len(at)))]
+    if copied.any():
+        fine_ones = np.arange(len(WIDTHS)) < FINE
+        octaves = [(contrast * fine_ones, 1 - copied), (contrast * ~fine_ones, np.ones(len(at)))]
+    for part, share in octaves:
+        noise = strands(at, long * part) * tufts(at, facing, WIDTHS, (1 - long) * part, coherence)
+        out *= noise[:, None] ** share[:, None]
+    return out
 
 
 def _unlike(shell: Shell, look: Look, light: Float64, own: _Mean) -> Float64:
@@ -534,12 +625,13 @@ def _closed(points: Float64, inside: Bool, bare: Float64, voxel: float = 0.0) ->
 
 
 def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...], head: Bool,
-          ring: Float64 | None = None) -> Float64:
+          ring: Float64 | None = None, relief: Relief | None = None) -> Float64:
     """Colors [N, 3] of what the photos do not show: of each of the parts (`_parts`) by its own.
 
     What is no clothes on the ``head`` goes on by itself: where clothes are not known they are seen
     on no cheek, but necks go on in skin. ``ring`` is where places are around the neck [N, 2]
-    (`Collar.around`), if clothes are known: they go on around it.
+    (`Collar.around`), if clothes are known: they go on around it. Skin goes on in its light if the
+    ``relief`` is known.
     """
     def filled(kind: int) -> Float64:
         out, place = np.zeros_like(points), parts[kind] > 0
@@ -547,10 +639,20 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
             return out
         weight, known = (mean.pure(kind)[place] for mean in (own, other))
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
+        light = np.ones((len(at), 3))
+        if kind == 2 and relief is not None:
+            light = _lit(at, relief.normals[place], relief.free[place], photo, weight)
+            photo, mirrored = photo / light, mirrored / light
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, near=True),
-                          0, 1)
+                          0, 1 / light)
         found = _filled(at, photo, weight, matched, known)
+        if kind == 0 and relief is not None:
+            if relief.long:
+                cosine = (own.square[place] / np.maximum(own.best[place], 1e-9)) ** (1 / LIT)
+                around = _squarely(at, photo, weight * cosine, found)
+                found += relief.long * (1 - known[:, None]) * (around - found)
+            found *= known[:, None] + (1 - known[:, None]) * _deep(at, relief.free[place])
         if ring is not None and kind == 3:
             far = _far(at, weight, CLOSE_BY)[:, None]
             along = spread_around(ring[place], photo, weight * own.square[place])
@@ -563,11 +665,33 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                 shown, whole = weight[bare, None], photo.copy()
                 whole[bare] = shown * photo[bare] + (1 - shown) * found[bare]
                 found[~bare] = _spread(at, whole, np.maximum(weight, 0.5 * bare), 0)[~bare]
-        out[place] = parts[kind][place, None] * found
+        out[place] = parts[kind][place, None] * found * light
         return out
 
     with ThreadPoolExecutor(2) as pool:
         return np.asarray(sum(pool.map(filled, range(len(parts)))))
+
+
+def _squarely(points: Float64, photo: Float64, square: Float64, found: Float64) -> Float64:
+    """Colors [N, 3] of what is seen squarely around: at outlines hair is mixed with its ground."""
+    return _spread(points, photo, square, 0) if square.sum() > FEWEST else found
+
+
+def _deep(points: Float64, free: Float64) -> Float64:
+    """How dark hair is where it lies so deep between locks, factors [N, 1]."""
+    smooth = _spread(points, np.log(free)[:, None], np.ones(len(points)), 0)
+    return np.asarray(np.exp(DEPTHS * np.clip(smooth, np.log(DEEPEST), 0)))
+
+
+def _lit(points: Float64, normals: Float64, free: Float64, photo: Float64, weight: Float64,
+         ) -> Float64:
+    """The light on places [N, 3] of skin, factors [N, 3], by what the photo shows so well."""
+    if weight.sum() <= FEWEST:
+        return np.ones_like(photo)
+    # Eyelids and nostrils are smaller than what light tells of a head.
+    smooth = _spread(points, np.column_stack([normals, np.log(free)]), np.ones(len(points)), 0)
+    normals, free = smooth[:, :3], np.exp(smooth[:, 3])
+    return Light.of(normals, free, photo, weight).at(normals, free)
 
 
 def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, known: Float64,
@@ -577,7 +701,7 @@ def _light(points: Float64, colors: Float64, weight: Float64, others: Float64, k
     By wide means; if ``near``, what these leave over by narrower ones, too, up to `UNEVEN`.
     """
     both = np.minimum(weight, known)
-    if both.sum() <= 100:
+    if both.sum() <= FEWEST:
         return np.ones_like(colors)
     ratio = np.log(np.clip((others + 0.02) / (colors + 0.02), 0.3, 3.0))
     wide = _spread(points, ratio, both, 3)

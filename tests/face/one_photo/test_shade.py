@@ -1,0 +1,92 @@
+"""The light on what no photo shows, and detail that a lattice can hold."""
+
+import numpy as np
+
+from lfportrait.capture import Camera
+from lfportrait.face.one_photo.paint import Relief, Shot, _fill, _grain, _Mean
+from lfportrait.face.one_photo.shade import Light, open_around
+
+SKIN = np.array([0.5, 0.36, 0.3])
+
+
+def block(step: float = 0.01) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, normals and how far outside: of a floor, and of a wall that stands on it."""
+    x, y, z = np.meshgrid(*(np.arange(-0.5, 0.5, step) for _ in range(3)), indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    floor, wall = points[:, 1], points[:, 0] + 0.2
+    away = np.minimum(floor, wall)
+    # Below its floor and behind its wall it is solid.
+    normals = np.where((floor < wall)[:, None], (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    near = away < 2 * step
+    return points[near], normals[near], away[near]
+
+
+def test_a_corner_is_less_open_than_a_plain():
+    points, normals, away = block()
+    free = open_around(points, normals, away)
+    x, _, z = points.T
+    middle = (normals[:, 1] > 0) & (np.abs(away) < 0.02) & (np.abs(z) < 0.1)
+    plain, corner = free[middle & (np.abs(x - 0.2) < 0.03)], free[middle & (x < -0.15)]
+    assert len(plain) > 50 and len(corner) > 50
+    assert np.abs(plain - 1).max() < 0.12
+    assert corner.max() < 0.8
+
+
+def test_a_light_is_known_where_a_photo_does_not_look():
+    normals = np.random.default_rng(0).standard_normal((4000, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    free = np.random.default_rng(1).uniform(0.3, 1.0, 4000)
+    true = SKIN * np.exp(0.3 * normals[:, 1:2] + 0.4 * np.log(free)[:, None])
+    seen = np.clip(normals[:, 2], 0, 1)  # from the front
+    found = Light.of(normals, free, true, seen).at(normals, free)
+    level = true / found
+    assert np.std(np.log(level[seen == 0]), axis=0).max() < 0.25 * np.std(np.log(true))
+    # Without a light there is none.
+    plain = Light.of(normals, free, np.tile(SKIN, (4000, 1)), seen).at(normals, free)
+    assert np.abs(plain - 1).max() < 1e-6
+
+
+def test_a_cheek_that_is_not_seen_goes_on_in_its_light():
+    # A ball lit from above, of which the front is seen.
+    points = np.random.default_rng(0).standard_normal((20_000, 3))
+    points /= 2 * np.linalg.norm(points, axis=1)[:, None]
+    normals = 2 * points
+    true = SKIN * np.exp(0.4 * normals[:, 1:2])
+    seen = (normals[:, 2] > 0.4).astype(float)
+    own, other = _Mean(len(points)), _Mean(len(points))
+    own.total[:, :3], own.weights[:] = seen[:, None] * true, seen
+    own.best[:] = seen
+    parts = tuple(np.full(len(points), float(kind == 2)) for kind in range(4))
+    skin = np.ones(len(points), bool)
+    side = (np.abs(normals[:, 2]) < 0.2) & (np.abs(normals[:, 1]) > 0.7)
+    off = []
+    for lit in (None, Relief(normals, np.ones(len(points)))):
+        found = _fill(points, own, other, parts, skin, None, lit)
+        off.append(float(np.abs(found - true)[side].mean()))
+    assert off[1] < 0.3 * off[0]
+
+
+def test_what_is_finer_than_a_lattice_makes_no_dots():
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=64, height=64, focal=160.0)
+    pattern = np.indices((64, 64)).sum(axis=0) % 2
+    shot = Shot.of(camera, np.repeat(pattern[..., None], 3, axis=2).astype(np.float32), None)
+    unit = 40.0  # pixels
+    coarse = shot.as_fine_as(5 / unit).colors
+    assert np.ptp(coarse[8:-8, 8:-8]) < 0.05 and abs(coarse[8:-8, 8:-8].mean() - 0.5) < 0.01
+    assert np.array_equal(shot.as_fine_as(1 / unit).colors, shot.colors)
+
+
+def test_what_is_not_seen_is_as_uneven_as_what_is():
+    points = np.random.default_rng(0).standard_normal((40_000, 3))
+    points /= 2 * np.linalg.norm(points, axis=1)[:, None]
+    seen = points[:, 2] > 0
+    spread = []
+    for strength in (0.0, 0.1):
+        noise = np.random.default_rng(1).standard_normal((40_000, 1))
+        # A dark mouth is no grain.
+        mouth = np.ones(len(points))
+        mouth[(np.abs(points[:, 0]) < 0.1) & (np.abs(points[:, 1]) < 0.05)] = 0.2
+        colors = SKIN * np.exp(strength * noise) * mouth[:, None]
+        grain = _grain(points, 2 * points, colors, seen.astype(float), ~seen, (1.0,))
+        spread.append(float(np.log(grain).std()))
+    assert spread[0] < 0.02 and 0.06 < spread[1] < 0.15
