@@ -40,6 +40,16 @@ def test_strands_go_on_where_hair_is_not_seen_any_more():
         assert along > 0.8 and along > across + 0.5
 
 
+def test_both_sides_of_a_chart_are_alike():
+    around = np.linspace(-1.2, 1.2, 4801)
+    points = np.stack([RADIUS * np.sin(around), np.resize(np.linspace(-0.9, 0, 3), 4801),
+                       AXIS + RADIUS * np.cos(around)], axis=1)
+    seen = points[np.abs(around) > 0.5]
+    chart = Chart.of(seen, np.ones((len(seen), 1)), np.ones(len(seen)), 0.0125)
+    assert np.allclose(chart.ends[0], chart.ends[1], atol=0.013)
+    assert abs(chart.widths[0] - chart.widths[1]) < 0.013
+
+
 def test_of_little_that_is_seen_nothing_is_copied():
     points, around = mane(20_000)
     seen = np.abs(around - 1.0) < 0.03

@@ -1,6 +1,7 @@
 """The light on what no photo shows, and detail that a lattice can hold."""
 
 import numpy as np
+import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.one_photo.paint import Relief, Shot, _fill, _grain, _Mean
@@ -21,15 +22,36 @@ def block(step: float = 0.01) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return points[near], normals[near], away[near]
 
 
+def ball_with_groove(voxel: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of a shell around a ball with a groove around its middle: within it is empty."""
+    axis = np.arange(-0.62, 0.62, voxel)
+    points = np.stack([one.ravel() for one in np.meshgrid(axis, axis, axis, indexing="ij")], axis=1)
+    far = np.linalg.norm(points, axis=1)
+    radius = 0.5 - 0.12 * np.exp(-(points[:, 1] / 0.06) ** 2)
+    away = far - radius
+    near = (away > -4 * voxel) & (away < 2 * voxel)
+    return points[near], points[near] / far[near, None], away[near]
+
+
 def test_a_corner_is_less_open_than_a_plain():
     points, normals, away = block()
-    free = open_around(points, normals, away)
+    free = open_around(points, normals, away, 0.01)
     x, _, z = points.T
     middle = (normals[:, 1] > 0) & (np.abs(away) < 0.02) & (np.abs(z) < 0.1)
     plain, corner = free[middle & (np.abs(x - 0.2) < 0.03)], free[middle & (x < -0.15)]
     assert len(plain) > 50 and len(corner) > 50
     assert np.abs(plain - 1).max() < 0.12
     assert corner.max() < 0.8
+
+
+@pytest.mark.parametrize("voxel", [0.012, 0.03])
+def test_a_groove_is_less_open_than_what_is_around_it(voxel):
+    points, normals, away = ball_with_groove(voxel)
+    free = open_around(points, normals, away, voxel)
+    height = np.abs(points[:, 1])
+    assert free[height < 0.02].max() < 0.85
+    # A ball is more open than a plain.
+    assert 0.95 < free[(height > 0.3) & (np.abs(away) < voxel)].mean() < 1.2
 
 
 def test_a_light_is_known_where_a_photo_does_not_look():
@@ -41,6 +63,10 @@ def test_a_light_is_known_where_a_photo_does_not_look():
     found = Light.of(normals, free, true, seen).at(normals, free)
     level = true / found
     assert np.std(np.log(level[seen == 0]), axis=0).max() < 0.25 * np.std(np.log(true))
+    # What turns away is no darker than all that is seen.
+    dim = SKIN * np.exp(0.6 * (normals[:, 2:] - 1))
+    away = Light.of(normals, np.ones(4000), dim, seen).at(normals, np.ones(4000))
+    assert away[normals[:, 2] < 0].min() > 0.9 * away[seen > 0.5].min()
     # Without a light there is none.
     plain = Light.of(normals, free, np.tile(SKIN, (4000, 1)), seen).at(normals, free)
     assert np.abs(plain - 1).max() < 1e-6
@@ -64,6 +90,25 @@ def test_a_cheek_that_is_not_seen_goes_on_in_its_light():
         found = _fill(points, own, other, parts, skin, None, lit)
         off.append(float(np.abs(found - true)[side].mean()))
     assert off[1] < 0.3 * off[0]
+
+
+def test_clothes_that_are_not_known_are_no_light_on_skin():
+    # A ball of skin over dark shoulders, which face up; the front is seen.
+    random = np.random.default_rng(0).standard_normal((20_000, 3))
+    normals = random / np.linalg.norm(random, axis=1)[:, None]
+    head = np.arange(len(normals)) % 2 == 0
+    normals[~head, 1] = np.abs(normals[~head, 1])
+    points = np.where(head[:, None], 0.4 * normals, 0.6 * normals - [0, 1, 0])
+    true = np.where(head[:, None], SKIN, 0.05)
+    seen = (normals[:, 2] > 0.2).astype(float)
+    own, other = _Mean(len(points)), _Mean(len(points))
+    own.total[:, :3], own.weights[:] = seen[:, None] * true, seen
+    own.best[:] = seen
+    parts = tuple(np.full(len(points), float(kind == 2)) for kind in range(4))
+    lit, plain = (_fill(points, own, other, parts, head, None, relief) for relief in (
+        Relief(normals, np.ones(len(points))), None))
+    assert np.abs(lit - true)[head].max() < 0.01
+    assert np.abs(lit - plain)[~head].max() < 0.01
 
 
 def test_what_is_finer_than_a_lattice_makes_no_dots():

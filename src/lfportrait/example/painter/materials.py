@@ -67,7 +67,8 @@ and steps that are distinguished between them."""
 HUES, MOST_OTHER = 8, 0.3
 """Tones between which the usual hue of flesh is interpolated; and no hue is further off."""
 USUAL = 0.08
-"""Flesh whose hue is so far from the usual one is to be used 1 / e times as often as other."""
+"""Flesh whose hue is so far from the usual one is to be used 1 / e times as often as other; the
+search counts nothing as rarer than about a third."""
 AGREES = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""
@@ -100,8 +101,12 @@ class ExemplarMaterials:
         return self.tone + self.detail
 
     @staticmethod
-    def of(picture: Float32, shares: Float32, size: float) -> ExemplarMaterials:
-        """From its picture [h, w, 3] and shares; ``size`` of the face in pixels."""
+    def of(picture: Float32, shares: Float32, size: float, *, hues: bool = True,
+           ) -> ExemplarMaterials:
+        """From its picture [h, w, 3] and shares; ``size`` of the face in pixels.
+
+        Without ``hues`` all of its flesh counts as of one.
+        """
         luma = grey(picture)
         present = shares.reshape(-1, len(MATERIALS)).mean(axis=0) > LEAST
         # Of a face that is small in its picture a lock or two are as large.
@@ -118,8 +123,9 @@ class ExemplarMaterials:
             limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
             deep[material] = _nearest(inside & (depth >= limit), luma.shape)
         tone = broad_blur(luma, BLUR * size)
-        return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present,
-                                 _other_hues(picture, shares, tone, size))
+        hue = (_other_hues(picture, shares, tone, size) if hues
+               else np.zeros(luma.shape, np.float32))
+        return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present, hue)
 
 
 def _other_hues(picture: Float32, shares: Float32, tone: Float32, size: float) -> Float32:
@@ -302,16 +308,19 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     return out
 
 
-def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
+def resized_materials(exemplar: Exemplar, shares: Float32, size: float, *, hues: bool = True,
                       ) -> tuple[Float32, ExemplarMaterials]:
-    """An exemplar's picture, float32 [h, w, 3], and its materials at ``size`` times its own."""
+    """An exemplar's picture, float32 [h, w, 3], and its materials at ``size`` times its own.
+
+    Without ``hues`` all of its flesh counts as of one.
+    """
     height, width = exemplar.image.shape[:2]
     shape = max(round(width * size), 16), max(round(height * size), 16)
     picture = np.asarray(Image.fromarray(exemplar.image).resize(
         shape, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
     small = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
         shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
-    return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
+    return picture, ExemplarMaterials.of(picture, small, exemplar.size * size, hues=hues)
 
 
 def main_material(shares: Float32) -> Int64:

@@ -145,9 +145,8 @@ class PatchPainter:
         """
         size = round(size, 3)
         if size not in self._sources:
-            picture, theirs = resized_materials(self.exemplar, self.shares, size)
-            if self._weights.hue == 0:
-                theirs.hue[:] = 0  # nor does it count where pieces come from
+            picture, theirs = resized_materials(self.exemplar, self.shares, size,
+                                                hues=self._weights.hue > 0)
             self._sources = {size: (PatchSource.of(picture, self._guides(
                 theirs.shares, self.tones(theirs), theirs.detail, theirs.hue)), theirs)}
         return self._sources[size]

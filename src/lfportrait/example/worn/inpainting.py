@@ -23,7 +23,7 @@ from ..guides.filters import broad_blur, dilated, grey, smaller
 from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, main_material, nearest_of_material, pieces
-from ..painter.patch_painter import PatchPainter, PatchRequest, PhotoAtlas
+from ..painter.patch_painter import GuideWeights, PatchPainter, PatchRequest, PhotoAtlas
 from ..painter.picture_materials import FEATURES, SKIN
 from ..patches import PatchSearch
 from .hat import HIDES, covered_forehead, hat_beside_hair
@@ -202,7 +202,7 @@ def _strokes(exemplar: Exemplar, inside: Bool, bare: Bool, tone: Float32, height
     """A picture with the hole laid out with patches of its bare skin, float32 [h, w, 3]."""
     one = np.eye(len(MATERIALS), dtype=np.float32)
     painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PatchSearch(), 0,
-                           sharp=False)
+                           sharp=False, weights=GuideWeights(hue=0.0))  # strokes alone are used
     _, theirs = painter.source(1.0)
     near = dilated(inside, AROUND * height)
     # Strokes agree with skin around the hole, not with hair and hats.

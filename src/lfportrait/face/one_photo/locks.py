@@ -61,7 +61,8 @@ class Chart(NamedTuple):
         wide = ndimage.gaussian_filter(sums, (8, 3), mode=modes, axes=(1, 2))
         share = np.clip(5 * near[-1], 0, 1)
         mean, around_it = (one[:-1] / np.maximum(one[-1], 1e-9) for one in (near, wide))
-        found = [_ends(sure[:, ::side], cell) for side in (-1, 1)]
+        # Mirrored, the middle column stays where it is.
+        found = [_ends(one, cell) for one in (np.roll(sure[:, ::-1], 1, axis=1), sure)]
         return Chart(first, cell, np.moveaxis(share * mean + (1 - share) * around_it, 0, -1),
                      np.stack([end for end, _ in found]), np.array([width for _, width in found]))
 

@@ -36,7 +36,7 @@ from .locks import Chart
 from .parts import Parts
 from .piece import METRES
 from .shade import Light, open_around
-from .solid import HAIR, HEAD, WORN
+from .solid import BODY, HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
 LOOSE, FIRM = (0.25, 0.45), (0.15, 0.35)
@@ -413,15 +413,16 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         worn = _clothed(shell, own)
     else:
         own.worn[:], other.worn[:] = 0.0, 0.0
-    relief = Relief(normals, open_around(shell.points, normals, shell.away),
+    relief = Relief(normals, open_around(shell.points, normals, shell.away, shell.voxel),
                     _long(points[hair > 0.5]))
     parts = _parts(hair, beard, worn)
     fill = _fill(points, own, other, parts, skin,
                  shell.collar.around(points) if known else None, relief)
     for kind, strength in GRAINS:
-        asked = (parts[kind] > 0) & (own.best < 1) & (other.best < 1)
+        like = np.ones(len(points), bool) if known else shell.owner != BODY
+        asked = (parts[kind] > 0) & (own.best < 1) & (other.best < 1) & like
         if asked.any():
-            grain = _grain(points, normals, own.colors, own.pure(kind), asked, strength)
+            grain = _grain(points, normals, own.colors, own.pure(kind) * like, asked, strength)
             share = parts[kind] ** 2 * (1 - other.best)  # a beard's edge is soft
             fill[asked] *= grain[:, None] ** share[asked, None]
     if hair.any():
@@ -478,8 +479,8 @@ def _grown(shell: Shell, shot: Shot, own: _Mean, hair: Bool, asked: Bool) -> Flo
     long = _long(points[hair])
     contrast, coherence = shot.contrast()
     at, facing, out = points[asked], normals[asked], np.ones((int(asked.sum()), 3))
-    seen, copied = weight * own.square, np.zeros(len(at))
-    used = hair & (seen > 0)
+    seen, copied = np.where(hair, weight * own.square, 0.0), np.zeros(len(at))
+    used = seen > 0
     if long > 0 and seen.sum() > FEWEST:
         logs = np.log(own.colors[used] + DARKEST)
         fine = logs - _spread(points[used], logs, seen[used], 1)
@@ -641,7 +642,10 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
         at, photo, mirrored = points[place], own.colors[place], other.colors[place]
         light = np.ones((len(at), 3))
         if kind == 2 and relief is not None:
-            light = _lit(at, relief.normals[place], relief.free[place], photo, weight)
+            light = _lit(at, relief.normals[place], relief.free[place], photo,
+                         weight if ring is not None else weight * head[place])
+            if ring is None:  # a body may be clothes, which have colors of their own
+                light[~head[place]] = 1.0
             photo, mirrored = photo / light, mirrored / light
         # The light of head and body is one.
         matched = np.clip(mirrored * _light(at, mirrored, known, photo, weight, near=True),
