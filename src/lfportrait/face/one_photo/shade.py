@@ -16,6 +16,7 @@ from scipy import ndimage
 from ...arrays import Float64
 
 CELL = 0.02  # Of the lattice that a solid is blurred on at least, portrait units.
+COARSEST = 0.025  # Lattices whose points are further apart tell too little of bends.
 WIDTHS = (0.05, 0.12)
 """Standard deviations of means of what is around a place, and how far before it they are taken,
 portrait units."""
@@ -29,12 +30,16 @@ BETWEEN = 0.02, 0.98  # Quantiles of the light that is seen: no place has more o
 def open_around(points: Float64, normals: Float64, away: Float64, voxel: float) -> Float64:
     """How much of what lies before a surface is free, [N]: 1 before a flat one, less in a bend.
 
+    1 everywhere if points are further apart than `COARSEST`.
+
     Parameters
     ----------
     points, normals : float64 [N, 3], of a shell around the surface, outwards.
     away : float64 [N], how far the points lie outside.
     voxel : How far apart they are.
     """
+    if voxel > COARSEST:
+        return np.ones(len(points))
     cell = max(CELL, 1.25 * voxel)  # every cell of the shell holds a point, or it would have holes
     margin = round(3 * max(WIDTHS) / cell)
     first = points.min(axis=0) - margin * cell
