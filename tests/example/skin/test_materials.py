@@ -807,6 +807,15 @@ def test_flesh_of_another_hue_than_its_tone_mostly_has_is_known():
     assert not stained[:, :20].any()
 
 
+def test_skin_of_many_hues_has_no_usual_one():
+    tone = np.linspace(0.35, 0.75, 240, dtype=np.float32)[None].repeat(120, 0)
+    picture = tone[..., None] + np.float32([0.2, -0.02, -0.16])
+    picture[60:] = tone[60:, :, None] + np.float32([-0.2, 0.06, 0.1])
+    shares = np.zeros((120, 240, len(MATERIALS)), np.float32)
+    shares[..., SKIN] = 1
+    assert not ExemplarMaterials.of(picture, shares, 120.0).hue.any()
+
+
 def test_where_skin_is_plain_patches_of_another_hue_are_not_taken():
     theirs = _flesh(True)
     search = PatchSearch(levels=3)

@@ -66,6 +66,9 @@ TONES, RARE, FINE = 24, 4.0, 1023
 and steps that are distinguished between them."""
 HUES, MOST_OTHER = 8, 0.3
 """Tones between which the usual hue of flesh is interpolated; and no hue is further off."""
+MANY_HUES = 0.08, 0.12
+"""Where a quarter of the flesh is further off than the first, its hues begin not to count, further
+than the second they do not (oils and prints 0.02 to 0.07, an expressionist's 0.13)."""
 USUAL = 0.08
 """Flesh whose hue is so far from the usual one is to be used 1 / e times as often as other; the
 search counts nothing as rarer than about a third."""
@@ -149,7 +152,10 @@ def _other_hues(picture: Float32, shares: Float32, tone: Float32, size: float) -
                    for n in np.unique(which)]
         at, *usual = np.array(middles).T
         off = [hues[:, n] - np.interp(tones, at, usual[n]) for n in range(2)]
-        out[inside] = np.minimum(np.hypot(*off) / 100, MOST_OTHER)
+        away = np.minimum(np.hypot(*off) / 100, MOST_OTHER)
+        # Flesh that is orange here and blue there has no usual hue.
+        few, many = MANY_HUES
+        out[inside] = away * np.clip((many - np.quantile(away, 0.75)) / (many - few), 0, 1)
     return out
 
 
