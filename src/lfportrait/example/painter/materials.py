@@ -297,11 +297,11 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     factors = np.broadcast_to(np.asarray(factor, np.float32), (len(MATERIALS),))
     steps = np.linspace(0, 1, TONES)
     fine = np.clip(np.rint(reference * FINE), 0, FINE).astype(np.int32)
-    out = np.zeros(theirs.tone.shape, np.float32)
+    out, usual = np.zeros(theirs.tone.shape, np.float32), np.exp(-(theirs.hue / USUAL) ** 2)
     ours, these = (np.clip(np.rint(tones.reshape(-1) * (TONES - 1)), 0, TONES - 1).astype(int)
                        for tones in (tone, reference))
     for material in range(len(MATERIALS)):
-        share = theirs.shares[..., material] * np.exp(-(theirs.hue / USUAL) ** 2)
+        share = theirs.shares[..., material] * usual
         asked, there = (gaussian_filter1d(np.bincount(bins, weights, TONES), 1.0, mode="nearest")
                         for bins, weights in ((ours, shares[:, material]),
                                               (these, share.reshape(-1))))
