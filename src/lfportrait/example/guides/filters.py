@@ -55,6 +55,17 @@ def broad_blur(image: Float32, sigma: float) -> Float32:
     return enlarged(gaussian_blur(shrunk(image, factor), rest), factor, image.shape)
 
 
+def blurred_within(picture: Float32, share: NDArray[np.generic], sigma: float) -> Float32:
+    """`broad_blur` of a picture [H, W, 3] by what is of a part alone.
+
+    ``share`` [H, W] in [0, 1] (or bool) is how much each pixel is of it; far from it all is 0.
+    """
+    weight = np.ascontiguousarray(share, np.float32)
+    total = np.maximum(broad_blur(weight, sigma), np.float32(1e-3))
+    return np.stack([broad_blur(np.ascontiguousarray(picture[..., channel] * weight), sigma) / total
+                     for channel in range(3)], axis=-1)
+
+
 def shrunk(image: Float32, factor: int) -> Float32:
     """Means of blocks of ``factor`` x ``factor`` pixels, float32 [ceil(H / f), ceil(W / f)]."""
     if factor == 1:

@@ -19,7 +19,14 @@ from ...arrays import Bool, Float32, Int32, Int64
 from ...color import to_lab
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.filters import Distribution, broad_blur, gaussian_blur, grey, match_histogram
+from ..guides.filters import (
+    Distribution,
+    blurred_within,
+    broad_blur,
+    gaussian_blur,
+    grey,
+    match_histogram,
+)
 from ..kernels.labels import largest_share, move_to_material
 from ..kernels.seeds import nearest_sites
 from ..patches import SCALE
@@ -138,13 +145,11 @@ def _other_hues(picture: Float32, shares: Float32, tone: Float32, size: float) -
     """
     out = np.zeros(tone.shape, np.float32)
     for alike in ([SKIN, EARS], [NECK]):
-        share = np.ascontiguousarray(shares[..., alike].sum(axis=-1), np.float32)
+        share = shares[..., alike].sum(axis=-1)
         inside = share > 0.5
         if inside.sum() < FEW:
             continue
-        total = np.maximum(broad_blur(share, BLUR * size), np.float32(1e-3))
-        broad = np.stack([broad_blur(picture[..., c] * share, BLUR * size) / total
-                          for c in range(3)], axis=-1)
+        broad = blurred_within(picture, share, BLUR * size)
         hues, tones = to_lab(broad[inside])[:, 1:], tone[inside]
         edges = np.unique(np.quantile(tones, np.linspace(0, 1, HUES + 1)))
         which = np.clip(np.searchsorted(edges, tones) - 1, 0, max(len(edges) - 2, 0))

@@ -19,7 +19,7 @@ from ...color import to_uint8
 from ...face import drawn_spectacles, find_spectacles, spectacle_lenses
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.filters import broad_blur, dilated, grey, smaller
+from ..guides.filters import blurred_within, dilated, grey, smaller
 from ..guides.regions import FaceFrame, Regions, polygon
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, main_material, nearest_of_material, pieces
@@ -163,7 +163,7 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
     inside = hole[part]
     strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None, by_hand=None),
                        inside, bare[part] & ~inside, grey(broad[part]), height)
-    filled = strokes - _blurred_within(strokes, inside, beyond * height) + broad[part]
+    filled = strokes - blurred_within(strokes, inside, beyond * height) + broad[part]
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), max(0.5, SOFT * height))
     mixed = picture + np.maximum(2 * soft - 1, 0)[..., None] * (np.clip(filled, 0, 1) - picture)
     out = exemplar.image.copy()
@@ -187,14 +187,6 @@ def _spread(image: UInt8, weight: Float32, height: float,
         out = np.asarray(out + sure * (here - out), np.float32)
     return np.asarray(cv2.resize(out, picture.shape[1::-1], interpolation=cv2.INTER_CUBIC),
                       np.float32)
-
-
-def _blurred_within(picture: Float32, inside: Bool, sigma: float) -> Float32:
-    """A picture [h, w, 3] blurred by what lies inside alone."""
-    weight = inside.astype(np.float32)
-    total = np.maximum(broad_blur(weight, sigma), np.float32(1e-3))
-    return np.stack([broad_blur(np.ascontiguousarray(picture[..., channel] * weight), sigma) / total
-                     for channel in range(3)], axis=-1)
 
 
 def _strokes(exemplar: Exemplar, inside: Bool, bare: Bool, tone: Float32, height: float,
