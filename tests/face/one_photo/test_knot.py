@@ -6,7 +6,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.face.head_prior import generic_prior
-from lfportrait.face.one_photo.knot import knot_of, without_knot
+from lfportrait.face.one_photo.hair import knot_of, without_knot
 from lfportrait.face.one_photo.parts import Parts, parts_of
 from lfportrait.face.one_photo.samples import depth_maps
 from lfportrait.face.one_photo.solid import HAIR, solid_of

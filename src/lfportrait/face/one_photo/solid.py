@@ -3,7 +3,7 @@
 The head is the fitted model. Hair, a knot of it and body are pieces of the matte, inflated to both
 sides of a middle depth (`piece`); the distance from such a piece is that of q - (z - middle)^2 to
 zero, which is smooth across its outline. Hair begins flush with the skin at the hairline and stays
-clear of the skull; a knot stands behind the crown (`knot`); the body begins at the model's neck.
+clear of the skull; a knot stands behind the crown; the body begins at the model's neck.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from ...arrays import Bool, Float64
 from .beard import BEARD, beard_piece
 from .collar import NECK_END
 from .depth import Sensed, hair_before, middle_behind, smoothed
-from .hair import Neck, grown_out, hair_piece, with_rims
-from .knot import knot_of, knot_piece, without_knot
+from .hair import Neck, grown_out, hair_piece, knot_of, knot_piece, with_rims, without_knot
 from .parts import Parts, opened
 from .piece import METRES, Piece, inflated, outside
 from .samples import MeshSamples, depth_maps
