@@ -41,7 +41,7 @@ def machine(monkeypatch):
         monkeypatch.setattr(device, "gpu_in_sight", lambda: True)
         monkeypatch.setattr(device, "find_spec", lambda name: True)
         monkeypatch.setattr(device, "torch_devices", lambda: tuple(gpus))
-        monkeypatch.setattr(sys.modules["lfportrait.gpu.device"], "adapters",
+        monkeypatch.setattr(sys.modules["lfportrait.gpu"], "adapters",
                             lambda: list(adapters))
         monkeypatch.setattr(device, "gpu_adapters", lambda: list(adapters))
     return make

@@ -78,7 +78,7 @@ def gpu_adapter(choice: str = "auto") -> Adapter | None:
 
 def too_small(adapter: Adapter) -> bool:
     """Whether an adapter has less than WebGPU's default limits: then it is of no use here."""
-    from .gpu.device import LIMITS
+    from .gpu import LIMITS
 
     return any(adapter.limits.get(name, least) < least for name, least in LIMITS.items())
 

@@ -8,8 +8,7 @@ from lfportrait import device
 from lfportrait.cli import doctor as command
 from lfportrait.cli import main
 from lfportrait.device import TorchDevice
-from lfportrait.gpu import Adapter
-from lfportrait.gpu.device import LIMITS
+from lfportrait.gpu import LIMITS, Adapter
 from lfportrait.graphics import Lack
 
 CARD = Adapter("Radeon RX 7600", "discrete", "Vulkan", "AMD", "Mesa 25", 8 << 30,

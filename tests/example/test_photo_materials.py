@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfportrait.example.guides.regions import Regions, find_regions
-from lfportrait.example.painter.photo_materials import photo_shares
+from lfportrait.example.painter.photo import photo_shares
 from lfportrait.example.painter.picture_materials import CLOTHES, HAIR, NECK, SKIN
 from tests.portraits import drawn_face
 

@@ -177,7 +177,7 @@ def test_hair_stays_out_of_the_mask_on_either_side_of_the_skin_color(hair):
 
 def test_a_face_in_3d_is_found_again(monkeypatch):
     """With a detector that sees the truth but for half a pixel."""
-    module = sys.modules["lfportrait.face.triangulate"]
+    module = sys.modules["lfportrait.face.detect"]
     cameras = rig(16, 3)
     cameras = cameras[np.argsort(np.abs(cameras.position[:, 0]))]
     pixels, _ = cameras.project(HEAD_LANDMARKS)

@@ -105,7 +105,7 @@ def test_the_face_is_found_wherever_it_looks(monkeypatch, degrees):
     turn = _turned(degrees)
     truth = HEAD_LANDMARKS @ turn.T
     detector = _Detector(capture, truth, turn @ [0.0, 0.0, 1.0], wrong=(90, 91))
-    monkeypatch.setattr(sys.modules["lfportrait.face.triangulate"], "_detect", detector)
+    monkeypatch.setattr(sys.modules["lfportrait.face.detect"], "_detect", detector)
     found, figures = landmarks_of_capture(capture)
     assert found is not None
     assert np.linalg.norm(found - truth, axis=1).max() < 0.02
@@ -118,7 +118,7 @@ def test_too_few_faces_are_no_face(monkeypatch):
     capture = _capture(cameras)
     detector = _Detector(capture, HEAD_LANDMARKS, np.array([0.0, 0.0, 1.0]))
     detector.visible[2:] = False
-    monkeypatch.setattr(sys.modules["lfportrait.face.triangulate"], "_detect", detector)
+    monkeypatch.setattr(sys.modules["lfportrait.face.detect"], "_detect", detector)
     found, figures = landmarks_of_capture(capture)
     assert found is None and figures["views"] == 2
 
@@ -128,7 +128,7 @@ def test_faces_that_a_first_look_misses_are_looked_for_again(monkeypatch):
     capture = _capture(cameras)
     detector = _Detector(capture, HEAD_LANDMARKS, np.array([0.0, 0.0, 1.0]))
     detector.overlooked = range(5)
-    monkeypatch.setattr(sys.modules["lfportrait.face.triangulate"], "_detect", detector)
+    monkeypatch.setattr(sys.modules["lfportrait.face.detect"], "_detect", detector)
     found, figures = landmarks_of_capture(capture)
     assert figures["views"] == 7
     assert np.linalg.norm(found - HEAD_LANDMARKS, axis=1).max() < 0.02

@@ -70,7 +70,7 @@ def test_every_order_by_name_finds_its_function():
 
 @pytest.mark.parametrize("text", [
     'writer = "frames.export:write_nothing"', 'writer = "nowhere.export:write_pair"',
-    'call("lfportrait.gpu.device:nothing")', 'call(f"{_STAGE}.nowhere:upload")',
+    'call("lfportrait.gpu:nothing")', 'call(f"{_STAGE}.nowhere:upload")',
     'call(f"{_STAGE}.atlas:nothing")', 'call(f"{_STAGE}.nowhere:{name}")'])
 def test_an_order_that_leads_nowhere_is_found(tmp_path, text):
     module = "lfportrait.field.gpu.atlas" if "_STAGE" in text else "lfportrait.share.kinds"

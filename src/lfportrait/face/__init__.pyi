@@ -1,5 +1,14 @@
 from .capture_head import fit_to_surface
-from .detect import detect_faces, detect_landmarks, detectors_key, face_mesh, face_yaw
+from .detect import (
+    detect_faces,
+    detect_landmarks,
+    detectors_key,
+    face_mesh,
+    face_yaw,
+    frontal_order,
+    landmarks_of_capture,
+    triangulate,
+)
 from .face_cameras import capture_from_faces
 from .glasses import IN_PHOTOS, dark_glasses, drawn_spectacles, find_spectacles, spectacle_lenses
 from .landmarks import (
@@ -19,7 +28,6 @@ from .landmarks import (
 from .one_photo.beside import faces_of_people
 from .one_photo.portrait import portrait_capture, portrait_field
 from .segmentation import face_mask, hair_mask, mattes, parts, person_matte
-from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = ["FROM_MEDIAPIPE", "GENERIC_LANDMARKS", "IN_PHOTOS", "MOST_TURNED", "PORTRAIT_CONE",
            "FacePose", "capture_from_faces", "dark_glasses", "detect_faces", "detect_landmarks",

@@ -39,8 +39,7 @@ from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
 from lfportrait.field import Curves, ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.files import atomic_write, read_json, write_image
-from lfportrait.gpu import GpuProcess, gpu_process
-from lfportrait.gpu.device import BINDING, Device
+from lfportrait.gpu import BINDING, Device, GpuProcess, gpu_process
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
 from lfportrait.simd.host import vector_unit

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numba
 import torch
 
-from lfportrait.job.batch.runners import do_task
+from lfportrait.job.batch.driver import do_task
 
 
 @contextmanager

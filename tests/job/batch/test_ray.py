@@ -78,7 +78,7 @@ def test_failures_are_the_same(studio, joined, copy):
 
 def test_a_folder_that_is_not_shared_is_told(studio, joined, copy, monkeypatch):
     (copy / "anna/ken/portrait.html").unlink()
-    monkeypatch.setattr("lfportrait.job.batch.runners._PATIENCE", 0.0)
-    monkeypatch.setattr("lfportrait.job.batch.runners.finished", lambda *_: None)
+    monkeypatch.setattr("lfportrait.job.batch.driver._PATIENCE", 0.0)
+    monkeypatch.setattr("lfportrait.job.batch.driver.finished", lambda *_: None)
     figures = batch(studio / "jobs.toml", copy, RAY)
     assert "that all machines of the cluster share" in figures["failed"]["anna/ken/page"]

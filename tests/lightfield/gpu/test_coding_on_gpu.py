@@ -42,7 +42,7 @@ def process(adapter, shared, monkeypatch):
     shared.calls = getattr(shared, "calls", 0) + 1
     if shared.calls % 30 == 0:
         shared.close()
-    monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: one)
+    monkeypatch.setattr("lfportrait.gpu.gpu_process", lambda _: one)
     monkeypatch.setattr(device, "gpu_adapters", lambda: [adapter])
     device.gpu_adapter.cache_clear()
     yield one
@@ -189,11 +189,11 @@ def test_a_quilt_is_the_cpus(config):
     assert name == other and psnr(gpu / 255.0, cpu / 255.0) > EVEN
 
 
-@pytest.mark.slow  # processes that are lost: tests/gpu, without shaders
+@pytest.mark.slow  # processes that are lost: tests/test_gpu.py, without shaders
 def test_a_lost_gpu_leaves_the_cpus_picture(adapter, monkeypatch):
     process = GpuProcess(adapter)
-    monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: process)
-    process.call("tests.gpu.work:echo")
+    monkeypatch.setattr("lfportrait.gpu.gpu_process", lambda _: process)
+    process.call("tests.gpu_work:echo")
     process._child.kill()
     process._child._process.wait()
     field = head_field(24)

@@ -1,7 +1,7 @@
 """What of an exemplar is laid where, by material and tone, and where the patch search begins.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
-to be painted says what each of its places is made of (`photo_materials`, `skin.painting`); tones
+to be painted says what each of its places is made of (`photo`, `skin.painting`); tones
 and detail of each material become those of the exemplar's.
 """
 

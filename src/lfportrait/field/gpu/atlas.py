@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Float32, Float64, Int32, UInt8
-from ...gpu import GpuProcess
-from ...gpu.device import BINDING, Device, bands
+from ...gpu import BINDING, Device, GpuProcess, bands
 from ..kernels.bricks import SLOTS, Bricks, row_width
 from ..texture import SurfaceTexture, TextureRows
 

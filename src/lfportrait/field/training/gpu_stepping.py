@@ -16,13 +16,13 @@ from ...arrays import Float32, Float64, Int32
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
-from ..gpu.training.steps import STEP
+from ..gpu.training import STEP
 from ..kernels.bricks import put_means
 from .lattice import Average, Lattice
 from .pixels import TrainingPixels
 from .stepping import DECAY, Plan, StepData, color_gains, variation_of
 
-_CALLS = "lfportrait.field.gpu.training.steps"
+_CALLS = "lfportrait.field.gpu.training"
 _TOGETHER, _FIRST = 64, 4  # Steps of a call at most, and of the first one.
 _LONG = 0.2
 """Seconds that a call should take at most, so that clocks are kept on slow devices, too."""

@@ -24,7 +24,7 @@ from ...arrays import Float64, UInt8
 from ...errors import UserError
 from ...field import VoxelField
 from ...field.gpu import Atlas, field_parts, keep_texture, picture_texture, shader, texture_parts
-from ...gpu.device import BINDING, LIMITS, Device
+from ...gpu import BINDING, LIMITS, Device
 from ..coding import _footprint, panel_job
 from ..display import Display
 from ..ground import Ground, backdrop_of, ground_of

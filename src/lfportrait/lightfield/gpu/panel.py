@@ -14,7 +14,7 @@ import numpy as np
 
 from ...arrays import Float32, Float64, UInt8
 from ...field.gpu import Atlas, DeviceTexture, picture_texture, shader
-from ...gpu.device import BINDING, Device, bands
+from ...gpu import BINDING, Device, bands
 
 _TILE = 16  # Pixels along a side of a workgroup's tile.
 _TILE_ROWS = 4  # Rows of tiles whose slices are kept at once.

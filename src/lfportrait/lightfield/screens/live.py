@@ -29,8 +29,7 @@ from ...arrays import UInt8
 from ...device import device_name, gpu_adapter
 from ...errors import UserError
 from ...field import Backdrop, VoxelField, head_points
-from ...gpu import Adapter
-from ...gpu.device import Device
+from ...gpu import Adapter, Device
 from ..coding import composed
 from ..display import Display
 from ..gpu.live import Blit, LiveCoder, LivePicture, pixels_of, same_points

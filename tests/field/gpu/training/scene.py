@@ -8,8 +8,8 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.field.background import Background, BackgroundTrainer
 from lfportrait.field.config import ReconstructConfig
-from lfportrait.field.gpu.training import steps
-from lfportrait.field.gpu.training.steps import Notes, Steps
+from lfportrait.field.gpu import training as steps
+from lfportrait.field.gpu.training import Notes, Steps
 from lfportrait.field.training.gpu_stepping import GpuSteps
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.pixels import TrainingPixels

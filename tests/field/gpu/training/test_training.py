@@ -53,7 +53,7 @@ class Fragile:
         if name == self.fatal and self.calls.count(name) > self.number:
             self.lost = True
             raise GpuLostError("Card 9 was lost")
-        return self.process.call(f"lfportrait.field.gpu.training.steps:{name}", *arguments)
+        return self.process.call(f"lfportrait.field.gpu.training:{name}", *arguments)
 
 
 @pytest.fixture

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from lfportrait.errors import UserError
-from lfportrait.gpu import Adapter, GpuLostError, GpuProcess, adapters, attempted, chosen
-from lfportrait.gpu.device import LIMITS
+from lfportrait.gpu import LIMITS, Adapter, GpuLostError, GpuProcess, adapters, attempted, chosen
 
-WORK = "tests.gpu.work:"
+WORK = "tests.gpu_work:"
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +102,7 @@ def test_a_driver_that_hangs_is_ended(adapter):
 @pytest.mark.slow  # one that is lost: above
 def test_work_that_can_not_be_done_leaves_a_line_and_the_caller_goes_on(adapter, monkeypatch):
     own = GpuProcess(adapter)
-    monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: own)
+    monkeypatch.setattr("lfportrait.gpu.gpu_process", lambda _: own)
     with pytest.warns(UserWarning, match="too little memory.*: the CPU computes instead"):
         assert attempted(adapter, lambda one: one.call(WORK + "lose_memory")) is None
     with warnings.catch_warnings():
@@ -124,7 +123,7 @@ def test_an_adapter_that_is_gone_is_a_lost_one():
 def test_the_child_ends_with_its_parent(adapter):
     code = ("import os, sys; from lfportrait.gpu import GpuProcess, adapters;"
             "found = [one for one in adapters() if one.title == sys.argv[1]];"
-            "own = GpuProcess(found[0]); own.call('tests.gpu.work:echo');"
+            "own = GpuProcess(found[0]); own.call('tests.gpu_work:echo');"
             "print(own._child.number, flush=True); os.kill(os.getpid(), 9)")
     done = subprocess.run([sys.executable, "-c", code, adapter.title], capture_output=True,
                           text=True, check=False)

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from lfportrait.gpu.device import bands
+from lfportrait.gpu import bands
 
 DOUBLE = """
 @group(0) @binding(0) var<storage, read_write> values: array<f32>;
