@@ -5,8 +5,6 @@ already, after seconds where it must start, and after the page is closed where i
 terminal (w3m, lynx) or in a script. Whoever serves the page must not wait for that.
 """
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import webbrowser

@@ -14,8 +14,6 @@ at any moment finds, when it is run again, either a finished stage or none, and 
 to the same files as an undisturbed run.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import hashlib
@@ -30,9 +28,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import files
+from .arrays import Array
 from .errors import UserError
 from .temporary import remove_part, sweep_once
 
@@ -187,8 +185,8 @@ def tried() -> Iterator[None]:
             _TRIES.old = set()
 
 
-def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]],
-                folder: Path | None = None, most: int | None = None) -> dict[str, NDArray[Any]]:
+def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, Array]],
+                folder: Path | None = None, most: int | None = None) -> dict[str, Array]:
     """Arrays by name that are made once, and read from the user's cache after that.
 
     ``key`` is a hash of all that they depend on (`key_of`). They lie in the cache's folder of this

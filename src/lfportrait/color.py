@@ -5,14 +5,11 @@ Pictures of high dynamic range (ITU-R BT.2100: HLG, as phones film by default, a
 tone-mapped.
 """
 
-from __future__ import annotations
-
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import Float64, UInt8
+from .arrays import Array, Float64, Floats, UInt8, UInt16
 
 SRGB = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 """Chromaticities x, y of red, green, blue and white of sRGB and BT.709."""
@@ -29,28 +26,28 @@ hold scene light (1.0) and those made for a display of 1000 cd/m2 (1.2)."""
 _KNEE = 0.9  # Light above this part of white is compressed: highlights keep their shape.
 
 
-def to_uint8(values: NDArray[Any]) -> UInt8:
+def to_uint8(values: Array) -> UInt8:
     """Values in [0, 1] of any shape as uint8, rounded, beyond it cut off; uint8 as they are."""
     if values.dtype == np.uint8:
         return values
     return (np.clip(values, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-def linear_light(values: NDArray[np.floating[Any]]) -> Float64:
+def linear_light(values: Floats) -> Float64:
     """Light, in [0, 1], of sRGB values in [0, 1] of any shape, float64."""
     value = np.asarray(values, np.float64)
     return np.asarray(np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4),
                       np.float64)
 
 
-def srgb_values(light: NDArray[np.floating[Any]]) -> Float64:
+def srgb_values(light: Floats) -> Float64:
     """SRGB values in [0, 1] of light in [0, 1] of any shape, float64; beyond it is cut off."""
     value = np.clip(np.asarray(light, np.float64), 0.0, 1.0)
     return np.asarray(np.where(value <= 0.0031308, 12.92 * value,
                                1.055 * np.maximum(value, 1e-8) ** (1 / 2.4) - 0.055), np.float64)
 
 
-def to_lab(picture: NDArray[Any]) -> NDArray[np.floating[Any]]:
+def to_lab(picture: Array) -> Floats:
     """CIE Lab of sRGB values [..., 3], bytes or floats, which are clipped to [0, 1]."""
     from skimage.color import rgb2lab  # takes a while to import
 
@@ -81,7 +78,7 @@ def primaries_to_srgb(primaries: tuple[float, ...]) -> Float64:
     return np.asarray(np.linalg.solve(_to_xyz(SRGB), adapted @ _to_xyz(primaries)))
 
 
-def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"],
+def tone_mapped(signal: UInt16, curve: Literal["hlg", "pq"],
                 primaries: tuple[float, ...] = BT2020) -> UInt8:
     """A picture of high dynamic range as sRGB, uint8 [H, W, 3]; a diffuse white is nearly white.
 

@@ -30,10 +30,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from .arrays import Array, Floats, UInt8
 from .color import to_uint8
 from .errors import UserError
 from .png import write_png
@@ -236,7 +236,7 @@ def picture_format(path: str | os.PathLike[str]) -> str:
     return formats[suffix]
 
 
-def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool = False,
+def write_image(path: str | os.PathLike[str], image: Array, *, fast: bool = False,
                 sheet: bool = False, **options: Any) -> None:
     """Write a picture whose format follows from the suffix.
 
@@ -266,7 +266,7 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
     write_bytes(path, buffer.getbuffer())
 
 
-def image_bytes(image: NDArray[np.uint8], kind: str, **options: Any) -> bytes:
+def image_bytes(image: UInt8, kind: str, **options: Any) -> bytes:
     """A picture [H, W] or [H, W, 1 to 4] as the contents of a file of a format, as Pillow's."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, kind, **options)
@@ -284,7 +284,7 @@ def own_output(path: Path) -> bool:
         return False
 
 
-def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -> None:
+def write_exr(path: str | os.PathLike[str], values: Floats) -> None:
     """Write values [H, W] as channel ``Z`` (depth) of an uncompressed 32-bit OpenEXR file.
 
     Infinity is kept.
@@ -340,7 +340,7 @@ def write_mappable(stream: BinaryIO, arrays: dict[str, Any]) -> None:
                 np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
 
 
-def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
+def map_arrays(path: Path) -> dict[str, Array]:
     """The arrays of an uncompressed ``.npz`` by name, memory-mapped: read only on access.
 
     What is written to them stays in memory. Raises `UNREADABLE_ARRAYS` if there is no such file, or
@@ -352,7 +352,7 @@ def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
                 for member in archive.infolist()}
 
 
-def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> NDArray[Any]:
+def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> Array:
     if member.compress_type != zipfile.ZIP_STORED:
         raise ValueError(f"{member.filename} is compressed")
     stream.seek(member.header_offset)
@@ -384,7 +384,7 @@ def array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], Literal["C", "F"],
     return shape, "F" if found[2] == "True" else "C", dtype
 
 
-def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:
     """An array of an ``.npz``, as `numpy.load` reads it; see `array_header`."""
     with archive.open(member) as content:
         shape, order, dtype = array_header(content)
@@ -399,7 +399,7 @@ def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[An
     return array
 
 
-def load_arrays(path: Path) -> dict[str, NDArray[Any]]:
+def load_arrays(path: Path) -> dict[str, Array]:
     """All arrays of an ``.npz`` by name, which several threads may read at once.
 
     Raises `UNREADABLE_ARRAYS` if there is no such file, or it is damaged.

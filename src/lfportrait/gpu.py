@@ -15,8 +15,6 @@ tests on a software adapter runs on every card. Only this module calls wgpu, and
 is first used.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import functools
@@ -35,8 +33,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .errors import UserError
 from .graphics import lacking
 from .runner import Child, Pipe
@@ -233,7 +231,7 @@ class Device:
 
     # -- memory -----------------------------------------------------------------------------------
 
-    def buffer(self, data: NDArray[Any] | int, *, uniform: bool = False) -> Any:
+    def buffer(self, data: Array | int, *, uniform: bool = False) -> Any:
         """A buffer with an array's bytes, or an empty one (zeros) of so many bytes."""
         usage = self._flags.BufferUsage
         flags = usage.COPY_DST | usage.COPY_SRC | (usage.UNIFORM if uniform else usage.STORAGE)
@@ -244,7 +242,7 @@ class Device:
         self.write(buffer, raw)
         return buffer
 
-    def write(self, buffer: Any, data: NDArray[Any], offset: int = 0) -> None:
+    def write(self, buffer: Any, data: Array, offset: int = 0) -> None:
         """Copy an array's bytes into a buffer, from a byte (a multiple of 4) on."""
         raw = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
         whole = raw.nbytes // 4 * 4
@@ -255,8 +253,7 @@ class Device:
             rest[:raw.nbytes - whole] = raw[whole:]
             self._device.queue.write_buffer(buffer, offset + whole, rest)
 
-    def read(self, buffer: Any, dtype: Any, shape: int | Sequence[int],
-             offset: int = 0) -> NDArray[Any]:
+    def read(self, buffer: Any, dtype: Any, shape: int | Sequence[int], offset: int = 0) -> Array:
         """An array of what a buffer holds, from a byte on."""
         out = np.empty(shape, dtype)
         raw = out.reshape(-1).view(np.uint8)
@@ -297,7 +294,7 @@ class Device:
             usage=flags | (usage.STORAGE_BINDING if written else 0)
             | (usage.RENDER_ATTACHMENT if drawn else 0))
 
-    def fill_texture(self, texture: Any, data: NDArray[Any]) -> None:
+    def fill_texture(self, texture: Any, data: Array) -> None:
         """Copy texels [H, W, ...] or [D, H, W, ...] into a texture of that size."""
         width, height, depth = texture.size
         raw = np.ascontiguousarray(data).reshape(-1).view(np.uint8)

@@ -3,8 +3,6 @@
 No driver is asked: files, packages and libraries are looked up.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os

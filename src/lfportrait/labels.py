@@ -10,8 +10,6 @@ each is a grouping of the one set:
 - `SEGMENTS`: what the segmentation network sees (`lfportrait.face`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ and drops where memory is wanted; without those that were not read lately it is 
 which Kubernetes goes, too.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 import os

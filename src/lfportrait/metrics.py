@@ -1,18 +1,14 @@
 """Image quality: PSNR and SSIM as papers on radiance fields report them."""
 
-from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import Bool, Float64
+from .arrays import Array, Bool, Float64
 
 _WINDOW = 11  # Width of SSIM's window in pixels.
 
 
-def psnr(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None) -> float:
+def psnr(a: Array, b: Array, mask: Bool | None = None) -> float:
     """Peak signal-to-noise ratio in dB of two pictures in [0, 1]; infinite if they are equal.
 
     They are [H, W] or [H, W, C]; ``mask`` bool [H, W] has the pixels that count, by default all.
@@ -26,7 +22,7 @@ def psnr(a: NDArray[Any], b: NDArray[Any], mask: Bool | None = None) -> float:
     return float("inf") if error == 0 else -10.0 * float(np.log10(error))
 
 
-def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
+def ssim(a: Array, b: Array) -> float:
     """Structural similarity of two pictures in [0, 1] (Wang et al. 2004).
 
     Gaussian window of 11 pixels, sigma 1.5, constants 0.01 and 0.03, mean over the channels and

@@ -11,8 +11,6 @@ A file is written under a temporary name and renamed when its SHA-256 is right: 
 leaves nothing.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

@@ -22,8 +22,6 @@ This package offers its own painted exemplars and modelled heads in the same way
 Reading the entry points takes 20 to 50 ms: what is asked for by its own name never does.
 """
 
-from __future__ import annotations
-
 import functools
 import traceback
 import warnings

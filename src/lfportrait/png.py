@@ -8,8 +8,6 @@ picture are coded side by side, by zlib-ng. A 4K picture takes a fifth of the ti
 a file as large.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import struct
@@ -18,10 +16,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from zlib_ng import zlib_ng as zlib
 
-from .arrays import UInt8
+from .arrays import UInt8, UInt32, Unsigned
 from .measure import usable_cores
 
 _PIECE = 1 << 20
@@ -53,7 +50,7 @@ class PngWriter:
         # A stream of blocks that are deflated apart from each other.
         self._chunk(b"IDAT", b"\x78\x01")
 
-    def write(self, rows: NDArray[np.unsignedinteger]) -> None:
+    def write(self, rows: Unsigned) -> None:
         """Append rows: [n, W] or [n, W, channels], uint8 or uint16 as the bits are."""
         lines = rows.astype(rows.dtype.newbyteorder(">"), copy=False)
         lines = np.ascontiguousarray(lines).view(np.uint8).reshape(len(rows), -1)
@@ -80,7 +77,7 @@ class PngWriter:
         self._stream.write(struct.pack(">I", zlib.crc32(data, zlib.crc32(kind))))
 
 
-def write_png(stream: BinaryIO, image: NDArray[np.unsignedinteger],
+def write_png(stream: BinaryIO, image: Unsigned,
               chunks: Iterable[tuple[bytes, bytes]] = ()) -> None:
     """Write a picture [H, W] or [H, W, 1 to 4], uint8 or uint16; ``chunks`` as `PngWriter`'s."""
     height, width, channels = (*image.shape, 1)[:3]
@@ -133,7 +130,7 @@ def _filtered(lines: UInt8, above: UInt8, pixel: int) -> UInt8:
     return out
 
 
-def _amount(differences: UInt8) -> NDArray[np.uint32]:
+def _amount(differences: UInt8) -> UInt32:
     """Sum of each row's differences, 255 being -1."""
     return np.asarray(np.minimum(differences, -differences).sum(axis=1, dtype=np.uint32))
 

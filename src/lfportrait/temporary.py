@@ -10,8 +10,6 @@ writes, when that process started, and on which host. A process that ends by its
 has begun. One that is killed can't; the next one that comes to the folder removes it (`sweep`).
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import functools

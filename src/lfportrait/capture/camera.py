@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float64, Int64
+from ..arrays import Array, Bool, Float64, Int64
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class Camera:
     def __len__(self) -> int:
         return len(self.pose)
 
-    def __getitem__(self, index: int | slice | Sequence[int] | NDArray[Any]) -> Camera:
+    def __getitem__(self, index: int | slice | Sequence[int] | Array) -> Camera:
         """Select views; an integer gives a batch of one."""
         if isinstance(index, (int, np.integer)):
             index = [int(index)]

@@ -8,8 +8,6 @@ window (He et al. 2013, "Guided Image Filtering"). Only pixels near an outline a
 it is done in one go a line, without the dozens of pictures in between that NumPy needs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

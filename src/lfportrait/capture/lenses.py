@@ -27,9 +27,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64
+from ..arrays import Array, Bool, Float32, Float64
 from ..files import UNREADABLE_ARRAYS, load_arrays
 from ..media.colors import premultiplied, straight
 from ..media.depth import DepthMap
@@ -172,7 +171,7 @@ def _zoom(lens: Lens) -> float:
     return high
 
 
-def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], Bool]:
+def undistort(image: Array, lens: Lens) -> tuple[Array, Bool]:
     """Resample a photo uint8 [H, W, C] as the pinhole camera ``lens.pinhole()`` sees it.
 
     Gives uint8 [H, W, C], and bool [H, W]: which pixels the photo covers.

@@ -12,16 +12,12 @@ person, so a patch that only one view calls person has nothing behind it and goe
 nearly all views see the person is filled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Floats, UInt8
 from ..simd.threads import side_by_side
 from . import kernels
 from .camera import Camera
@@ -81,7 +77,7 @@ def guided_filter(image: Float32, plane: Float32, radius: int, epsilon: float,
     height, width = plane.shape
     blocks, radius = (-(-width // step), -(-height // step)), max(1, radius // step)
 
-    def small(full: NDArray[Any], how: int = cv2.INTER_AREA) -> NDArray[Any]:
+    def small(full: Array, how: int = cv2.INTER_AREA) -> Array:
         return full if step == 1 else cv2.resize(full, blocks, interpolation=how)
 
     asked, functioning = np.ones(plane.shape, np.uint8), np.ones(blocks[::-1], np.uint8)
@@ -101,8 +97,7 @@ def guided_filter(image: Float32, plane: Float32, radius: int, epsilon: float,
     return filtered
 
 
-def refine_matte(image: UInt8, soft: NDArray[np.floating[Any]],
-                 cell: int = 0, calm: bool = False) -> Float32:
+def refine_matte(image: UInt8, soft: Floats, cell: int = 0, calm: bool = False) -> Float32:
     """Sharpen a coarse matte along the edges of its photo.
 
     Parameters
@@ -209,8 +204,7 @@ def _small(matte: Float32, factor: int) -> Float32:
     return padded.reshape(height, factor, width, factor).mean((1, 3)).astype(np.float32)
 
 
-def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
-                      size: int = 224) -> list[Float32]:
+def consistent_mattes(capture: Capture, mattes: Sequence[Floats], size: int = 224) -> list[Float32]:
     """Make mattes agree with each other through the cameras.
 
     Every point of a lattice asks the views that have it in the picture. It is carved away when the
@@ -235,7 +229,7 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
     return side_by_side(lambda view: _corrected(votes, view, given[view]), range(len(given)))
 
 
-def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]]) -> Float64:
+def matte_agreement(cameras: Camera, mattes: Sequence[Floats]) -> Float64:
     """Agreement of each matte, [H, W] in [0, 1], with the visual hull of all, float64 [V].
 
     It is the intersection over union with the picture of the common solid on a lattice of 96

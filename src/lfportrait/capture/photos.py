@@ -20,8 +20,6 @@ four directions, of which the worst counts. What the scene itself has in fine de
 the photos taken before and after.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import warnings

@@ -6,8 +6,6 @@ to frame and adds up by how much they move in the picture, and notes how sharp e
 way is divided in equal parts, and a second pass reads the sharpest frame of each.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -9,8 +9,6 @@ takes longer than all of ``--help``, so they are read only for a word that is no
 which also lists the commands of the evaluation package.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib
 import os

@@ -1,16 +1,12 @@
 """The embedded data: a modelled head as photos, as a field and painted; other portraits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from ..arrays import Float64, UInt8
+from ..arrays import Array, Float64, UInt8
 from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Sitting
@@ -25,7 +21,7 @@ DATA = Path(__file__).parent / "data"
 """The folder of them; `scripts/make_demo_data.py` writes it."""
 
 
-def resized(picture: NDArray[Any], width: int, height: int) -> NDArray[Any]:
+def resized(picture: Array, width: int, height: int) -> Array:
     """A picture [H, W], [H, W, 3] or [H, W, 4] at another size in pixels.
 
     Alpha is straight, and colors count by it.

@@ -1,7 +1,5 @@
 """The names of the painted exemplars; what reads them is imported on demand."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from importlib import import_module

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from .. import face, models
-from ..arrays import Float32, Float64, UInt8
+from ..arrays import Array, Float32, Float64, Floats, UInt8
 from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
@@ -21,7 +19,7 @@ from ..plugins import provided_styles
 from .guides.regions import Regions, find_regions
 
 
-def face_size(landmarks: NDArray[np.floating]) -> float:
+def face_size(landmarks: Floats) -> float:
     """Size of a face in pixels: root mean square distance of its landmarks from their mean.
 
     About 0.31 of the width of a frontal face between the ears.
@@ -90,7 +88,7 @@ class Exemplar:
         height, width = self.image.shape[:2]
         shape = max(round(factor * width), 1), max(round(factor * height), 1)
 
-        def small(plane: NDArray[Any]) -> NDArray[Any]:
+        def small(plane: Array) -> Array:
             return np.asarray(Image.fromarray(plane).resize(shape, Image.Resampling.BOX))
 
         return replace(self, image=small(self.image), opened=None,
@@ -105,7 +103,7 @@ class Exemplar:
 
     def pose(self) -> FacePose:
         """How its face is turned (`face_pose`), kept in the user's cache."""
-        def find() -> dict[str, NDArray[Any]]:
+        def find() -> dict[str, Array]:
             pose = face.face_pose(self.landmarks)
             return {"rotation": pose.rotation, "shift": pose.shift,
                     "numbers": np.array([pose.scale, pose.residual])}
@@ -142,7 +140,7 @@ class Exemplar:
         if not networks:
             return find_regions(self.image, self.landmarks, self.mask)
 
-        def find() -> dict[str, NDArray[Any]]:
+        def find() -> dict[str, Array]:
             found = find_regions(self.image, self.landmarks, self.mask)
             return {name: np.asarray(65535 * matte + 0.5, np.uint16)
                     for name, matte in (("person", found.person), ("hair", found.hair))
@@ -157,7 +155,7 @@ class Exemplar:
         return Regions(self.landmarks, mattes["person"], mattes.get("hair"))
 
     @staticmethod
-    def load(style: str | Path, landmarks: NDArray[np.floating] | None = None) -> Exemplar:
+    def load(style: str | Path, landmarks: Floats | None = None) -> Exemplar:
         """Load an exemplar.
 
         Parameters
@@ -222,7 +220,7 @@ def _landmarks_beside(path: Path, image: UInt8) -> tuple[Float64, int]:
     if beside.exists():
         return np.asarray(face.read_landmarks(beside), np.float64), 1
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         return {"faces": np.array(face.detect_faces(image, thorough=False)).reshape(-1, 68, 2)}
 
     try:

@@ -27,11 +27,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.ndimage import map_coordinates
 
-from ..arrays import Bool, Float32, Float64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Floats, UInt8
 from ..errors import UserError
 from ..face import (
     GENERIC_LANDMARKS,
@@ -79,7 +78,7 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose,
                       + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
 
 
-def in_front(way: NDArray[np.floating], painted: NDArray[np.floating], pose: FacePose) -> Float64:
+def in_front(way: Floats, painted: Floats, pose: FacePose) -> Float64:
     """How far places beside landmarks lie from these in the frontal picture, float64 [68, 2].
 
     ``way`` [68, 2] leads from the landmarks ``painted`` to the places in the painting, in pixels.
@@ -203,7 +202,7 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
     return Exemplar(found.image, found.landmarks, exemplar.name, found.mask, by_hand=by_hand)
 
 
-def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
+def suited(exemplar: Exemplar, landmarks: Floats) -> Exemplar:
     """The exemplar's version that fits a photo with landmarks [68, 2].
 
     That is the original or the frontal one, whichever has the closer pose.
@@ -406,7 +405,7 @@ def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32
     return blurred(own, 0.015 * scale)
 
 
-def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
+def _sampled(picture: Array, places: Float32) -> Float32:
     """A picture [H, W(, 3)] at places (x, y), reflected beyond its border, float32."""
     x, y = (np.ascontiguousarray(places[..., axis]) - np.float32(0.5) for axis in range(2))
     return np.asarray(cv2.remap(np.asarray(picture, np.float32), x, y, cv2.INTER_CUBIC,
@@ -416,7 +415,7 @@ def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
 _SPACING = 0.07  # Distance of the mesh's lines in the head's units: a dozen across the face.
 
 
-def head_mesh(landmarks: NDArray[np.floating], pose: FacePose) -> list[Float64]:
+def head_mesh(landmarks: Floats, pose: FacePose) -> list[Float64]:
     """Lines of the generic face on a painting, as far as its painter saw them.
 
     Lines down and across the face, float64 [K, 2] pixels (x, y) each, K at least 2.
@@ -472,7 +471,7 @@ class FaceAside:
         return _at_head_places(places, self.points)
 
 
-def face_aside(landmarks: NDArray[np.floating], least: float) -> FaceAside | None:
+def face_aside(landmarks: Floats, least: float) -> FaceAside | None:
     """What is seen of a face that is turned by more than ``least`` degrees, else None.
 
     ``landmarks`` are [68, 2] in pixels; rows with NaN are unknown.

@@ -17,17 +17,13 @@ the light and the color of its own surroundings. Iris and white are shifted, not
 look the same way.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import face, models
-from ..arrays import Float32, Float64, UInt8
+from ..arrays import Array, Float32, Float64, Floats, UInt8
 from ..cache import kept_arrays, key_of
 from ..color import LUMA
 from .exemplar import Exemplar
@@ -150,7 +146,7 @@ def _mean(eye: _Eye, kernel: Float32) -> tuple[Float32, Float32]:
     return np.asarray(total / np.maximum(covered, 1e-3), np.float32), np.asarray(covered)
 
 
-def _between(score: NDArray[np.floating], row: int, column: int) -> Float64:
+def _between(score: Floats, row: int, column: int) -> Float64:
     """Where a parabola has its top around the best pixel, (x, y) in [-0.5, 0.5]."""
     out = np.zeros(2)
     for axis, (dy, dx) in enumerate(((0, 1), (1, 0))):
@@ -194,7 +190,7 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
     if abs(exemplar.pose().yaw) >= FRONTAL or not models.available("face-landmarker"):
         return exemplar
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         mesh = _mesh(exemplar.image, exemplar.landmarks)
         discs = irises_found(exemplar.image, exemplar.landmarks)
         return {"eyes": np.empty((0, 5, 2)) if mesh is None else mesh[np.array(MESH_EYES)],
@@ -329,7 +325,7 @@ def with_even_eyes(exemplar: Exemplar) -> Exemplar:
     return replace(exemplar, image=image, opened=exemplar)
 
 
-def eye_contrast(image: NDArray[np.generic], outline: Float64) -> float:
+def eye_contrast(image: Array, outline: Float64) -> float:
     """Contrast of white and iris between the lids, in [0, 1]; 0 of an eye that is hardly open.
 
     ``outline`` [6, 2] are the eye's landmarks in an sRGB picture [H, W, 3], uint8 or float in [0,

@@ -5,20 +5,17 @@ own upper lid is drawn down over his eye to the lower one, with the dark line of
 the painting with closed eyes is what is painted from. Each eye is decided by itself: a wink is one.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Floats, UInt8
 from .exemplar import Exemplar
 from .guides.filters import grey
 from .guides.regions import polygon
 
-Points = NDArray[np.floating]
+Points = Floats
 Lids = tuple[bool, bool]
 """Whether the eye on the picture's left and the one on its right are shut."""
 
@@ -69,7 +66,7 @@ def eye_openings(points: Points) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def shut_eyes(points: Points, photo: NDArray[np.generic] | None = None) -> Lids:
+def shut_eyes(points: Points, photo: Array | None = None) -> Lids:
     """Which eyes are shut, by landmarks [68, 2 or 3]; [68, 2] in pixels where there is a photo.
 
     The photo, uint8 or float in [0, 1], [H, W, 3], decides on narrow eyes.
@@ -83,7 +80,7 @@ def shut_eyes(points: Points, photo: NDArray[np.generic] | None = None) -> Lids:
     return shut[0], shut[1]
 
 
-def _shows_iris(photo: NDArray[np.generic], eye: Float64) -> bool:
+def _shows_iris(photo: Array, eye: Float64) -> bool:
     """Whether the middle of a narrow eye [6, 2] has another color than the skin above it."""
     upper, lower = (eye[[a, b]].mean(axis=0) for a, b in ((1, 2), (4, 5)))
     way = lower - upper
@@ -97,15 +94,14 @@ def _shows_iris(photo: NDArray[np.generic], eye: Float64) -> bool:
     return bool(np.abs(shown - skin).max() > IRIS * max(float(skin.mean()), 1e-6))
 
 
-def _colors_at(photo: NDArray[np.generic], places: Float64) -> Float64:
+def _colors_at(photo: Array, places: Float64) -> Float64:
     """Colors at places [N, 2] of a photo, float64 [N, 3]."""
     columns, rows = (np.clip(places[:, axis].astype(int), 0, photo.shape[1 - axis] - 1)
                      for axis in (0, 1))
     return np.asarray(photo[rows, columns][:, :3], np.float64)
 
 
-def asked_lids(exemplar: Exemplar, points: Points, photo: NDArray[np.generic] | None = None,
-               ) -> Lids:
+def asked_lids(exemplar: Exemplar, points: Points, photo: Array | None = None) -> Lids:
     """Which open eyes of an exemplar have to be shut for a sitter; as `shut_eyes`."""
     shut, theirs = shut_eyes(points, photo), eye_openings(exemplar.landmarks)
     return shut[0] and theirs[0] > OPEN, shut[1] and theirs[1] > OPEN

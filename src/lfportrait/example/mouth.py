@@ -11,16 +11,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64
+from ..arrays import Array, Bool, Float32, Float64, Floats, UInt8
 from ..face import mouth_opening
 from .exemplar import Exemplar
 from .guides.filters import grey
 from .guides.regions import polygon
 from .lids import EYES, curve_through
 
-Points = NDArray[np.floating]
+Points = Floats
 
 OPEN, WIDER, SHOWN = 0.07, 0.05, 0.12
 """Height of the gap over the mouth's width from which on a sitter's is painted so, if the painted
@@ -109,8 +108,7 @@ def with_open_mouth(paint: Float32, photo: Float32, places: Float32, landmarks: 
     return np.asarray(out, np.float32)
 
 
-def part_lips(paint: Float32, photo: NDArray[np.generic], landmarks: Points,
-              painter: Palette) -> None:
+def part_lips(paint: Float32, photo: Array, landmarks: Points, painter: Palette) -> None:
     """Paint what a photo shows between the lips, in place, as `with_open_mouth`.
 
     ``paint`` is float32 [H, W, 3] in [0, 1], the photo uint8 or float in [0, 1], [H, W, 3], and
@@ -164,7 +162,7 @@ class _Mouth(NamedTuple):
         axes = np.array([across, [-across[1], across[0]]]).T / width
         return _Mouth(points[60], axes, (points - points[60]) @ axes)
 
-    def plane(self, places: NDArray[np.floating]) -> tuple[Float64, Float64]:
+    def plane(self, places: Floats) -> tuple[Float64, Float64]:
         """Coordinates of places [N, 2], [N] each."""
         x, y = np.asarray(places, np.float64).T - self.corner[:, None]
         (a, b), (c, d) = self.axes
@@ -248,8 +246,7 @@ class Palette(NamedTuple):
         return np.asarray(np.clip(self.white * wanted / max(light, 1e-3), 0, 1))
 
 
-def _mean(image: NDArray[np.uint8], light: Float32, inside: Bool, quantile: float,
-          lighter: bool) -> Float64:
+def _mean(image: UInt8, light: Float32, inside: Bool, quantile: float, lighter: bool) -> Float64:
     """Mean color of what is lighter, or darker, than a quantile of what lies inside, [3]."""
     limit = np.quantile(light[inside], quantile)
     chosen = inside & ((light >= limit) if lighter else (light <= limit))

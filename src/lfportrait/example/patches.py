@@ -20,9 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Int32, UInt8
+from ..arrays import Array, Float16, Float32, Int32, UInt8, UInt16
 from ..measure import give_back_memory
 from .kernels.atlas import exchange
 from .kernels.patches import (
@@ -93,7 +92,7 @@ class GuideLevels:
     """A target's guides on all levels of its pyramid, for one search."""
 
     shape: tuple[int, int]  # Height and width of the finest level.
-    finest: NDArray[np.uint16]  # That level as the search takes it (`_interleaved`).
+    finest: UInt16  # That level as the search takes it (`_interleaved`).
     coarser: list[Float32]  # float32 [h, w, G], from fine to coarse.
 
     @staticmethod
@@ -162,7 +161,7 @@ def middles(level: int, shape: tuple[int, int], full: tuple[int, int]) -> tuple[
                   np.minimum(np.arange(shape[1]) * step + step // 2, full[1] - 1))
 
 
-def at_middles(plane: NDArray[Any], level: int, shape: tuple[int, int]) -> NDArray[Any]:
+def at_middles(plane: Array, level: int, shape: tuple[int, int]) -> Array:
     """A plane [H, W, ...] at the middles of a level's pixels, in C order."""
     if level == 0:
         return np.ascontiguousarray(plane)
@@ -368,7 +367,7 @@ class _Level:
                      np.float32(SCALE ** 2 * (2 * radius + 1) ** 2), self.voted)
         self._agree(self.voted)
 
-    def _agree(self, values: NDArray[Any]) -> None:
+    def _agree(self, values: Array) -> None:
         """Give the pixels of an atlas that others own their owner's values."""
         if self.owner is not None:
             exchange(self.owner, values)
@@ -382,7 +381,7 @@ class _Level:
 
 
 def _interleaved(shape: tuple[int, int], margin: int, colors: Float32 | None, planes: Float32,
-                 ) -> NDArray[np.uint16]:
+                 ) -> UInt16:
     """Colors [h, w, 3] and guides [h, w, G] as flat float16 bits; channels not used are 0.
 
     So many pixels around them repeat the border.
@@ -398,13 +397,13 @@ def _interleaved(shape: tuple[int, int], margin: int, colors: Float32 | None, pl
     return out
 
 
-def _channels(bits: NDArray[np.uint16], shape: tuple[int, int], margin: int) -> NDArray[np.float16]:
+def _channels(bits: UInt16, shape: tuple[int, int], margin: int) -> Float16:
     """A flat array of `_interleaved` as float16 [h + 2 m, w + 2 m, CHANNELS], not copied."""
     return bits[:-16].view(np.float16).reshape(shape[0] + 2 * margin, shape[1] + 2 * margin,
                                                CHANNELS)
 
 
-def _repeat_border(values: NDArray[np.float16], margin: int) -> None:
+def _repeat_border(values: Float16, margin: int) -> None:
     """Let the margin of a picture [h, w, C] repeat what lies within, in place."""
     inside = slice(margin, -margin)
     values[inside, :margin] = values[inside, margin:margin + 1]

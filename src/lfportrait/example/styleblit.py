@@ -17,12 +17,11 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int32, Int64, UInt8
+from ..arrays import Array, Float32, Float64, Floats, Int32, Int64, UInt8
 from ..files import write_image
 from ..labels import PICTURE_LABELS
 from .guides.position import Guides, anchor_scale
@@ -238,7 +237,7 @@ def shift_planes(height: int, width: int, margin: int) -> Float32:
     return planes
 
 
-def pack_colors(picture: NDArray[Any]) -> Int32:
+def pack_colors(picture: Array) -> Int32:
     """Colors [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
     words = np.empty(picture.shape[:2], np.int32)
     pack(picture, words)
@@ -313,7 +312,7 @@ LEVEL_COLORS = np.array([[0, 0, 0], [0.5, 0, 0.5], [0.2, 0.2, 0.9], [0.1, 0.6, 0
                           [1, 1, 1]])
 
 
-def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[Any]:
+def position_picture(position: Floats, shape: tuple[int, int]) -> Array:
     """Positions as red (x) and green (y), as the paper shows them; black without one: [H, W, 3]."""
     height, width = shape
     picture = np.zeros((*position.shape[:2], 3), np.float32)
@@ -321,7 +320,7 @@ def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> 
     return picture
 
 
-def chunk_picture(shift: NDArray[np.floating], level: UInt8) -> NDArray[Any]:
+def chunk_picture(shift: Floats, level: UInt8) -> Array:
     """Chunks by level (own look-up black, coarse light), their borders drawn, [H, W, 3]."""
     picture = LEVEL_COLORS[np.minimum(level, len(LEVEL_COLORS) - 1)]
     border = np.zeros(level.shape, bool)

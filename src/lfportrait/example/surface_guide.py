@@ -19,10 +19,9 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ..arrays import Bool, Float32, Float64, Int32, Int64
+from ..arrays import Bool, Float32, Float64, Floats, Int32, Int64
 from ..errors import UserError
 from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
@@ -152,7 +151,7 @@ CHEEK = np.radians(60.0)  # Angles up to this one from the forward direction are
 LIMIT = np.radians(92.0)  # Squeezed angles stay below this one.
 
 
-def squeeze(angle: NDArray[np.floating]) -> Float64:
+def squeeze(angle: Floats) -> Float64:
     """Squeeze angles in [0, pi] beyond `CHEEK` below `LIMIT`, monotone with a continuous slope."""
     beyond = np.maximum(np.asarray(angle, np.float64) - CHEEK, 0.0)
     room = LIMIT - CHEEK
@@ -173,7 +172,7 @@ class HeadPlane:
     radius, height : Of the cylinder, and from the brows down to the chin, world units.
     """
 
-    def __init__(self, landmarks3d: NDArray[np.floating]) -> None:
+    def __init__(self, landmarks3d: Floats) -> None:
         points = np.asarray(landmarks3d, np.float64)
         self.known = np.isfinite(points).all(axis=1)
         if self.known.sum() < 20:
@@ -185,7 +184,7 @@ class HeadPlane:
         self.radius = float(np.median(np.hypot(local[:, 0], local[:, 2])))
         self.height = float(np.nanmean(points[17:27, 1]) - np.nanmin(points[:, 1]))
 
-    def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
+    def unwrap(self, points: Floats, squeezed: bool = False) -> Float64:
         """Unwrapped coordinates [..., 2] of points [..., 3]: x right, y down, world units."""
         angle, side, y = self._angles(points)
         if squeezed:
@@ -193,7 +192,7 @@ class HeadPlane:
         reach = self.radius * angle
         return np.stack([reach * np.sin(side), np.where(y > 0, -reach * np.cos(side), -y)], axis=-1)
 
-    def _angles(self, points: NDArray[np.floating]) -> tuple[Float64, Float64, Float64]:
+    def _angles(self, points: Floats) -> tuple[Float64, Float64, Float64]:
         """Angle from forward, direction (0 up, clockwise; +-90 degrees below the brows), height."""
         x, y, z = np.moveaxis(np.asarray(points, np.float64) - self.origin, -1, 0)
         # The axis leans back below the chin, or the chest would lie behind it.
@@ -209,7 +208,7 @@ class SurfaceGuide:
     ``landmarks3d`` as in `HeadPlane`.
     """
 
-    def __init__(self, landmarks3d: NDArray[np.floating], exemplar: Exemplar,
+    def __init__(self, landmarks3d: Floats, exemplar: Exemplar,
                  regions: Regions | None = None) -> None:
         self.plane = HeadPlane(landmarks3d)
         points, known = self.plane.landmarks, self.plane.known
@@ -227,7 +226,7 @@ class SurfaceGuide:
         self.softness = np.full(len(self.sources), 0.12 * self.radius)
         self.softness[:len(style)] = 0.0
 
-    def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
+    def unwrap(self, points: Floats, squeezed: bool = False) -> Float64:
         """Unwrapped coordinates; see `HeadPlane.unwrap`."""
         return self.plane.unwrap(points, squeezed)
 
@@ -301,7 +300,7 @@ class SurfaceGuide:
         moved = np.abs(near - np.stack([x, y], axis=1) - np.float32(0.5)).max(axis=1) > 0.1
         return np.where(moved[:, None], near, position)
 
-    def __call__(self, points: NDArray[np.floating]) -> tuple[Float32, Float32]:
+    def __call__(self, points: Floats) -> tuple[Float32, Float32]:
         """Guides of surface points [H, W, 3] in the portrait frame; NaN where there is no surface.
 
         Position float32 [H, W, 2], exemplar pixel coordinates, inside the exemplar; NaN without

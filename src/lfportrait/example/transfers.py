@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int32, UInt8
+from ..arrays import Array, Float32, Float64, Floats, Int32, UInt8
 from ..color import to_uint8
 from ..errors import UserError
 from ..face import FacePose
@@ -102,7 +101,7 @@ class TransferConfig:
     """Seed of the chunks' jitter."""
 
 
-Points = NDArray[np.floating]
+Points = Floats
 
 
 def as_painted(exemplar: Exemplar, wear: Sequence[str] = ()) -> Exemplar:
@@ -110,7 +109,7 @@ def as_painted(exemplar: Exemplar, wear: Sequence[str] = ()) -> Exemplar:
     return bared(_plain(exemplar, wear), fringe=True)
 
 
-def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes: str = "auto",
+def fitting(exemplar: Exemplar, points: Points, photo: Array, eyes: str = "auto",
             wear: Sequence[str] = ()) -> Exemplar:
     """The exemplar's version that fits a photo with landmarks ``points`` [68, 2].
 
@@ -145,7 +144,7 @@ def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
         return without_spectacles(exemplar)
 
 
-def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
+def mix_regions(photo: UInt8, landmarks: Floats, painted: Float32,
                 choices: Sequence[RegionStyle], others: dict[str, Float32]) -> Float32:
     """Blend paintings of one photo by its soft regions, float32 [H, W, 3] in [0, 1].
 
@@ -166,8 +165,7 @@ def mix_regions(photo: UInt8, landmarks: NDArray[np.floating], painted: Float32,
     return np.clip(out, 0, 1)
 
 
-def _region_shares(photo: UInt8, landmarks: NDArray[np.floating],
-                   names: Sequence[str]) -> dict[str, Float32]:
+def _region_shares(photo: UInt8, landmarks: Floats, names: Sequence[str]) -> dict[str, Float32]:
     """How far each pixel lies in each region, float32 [H, W] by its name.
 
     The labels of pictures (`PICTURE_LABELS`) do not separate ears from skin, nor neck from clothes:
@@ -242,7 +240,7 @@ class Transfer:
         if self.config.quality == "best":
             self._painter()
 
-    def moved(self, landmarks: NDArray[np.floating]) -> Transfer:
+    def moved(self, landmarks: Floats) -> Transfer:
         """The same exemplar with landmarks [68, 2] a little beside, in the same regions."""
         other = copy.copy(self)
         for name in ("_like", "_bald", "_flat", "palette"):
@@ -284,7 +282,7 @@ class Transfer:
         """The position guide of photos."""
         return FlatGuide(self.exemplar, self.regions, self.labels)
 
-    def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
+    def apply(self, image: Array, landmarks: Floats, *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
               mask: Float32 | None = None, regions: Regions | None = None) -> TransferResult:
         """Stylise one picture; where ``position`` is NaN the image is the given one.
@@ -384,8 +382,7 @@ class Transfer:
                   made.image)
         return made
 
-    def part_lips(self, paint: Float32, photo: NDArray[np.generic],
-                  landmarks: NDArray[np.floating]) -> None:
+    def part_lips(self, paint: Float32, photo: Array, landmarks: Floats) -> None:
         """Paint what a photo shows between open lips where the exemplar has them closed, in place.
 
         ``paint`` is float32 [H, W, 3], the rest as for `apply`.
@@ -444,7 +441,7 @@ class Transfer:
                  for c in range(3)], axis=-1))
         return self._filtered[key]
 
-    def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32) -> Float32:
+    def _appearance(self, photo: Array, scale: float, person: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
         sigma = BLUR * self.exemplar.size / scale
         # Grain of the photo has no counterpart in paint: smooth what is finer than a stroke.
@@ -488,7 +485,7 @@ class Transfer:
         """Whether nothing of a photo is left."""
         return self.config.extent == "picture" and self.config.strength == 1
 
-    def cover(self, photo: NDArray[np.generic], landmarks: Float64, person: Float32) -> Float32:
+    def cover(self, photo: Array, landmarks: Float64, person: Float32) -> Float32:
         """Weight of the synthesis against the photo, float32 [H, W] in [0, 1]."""
         config = self.config
         if config.extent == "face":
@@ -505,8 +502,8 @@ class Transfer:
         return np.asarray(cover * np.float32(config.strength), np.float32)
 
 
-def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferConfig | None = None,
-             landmarks: NDArray[np.floating] | None = None, **options: Any) -> TransferResult:
+def transfer(image: Array, exemplar: Exemplar, config: TransferConfig | None = None,
+             landmarks: Floats | None = None, **options: Any) -> TransferResult:
     """Stylise one photo by example.
 
     Parameters
@@ -527,7 +524,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
         image, points, **options)
 
 
-def face_landmarks(image: NDArray[np.generic]) -> Float64:
+def face_landmarks(image: Array) -> Float64:
     """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3]."""
     from ..face import detect_landmarks
 

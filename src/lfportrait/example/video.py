@@ -16,8 +16,6 @@ same strokes from their new places, as sharply as if it were painted from scratc
 seeds and chunks. Where a frame shows what the one before did not, its guided place serves.
 """
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections import deque
@@ -32,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..arrays import Bool, Float32, Float64, UInt8
+from ..arrays import Bool, Float32, Float64, Floats, UInt8
 from .exemplar import Exemplar, face_size
 from .guides.color_segmentation import resize
 from .guides.filters import enlarged
@@ -340,7 +338,7 @@ class VideoTransfer:
         self._result: TransferResult | None = None
         self._scale = 1.0
 
-    def apply(self, frame: UInt8, landmarks: NDArray[np.floating] | None = None) -> Float32:
+    def apply(self, frame: UInt8, landmarks: Floats | None = None) -> Float32:
         """Stylise the next frame, uint8 [H, W, 3], all of one size; float32 [H, W, 3] in [0, 1].
 
         Landmarks [68, 2] are detected if None. Where no face is found those of the frame before
@@ -381,7 +379,7 @@ class VideoTransfer:
                 self._compare(step, image)
                 yield picture
 
-    def _follow(self, frame: UInt8, landmarks: NDArray[np.floating] | None = None) -> _Followed:
+    def _follow(self, frame: UInt8, landmarks: Floats | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
@@ -410,8 +408,7 @@ class VideoTransfer:
             return np.asarray(found, np.float64)
         return face_landmarks(frame) if self._landmarks is None else self._landmarks
 
-    def _points(self, frame: UInt8, landmarks: NDArray[np.floating] | None,
-                motion: Motion | None) -> Float64:
+    def _points(self, frame: UInt8, landmarks: Floats | None, motion: Motion | None) -> Float64:
         """Landmarks of the frame before, moved along and corrected by those found."""
         last = self._landmarks
         if last is None or motion is None:

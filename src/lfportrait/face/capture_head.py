@@ -10,8 +10,6 @@ mean decides, and ICT-FaceKit's is 1.22 times as long as wide. Before it is fitt
 behind the ears to what the generic head has, an average adult's.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

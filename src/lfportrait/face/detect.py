@@ -13,8 +13,6 @@ into any. Each point is found by robust least squares: a linear solution, then G
 pixel errors with Cauchy weights, so that single wrong detections lose their say.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from typing import Any

@@ -9,8 +9,6 @@ These cameras are good to some degrees, which is enough to know where the head i
 features of the head alone, matched between neighbours, then place the photos to a fraction of that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

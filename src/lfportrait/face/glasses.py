@@ -5,15 +5,12 @@ from them by three measures: how well a smooth curve of one size fits around bot
 its course is a line, and how alike the line's cross-section is all along.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, UInt8
+from ..arrays import Bool, Float32, Float64, Floats, UInt8
 from ..color import linear_light
 from .landmarks import face_pose
 from .rims import (
@@ -86,8 +83,7 @@ def drawn_spectacles(found: Spectacles, shape: tuple[int, int], beside: float | 
     return mask
 
 
-def spectacle_lenses(found: Spectacles, shape: tuple[int, int],
-                     landmarks: NDArray[np.floating]) -> Float32:
+def spectacle_lenses(found: Spectacles, shape: tuple[int, int], landmarks: Floats) -> Float32:
     """What lies behind lenses that are worn below the eyes, float32 [H, W], 0 or 1.
 
     There they show a cheek, lighter or larger than it is.
@@ -101,8 +97,7 @@ def spectacle_lenses(found: Spectacles, shape: tuple[int, int],
     return mask.astype(np.float32)
 
 
-def find_spectacles(image: UInt8, landmarks: NDArray[np.floating], sure: float = SURE,
-                    ) -> Spectacles | None:
+def find_spectacles(image: UInt8, landmarks: Floats, sure: float = SURE) -> Spectacles | None:
     """The lines of the spectacles in a portrait uint8 [H, W, 3] by its landmarks [68, 2], or None.
 
     ``sure`` is how sure they must be.
@@ -134,7 +129,7 @@ def find_spectacles(image: UInt8, landmarks: NDArray[np.floating], sure: float =
                       UNSURE * pose.scale)
 
 
-def dark_glasses(image: UInt8, landmarks: NDArray[np.floating]) -> bool:
+def dark_glasses(image: UInt8, landmarks: Floats) -> bool:
     """Whether dark lenses hide both eyes: right below these it is much darker than on the cheeks.
 
     Arguments are those of `find_spectacles`.

@@ -9,8 +9,6 @@ Anthropometry of the Head and Face, 1994), rounded; in between, cheeks, temples 
 set by hand.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace

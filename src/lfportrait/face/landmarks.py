@@ -19,17 +19,14 @@ proportions and, where the face is turned enough, its depth (`symmetric_landmark
 head's depth holds what the picture leaves open.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float64
+from ..arrays import Array, Float64, Floats
 from ..errors import UserError
 from ..files import atomic_write
 
@@ -48,7 +45,7 @@ to the landmarks of 14 painted and sculpted portraits. The jaw's are all on the 
 """
 
 
-def mouth_opening(points: NDArray[np.floating]) -> float:
+def mouth_opening(points: Floats) -> float:
     """Height of the gap between the lips over the mouth's width, from landmarks [68, 2 or 3]."""
     gaps = [np.linalg.norm(points[a] - points[b]) for a, b in ((61, 67), (62, 66), (63, 65))]
     return float(np.mean(gaps)) / max(float(np.linalg.norm(points[48] - points[54])), 1e-9)
@@ -96,7 +93,7 @@ def read_landmarks(path: str | Path) -> Float64:
     return points
 
 
-def write_landmarks(path: str | Path, points: NDArray[Any]) -> None:
+def write_landmarks(path: str | Path, points: Array) -> None:
     """Write landmarks [68, 2], ``x y`` a line, in pixels."""
     with atomic_write(path) as stream:
         stream.write("".join(f"{x:.2f} {y:.2f}\n" for x, y in points).encode())
@@ -209,7 +206,7 @@ class FacePose:
         return np.asarray(points @ self.rotation[2], np.float64)
 
 
-def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
+def face_pose(landmarks: Floats) -> FacePose:
     """The pose of a face by its landmarks [68, 2], pixels (x right, y down); NaN rows are unknown.
 
     It is shared with those who asked before: its arrays can't be written to. Raises `ValueError` if
@@ -271,7 +268,7 @@ HELD = 0.1
 head's."""
 
 
-def symmetric_landmarks(landmarks: NDArray[np.floating], pose: FacePose) -> Float64:
+def symmetric_landmarks(landmarks: Floats, pose: FacePose) -> Float64:
     """Landmarks in space, mirror-symmetric, in the frame of the generic head; float64 [68, 3].
 
     From [68, 2] in pixels, by the pose (`face_pose`); rows with NaN are unknown, and those that are

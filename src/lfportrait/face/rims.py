@@ -9,8 +9,6 @@ A line is a ridge where the picture is darker (or lighter) than on *both* sides 
 width away: an edge between two tones, which is no line, does not answer.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -12,8 +12,6 @@ continues the face above the brows in that color, in one connected piece, is for
 fringe differ and stay out.
 """
 
-from __future__ import annotations
-
 import atexit
 import functools
 import importlib
@@ -26,13 +24,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
 from .. import models
-from ..arrays import Bool, Float32, Float64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, UInt8
 from ..errors import UserError
 from ..labels import SEGMENTS
 
@@ -118,7 +115,7 @@ def _softmax(values: Float32) -> Float32:
     return powers / powers.sum(axis=-1, keepdims=True)
 
 
-def quarter_turns(up: NDArray[Any] | None) -> int:
+def quarter_turns(up: Array | None) -> int:
     """Quarter turns (counter-clockwise) that put the direction ``up`` (x right, y down) on top."""
     if up is None:
         return 0
@@ -141,7 +138,7 @@ def _full_size(mask: Float32, image: UInt8) -> Float32:
     return np.ascontiguousarray(np.clip(full, 0, 1), np.float32)
 
 
-def person_matte(image: UInt8, up: NDArray[Any] | None = None) -> Float32:
+def person_matte(image: UInt8, up: Array | None = None) -> Float32:
     """How much of each pixel is the person, float32 [H, W] in [0, 1]; of 256x256 pixels.
 
     The picture, uint8 [H, W, 3] sRGB, is turned to the nearest quarter before the network sees it:
@@ -253,7 +250,7 @@ FINE = 160  # Minimum width of the face in blocks of pixels.
 SOFTNESS = 0.02  # Width of a face's edge (sigma) over the face's width.
 
 
-def _chroma(image: NDArray[Any]) -> Float32:
+def _chroma(image: Array) -> Float32:
     """Cb and Cr of an sRGB picture (ITU-R BT.601), [H, W, 2], in units of 1/255, and luma."""
     rgb = np.asarray(image, np.float32)
     luma = rgb @ np.array([0.299, 0.587, 0.114], np.float32)

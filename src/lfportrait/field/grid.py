@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
+from ..arrays import Bool, Float32, Float64, Floats, Int32, Int64, UInt8
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
@@ -43,7 +42,7 @@ class Layouts:
     _places: Places | None = None
     _cells: tuple[UInt8, Int32] | None = None
 
-    def bricks(self, links: Int32, density: Float32, sh: NDArray[np.floating[Any]]) -> Bricks:
+    def bricks(self, links: Int32, density: Float32, sh: Floats) -> Bricks:
         """The layout for casting, in the colors ``sh``, float [N, 3, B]."""
         if self._bricks is None:
             built = build_bricks(links, density, sh)
@@ -51,7 +50,7 @@ class Layouts:
             return built
         return replace(self._bricks, sh=sh)
 
-    def stretches(self, links: Int32, density: Float32, sh: NDArray[np.floating[Any]]) -> Stretches:
+    def stretches(self, links: Int32, density: Float32, sh: Floats) -> Stretches:
         """The layout for slices, in the colors ``sh``, float [N, 3, B]."""
         if self._places is None:
             self._places = place_stretches(links)
@@ -123,7 +122,7 @@ class Cut:
     normal: Float64  # float64 [3], unit, upwards.
     height: float  # Its distance from the origin along the normal, world units.
 
-    def above(self, points: NDArray[np.floating]) -> Float64:
+    def above(self, points: Floats) -> Float64:
         """How far points [..., 3] lie above the plane, [...]."""
         return np.asarray(points @ self.normal - self.height, np.float64)
 
@@ -258,7 +257,7 @@ class VoxelField:
             self._layouts.extent = reach, low, high
         return self._layouts.extent
 
-    def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
+    def with_sh(self, sh: Floats) -> VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
         out = VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
                          self.center, self.radius, self.frame, self.background, cone=self.cone,

@@ -12,8 +12,6 @@ recomputed along the photos' edges before and within the last level
 learn the room. Steps are counted in rays, not in seconds, unless a time budget is given.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -22,9 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float64, Int32, Int64
+from ..arrays import Bool, Float64, Floats, Int32, Int64
 from ..capture import Capture
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, gpu_process
@@ -229,7 +226,7 @@ def _so_far(trainer: Trainer, fit_head: FitHead | None) -> VoxelField:
                      roughly=True)
 
 
-def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
+def _finished(field: VoxelField, trainer: Trainer, landmarks: Floats,
               cut: Cut | None, figures: dict[str, Any], progress: Progress | None,
               fit_head: FitHead | None, roughly: bool = False) -> VoxelField:
     """The head with a back and a clean lower end (untrained: ``roughly``); fills the figures."""
@@ -267,8 +264,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     return field
 
 
-def _new(grazed: Grazed, landmarks: NDArray[np.floating], bare: Sequence[Float64],
-         ) -> tuple[Float64, Float64]:
+def _new(grazed: Grazed, landmarks: Floats, bare: Sequence[Float64]) -> tuple[Float64, Float64]:
     """Where a narrow arc's head was changed, for `settled`; ``bare``: where matter was taken."""
     places, normals = grazed.new()
     mouth = mouth_of(landmarks)

@@ -19,8 +19,6 @@ stand in an extra field of the archive's directory, which other readers (`numpy.
 skip.
 """
 
-from __future__ import annotations
-
 import functools
 import io
 import struct
@@ -33,9 +31,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int32, UInt8
+from ..arrays import Array, Float32, Float64, Int32, UInt8
 from ..cache import check_writable
 from ..errors import UserError
 from ..files import UNREADABLE_ARRAYS, array_header, atomic_write, read_member
@@ -163,7 +160,7 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
             np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
 
 
-def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Any, names: Collection[str]) -> dict[str, Array]:
     """Read the named arrays that a field's file has; others are not read.
 
     Raises `UserError` if the file is missing or damaged.
@@ -230,7 +227,7 @@ def load_field(path: Any) -> Loaded:
             _shares(arrays, "clothes", len(density), path))
 
 
-def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
+def _cone(arrays: dict[str, Array], path: Path) -> float:
     """Degrees over which the head can be looked at; 0 where the file says nothing of it."""
     cone = arrays.get("cone", np.zeros(()))
     if cone.size != 1 or cone.dtype.kind not in "fiu" or not 0 <= cone.item() <= 360:
@@ -238,7 +235,7 @@ def _cone(arrays: dict[str, NDArray[Any]], path: Path) -> float:
     return float(cone.item())
 
 
-def _shares(arrays: dict[str, NDArray[Any]], name: str, rows: int, path: Path) -> UInt8 | None:
+def _shares(arrays: dict[str, Array], name: str, rows: int, path: Path) -> UInt8 | None:
     """How much of each row is hair or clothes, if the file says so."""
     shares = arrays.get(name)
     if shares is not None and (shares.shape != (rows,) or shares.dtype != np.uint8):
@@ -261,7 +258,7 @@ def _turned(links: Int32) -> Int32:
     return out
 
 
-def _texture(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> SurfaceTexture | None:
+def _texture(arrays: dict[str, Array], rows: int, path: Path) -> SurfaceTexture | None:
     """The surface's texture, if the file has one."""
     if not any(name in arrays for name in _TEXTURE):
         return None
@@ -276,7 +273,7 @@ def _texture(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> SurfaceT
     return texture
 
 
-def _backdrop(arrays: dict[str, NDArray[Any]], path: Path) -> Backdrop | None:
+def _backdrop(arrays: dict[str, Array], path: Path) -> Backdrop | None:
     """The painted ground, if the file has one."""
     if not any(name in arrays for name in _BACKDROP):
         return None
@@ -288,7 +285,7 @@ def _backdrop(arrays: dict[str, NDArray[Any]], path: Path) -> Backdrop | None:
         raise UserError(f"{path} is damaged: its backdrop is invalid ({error})") from error
 
 
-def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | None:
+def _background(arrays: dict[str, Array], path: Path) -> Background | None:
     """svox2's spheres behind the lattice, if there are any: links [2 R, R], data [N, layers, 4]."""
     if "background_data" not in arrays or "background_links" not in arrays:
         return None
@@ -317,8 +314,7 @@ class _Piece(NamedTuple):
     check: int
 
 
-def write_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any], *,
-                noisy: bool = False) -> None:
+def write_array(archive: zipfile.ZipFile, name: str, array: Array, *, noisy: bool = False) -> None:
     """Write a deflated array as `numpy.savez_compressed` does, on all cores.
 
     The archive is of ``ZIP_DEFLATED``. In a ``noisy`` array no string comes again: runs and rare
@@ -362,7 +358,7 @@ class _Deflater:
         return stream, _Piece(len(stream), len(part), zlib.crc32(part))
 
 
-def read_array(path: Path, name: str) -> NDArray[Any]:
+def read_array(path: Path, name: str) -> Array:
     """One array of a file, inflated on all cores if it was written so.
 
     Raises `UNREADABLE_ARRAYS` if it is damaged (`lfportrait.files`).
@@ -407,7 +403,7 @@ def _joined(data: bytes, pieces: list[_Piece]) -> UInt8:
     return out
 
 
-def _array(data: UInt8) -> NDArray[Any]:
+def _array(data: UInt8) -> Array:
     """The array of an ``.npy`` file."""
     head = io.BytesIO(data[:_PIECE].tobytes())
     shape, order, dtype = array_header(head)

@@ -14,14 +14,12 @@ over the edges ij and the cells i, with votes p and their trust a: a sparse line
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.spatial import cKDTree
 
-from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Floats, Int32, Int64, UInt8
 from ..color import to_uint8
 from ..errors import UserError
 from .grid import VoxelField
@@ -53,7 +51,7 @@ class Mesh:
     colors: UInt8  # uint8 [V, 3], sRGB.
 
 
-def _unit(vectors: NDArray[Any], instead: NDArray[Any]) -> NDArray[Any]:
+def _unit(vectors: Array, instead: Array) -> Array:
     """Vectors [K, 3] at unit length; ``instead`` where there is no direction."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), instead)
@@ -233,8 +231,7 @@ class SurfaceGraph:
     ease: Float64  # float64 [E] in (0, 1], of a walker's step between them.
 
     @staticmethod
-    def over(points: NDArray[np.floating], colors: NDArray[np.floating],
-             side: float) -> SurfaceGraph:
+    def over(points: Floats, colors: Floats, side: float) -> SurfaceGraph:
         """The graph of a surface's places [N, 3] in cells of this side.
 
         Colors [N, 3] are sRGB in [0, 1], NaN where none is known: there all steps are easy.
@@ -249,8 +246,7 @@ class SurfaceGraph:
         ease = np.exp(-0.5 * np.nan_to_num(away) / CONTRAST ** 2)
         return SurfaceGraph(cell, count.astype(np.float64), edges, LEAST + (1 - LEAST) * ease)
 
-    def decided(self, votes: NDArray[np.floating], trust: NDArray[np.floating],
-                accuracy: float = ACCURACY) -> Float32:
+    def decided(self, votes: Floats, trust: Floats, accuracy: float = ACCURACY) -> Float32:
         """What places are, float32 [N] in [0, 1], from votes [N] in [0, 1].
 
         ``trust`` [N] is their weight over that of a step within one color; somewhere above 0.

@@ -18,13 +18,11 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int32, UInt8
+from ..arrays import Float32, Float64, Floats, Int8, Int32, UInt8
 from .kernels.bricks import Bricks
 from .kernels.texture import NONE, cell_charts, halve
 
@@ -46,7 +44,7 @@ class SurfaceTexture:
     """Differences to the lattice's colors over the surface of a field of N rows."""
 
     # int8 [H, W, 3], differences of sRGB in 254ths; 0 where nothing is known.
-    texels: NDArray[np.int8]
+    texels: Int8
     # float64 [C, 3, 4], from the world to texels (x, y; homogeneous), one for each chart. The
     # middle of the first texel lies at (0.5, 0.5).
     projections: Float64
@@ -65,8 +63,7 @@ class SurfaceTexture:
             raise ValueError(f"rows name charts beyond the {count} of the texture")
 
     @staticmethod
-    def of(detail: NDArray[np.floating[Any]], projections: NDArray[np.floating[Any]],
-           charts: UInt8, pixels: float) -> SurfaceTexture:
+    def of(detail: Floats, projections: Floats, charts: UInt8, pixels: float) -> SurfaceTexture:
         """A texture of differences [H, W, 3] of sRGB; those beyond one half are clipped."""
         texels = np.clip(np.rint(detail * np.float32(FULL)), -127, 127).astype(np.int8)
         return SurfaceTexture(texels, np.asarray(projections, np.float64), charts, float(pixels))
@@ -76,7 +73,7 @@ class SurfaceTexture:
         """Differences of sRGB, float32 [H, W, 3]."""
         return self.texels * np.float32(1 / FULL)
 
-    def with_texels(self, texels: NDArray[np.int8]) -> SurfaceTexture:
+    def with_texels(self, texels: Int8) -> SurfaceTexture:
         """The same places with other texels, int8 [H, W, 3]."""
         return replace(self, texels=texels)
 

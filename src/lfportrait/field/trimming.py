@@ -13,14 +13,12 @@ alike. Colors tell: it has those of the wall beside the person, which the body a
 (`above_wall`). A cut that is a little too high costs some linen; holes in it would cost more.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..arrays import Bool, Float32, Float64, Int32, UInt8
+from ..arrays import Bool, Float32, Float64, Floats, Int32, UInt8
 from ..capture import Camera, Capture
 from .grid import Cut, VoxelField, surface_points
 from .training.lattice import dilated, labelled
@@ -66,7 +64,7 @@ above most ends at most."""
 LEFT = 0.25  # Share of what has the wall's colors that a cut may leave.
 
 
-def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera,
+def find_cut(field: VoxelField, landmarks: Floats, cameras: Camera,
              surely: bool = False) -> Cut | None:
     """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
 

@@ -18,8 +18,6 @@ the look is of a coarse one, even if its kernels are late.
 replaces at the end. The studio draws it as a picture.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from abc import ABC, abstractmethod

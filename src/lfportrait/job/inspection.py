@@ -6,8 +6,6 @@ people, a fact that all files of a folder share is said once; where they differ,
 with the number of files that have it.
 """
 
-from __future__ import annotations
-
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field

@@ -10,8 +10,6 @@ face in some forty of the pictures tell both (`face_changes`, `arc_of`), before 
 computed; a head is then fitted to the best of the pictures (`best_pictures`).
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -21,10 +19,9 @@ from typing import Annotated, Any, Literal
 import cv2
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
 from .. import models
-from ..arrays import Float64, UInt8
+from ..arrays import Float64, Floats, UInt8
 from ..capture import (
     CalibrateConfig,
     Capture,
@@ -313,7 +310,7 @@ _WHOLE = [*range(1, 6), 57, *range(11, 16), *range(26, 16, -1)]
 """Around a face without the lowest part of the jaw, as a throat is body, too."""
 
 
-def _share(mask: NDArray[np.floating], points: Float64) -> float:
+def _share(mask: Floats, points: Float64) -> float:
     """How much of a polygon is covered by a mask."""
     inside = np.zeros(mask.shape, np.uint8)
     cv2.fillPoly(inside, [np.round(points).astype(np.int32)], 1)

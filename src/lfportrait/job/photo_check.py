@@ -5,8 +5,6 @@ is, whether a face shows and from which side, how bright and of what tint the fa
 are computed: the side follows from the landmarks of the face (`face_pose`).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import warnings

@@ -8,8 +8,6 @@ names, sizes and dates of its files (`capture_of_face`): cameras and landmarks a
 access. A preview need not decode a hundred photos to know where they were taken from.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import warnings
@@ -19,11 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import capture as captures
 from .. import models
-from ..arrays import Float32, Float64, UInt8
+from ..arrays import Array, Float32, Float64, UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import (
     CalibrateConfig,
@@ -106,7 +103,7 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
                     ) -> tuple[Float64 | None, dict[str, Any]]:
     from ..face import detectors_key, landmarks_of_capture
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         points, figures = landmarks_of_capture(capture, progress)
         return {"figures": np.array(json.dumps(figures)),
                 **({} if points is None else {"points": points})}
@@ -463,7 +460,7 @@ def capture_of_face(photos: Path) -> Capture:
         return _read(photos)
     read: list[Capture] = []
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         read.append(_read(photos))
         return _told(read[0])
 
@@ -491,7 +488,7 @@ def _key(photos: Path) -> str:
     return key_of(__name__, str(photos.resolve()), files, detectors_key())
 
 
-def _told(capture: Capture) -> dict[str, NDArray[Any]]:
+def _told(capture: Capture) -> dict[str, Array]:
     """All of a capture besides its pictures, as arrays."""
     assert capture.landmarks is not None
     return {**{name: getattr(capture.cameras, name) for name in _CAMERA},
@@ -502,7 +499,7 @@ def _told(capture: Capture) -> dict[str, NDArray[Any]]:
             "depths": np.array(capture.depths is not None)}
 
 
-def _late(photos: Path, stored: dict[str, NDArray[Any]]) -> Capture:
+def _late(photos: Path, stored: dict[str, Array]) -> Capture:
     """The capture that was read before, its pictures still to be decoded."""
     @functools.cache
     def again() -> Capture:

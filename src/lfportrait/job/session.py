@@ -11,8 +11,6 @@ head::
     styled = session.stylize("ken.png")          # in full, when it is liked
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -7,8 +7,6 @@ Each finding is a line for the user: what is there, what it will do, and what to
 The page of `styles check` is drawn here, and the landmarks to be corrected.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any

@@ -27,9 +27,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float64, UInt8
+from ..arrays import Array, Float64, UInt8, Unsigned
 from ..cache import key_of, user_cache
 from ..capture import Camera
 from ..device import device_name, gpu_adapter
@@ -47,8 +46,7 @@ from .kernels.slices import slice_kernel
 from .placement import DepthReport, EncodeConfig, Placement
 
 
-def row_views(display: Display, first: int, count: int, apart: int = 1,
-              ) -> NDArray[np.unsignedinteger]:
+def row_views(display: Display, first: int, count: int, apart: int = 1) -> Unsigned:
     """The nearest view of ``count`` rows, ``apart`` apart, [count, W, 3]; see `ViewMask`."""
     kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
     views = np.empty((count, display.width, 3), kind)
@@ -68,7 +66,7 @@ class ViewMask:
     loaded : Whether it came from the cache.
     """
 
-    views: NDArray[np.unsignedinteger]
+    views: Unsigned
     display: str
     seconds: float
     loaded: bool
@@ -344,7 +342,7 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
         sliced=config.method == "slices" and len(colors) == 1)
 
 
-def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any], fixed: int,
+def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: Array, fixed: int,
           first: int = 0, apart: int = 1, ground: Ground | None = None) -> UInt8:
     """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
     bricks = field.bricks
@@ -470,7 +468,7 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
 
 def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
-                count: int, apart: int = 1, *, views: NDArray[np.unsignedinteger] | None = None,
+                count: int, apart: int = 1, *, views: Unsigned | None = None,
                 ground: Ground | None = None) -> UInt8:
     """Code some rows of a panel, uint8 [count, W, 3]: the same as these rows of `encode`.
 

@@ -48,9 +48,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float64, Int64, UInt8
+from ..arrays import Array, Float64, Int64, UInt8
 from ..errors import UserError
 from ..files import atomic_write, read_json, write_image
 from ..media.pictures import read_image
@@ -432,7 +431,7 @@ class Display:
         """Color channel of each sub-pixel, int64 [3]."""
         return np.array([self.channel(place) for place in range(3)])
 
-    def to_panel(self, image: NDArray[Any]) -> NDArray[Any]:
+    def to_panel(self, image: Array) -> Array:
         """A picture as seen, [H, W, ...], turned into the one that the panel must be sent.
 
         The same turns it back; it does nothing to panels that do not mirror.

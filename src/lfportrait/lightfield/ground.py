@@ -6,18 +6,14 @@ panel sees an edge. Light falls on it from where it falls on the exemplar's face
 keeps from it is its shadow, blurred as that of a large window.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int64, UInt8
+from ..arrays import Array, Float32, Float64, Floats, Int64, UInt8
 from ..capture import Camera
 from ..color import to_uint8
 from ..errors import UserError
@@ -49,7 +45,7 @@ class Ground:
     texel: tuple[float, float]  # Width and height of a texel in half panel heights.
     placement: Placement  # Of the head that it lies behind.
 
-    def fill(self, display: Display, panel: Float64, views: NDArray[Any], fixed: int,
+    def fill(self, display: Display, panel: Float64, views: Array, fixed: int,
              eyes: Float64, out: UInt8) -> None:
         """Fill a panel's rows with what each sub-pixel sees of it (`fill_ground`)."""
         share = self.depth / display.distance
@@ -159,7 +155,7 @@ def _depth(drop: Backdrop, placement: Placement, behind: float, display: Display
     return depth if display is None else max(depth, 0.0)
 
 
-def _placed(points: NDArray[np.floating], placement: Placement) -> Float64:
+def _placed(points: Floats, placement: Placement) -> Float64:
     """Points [P, 3] of the world in the display frame."""
     out = placement.scale * (points @ placement.to_world) + placement.deep_shift
     out[:, 2] *= placement.depth
@@ -170,7 +166,7 @@ def _ground(drop: Backdrop, placement: Placement, depth: float,
             reach: tuple[float, float, float, float], strength: float, apart: float,
             blur: float = 0.0) -> Ground:
     """The part of a backdrop within ``reach`` (left, right, low, high), in its shadow."""
-    picture: NDArray[Any] = drop.picture
+    picture: Array = drop.picture
     size = np.array(picture.shape[1::-1])
     texel = np.full(2, placement.scale / drop.pixels)
     # Texels that are a little finer than the blur, and their interpolation, are a part of it.

@@ -13,8 +13,6 @@ through that place: a picture sampled once per lens along each row, which is the
 the row. Outside of its cone a panel repeats its views.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path

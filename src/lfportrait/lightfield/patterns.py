@@ -20,22 +20,19 @@ depth
     at the limits should just be sharp; the nearer ones move against the eye.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int64, UInt8
+from ..arrays import Float32, Float64, Floats, Int64, UInt8
 from ..errors import UserError
 from .display import Display
 from .placement import DepthReport
 
 _ROWS = 128  # Rows of the panel that are worked on at once.
 
-Paint = Callable[[Int64, Float64, Float64, int], NDArray[np.floating[Any]]]
+Paint = Callable[[Int64, Float64, Float64, int], Floats]
 """Color in [0, 1] from the view, x, y (half panel heights, y up) and the channel."""
 
 
@@ -108,7 +105,7 @@ def _views(display: Display) -> Paint:
     inside = (np.abs(y % 1 - 0.78) < 0.14) & (np.abs(x % 1 - 0.5) < 0.42)
     cell = np.where(inside, cell, -1)
 
-    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> Floats:
         row = (np.clip((1 - y) / 2, 0, 0.999999) * 2 % 1 * height).astype(np.intp)
         column = (np.clip((x / display.aspect + 1) / 2, 0, 0.999999) * 2 % 1 * width).astype(
             np.intp)
@@ -123,7 +120,7 @@ def _slant(display: Display) -> Paint:
     half = 0.5 + min(max(display.views / 24, 1.6 * display.views / display.pitch),
                      display.views / 4)
 
-    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> Floats:
         white = np.abs(view - middle) <= half
         side = (view < middle) if channel == 0 else (view > middle) if channel == 2 else view < 0
         return np.where(white, 1.0, np.where(side, 0.6, 0.0))
@@ -134,7 +131,7 @@ def _slant(display: Display) -> Paint:
 def _fringe(display: Display) -> Paint:
     eyes, depth = display.eyes(), 0.5 * max(DepthReport.of(display).back, -display.distance)
 
-    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> Floats:
         third = (view * 3 // display.views == channel).astype(float)
         x_z = eyes[view] + (x - eyes[view]) * (display.distance - depth) / display.distance
         bars = (np.floor(x_z * 8) % 2 == 0).astype(float)
@@ -157,7 +154,7 @@ def _depth(display: Display) -> Paint:
         textures.append(_word(text, height, width,
                               round(min(0.4 * height, 1.4 * width / len(text)))))
 
-    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> NDArray[np.floating[Any]]:
+    def paint(view: Int64, x: Float64, y: Float64, channel: int) -> Floats:
         band = np.clip(((1 - y) / 2 * count).astype(np.int64), 0, count - 1)
         x, y = np.broadcast_arrays(x, y)
         value = np.zeros(view.shape)

@@ -8,17 +8,14 @@ splats, a neural field, a mesh, an analytic surface - only pictures are known: e
 panel is rendered for its off-axis camera, and the views are interlaced.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, UInt8
+from ..arrays import Float32, Float64, Floats, UInt8
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..errors import UserError
@@ -91,7 +88,7 @@ def _beside(row: Float64, other: Float64) -> bool:
 
 
 def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None = None, *,
-                 background: float | NDArray[np.floating] = 1.0,
+                 background: float | Floats = 1.0,
                  ground: Ground | None = None, device: str = "cpu") -> Iterator[Rendering]:
     """What `VoxelField.render` gives of several views, in their order, in less time.
 
@@ -135,7 +132,7 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
 
 
 def _together(field: VoxelField, cameras: Camera, views: Sequence[int], rows: Float64,
-              size: tuple[int, int], reach: float, background: float | NDArray[np.floating],
+              size: tuple[int, int], reach: float, background: float | Floats,
               ground: Ground | None) -> Iterator[Rendering]:
     """Views whose rows lie in the same planes; ``reach`` is the largest slope of their rays."""
     stretches, lattice = field.stretches, field.lattice

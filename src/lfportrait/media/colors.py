@@ -14,8 +14,6 @@ Everything else is sRGB. Sixteen bits a channel and floating-point numbers becom
 black or white.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os
@@ -24,10 +22,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from ..arrays import Float32, Float64, UInt8
+from ..arrays import Float32, Float64, UInt8, UInt16
 from ..color import (
     BT2020,
     SRGB,
@@ -86,7 +83,7 @@ def coded_space(primaries: int, transfer: int) -> ColorSpace:
                       known, curve)
 
 
-def from_space(values: UInt8 | NDArray[np.uint16], space: ColorSpace) -> UInt8:
+def from_space(values: UInt8 | UInt16, space: ColorSpace) -> UInt8:
     """Values [H, W, 3] of a color space, full range, as sRGB, uint8 [H, W, 3]."""
     most = float(np.iinfo(values.dtype).max)
     if _coded(space):

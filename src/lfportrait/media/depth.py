@@ -64,15 +64,14 @@ from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from ..arrays import Float32
+from ..arrays import Array, Float32
 from .kinds import END, jpeg_segments
 from .pictures import one_line, open_picture
 
 # How the stored pixels are brought upright, by EXIF's orientation; 1 leaves them.
-_TO_UPRIGHT: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
+_TO_UPRIGHT: dict[int, Callable[[Array], Array]] = {
     2: np.fliplr,
     3: lambda stored: np.rot90(stored, 2),
     4: np.flipud,
@@ -132,7 +131,7 @@ class DepthMap:
         """How many pixels of a picture of this (width, height) one of the map's takes, (x, y)."""
         return picture[0] / self.values.shape[1], picture[1] / self.values.shape[0]
 
-    def changed(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> DepthMap:
+    def changed(self, change: Callable[[Array], Array]) -> DepthMap:
         """The map with its arrays moved alike: a turn, a flip or a cut."""
         return replace(self, values=np.ascontiguousarray(change(self.values)),
                        confidence=None if self.confidence is None

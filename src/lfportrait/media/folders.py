@@ -10,8 +10,6 @@
   (Unicode NFC and NFD; macOS writes the latter).
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import re

@@ -16,8 +16,6 @@ and says nothing that Pillow passes on: stripes, or grey. But compressed data ne
 - in other compressed pictures no eighth of the file is zeros.
 """
 
-from __future__ import annotations
-
 import mmap
 import re
 import struct

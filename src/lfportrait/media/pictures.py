@@ -20,8 +20,6 @@ gray: white is the person.
 - Anything else is no mask, and a line says so.
 """
 
-from __future__ import annotations
-
 import contextlib
 import mmap
 import os

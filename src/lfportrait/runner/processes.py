@@ -12,8 +12,6 @@ request, and tells what it likes while it works on it. The last message of a req
 that was killed, or its memory was too small.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

@@ -1,14 +1,12 @@
 """Binary glTF 2.0: arrays and pictures in one buffer behind a JSON that describes them."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..version import __version__
 
 # Component types: 5121 byte, 5123 short, 5125 int (all unsigned), 5126 float.
@@ -41,7 +39,7 @@ class Glb:
         self._length += len(padded)
         return len(self.scene["bufferViews"]) - 1
 
-    def add(self, values: NDArray[Any], *, bounds: bool = False, indices: bool = False,
+    def add(self, values: Array, *, bounds: bool = False, indices: bool = False,
             normalized: bool = False) -> int:
         """Add an array of K rows, and return the number of its accessor.
 

@@ -1,7 +1,5 @@
 """Kernels of what is shared: splats fitted and drawn, colors of a page's pieces."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -12,8 +12,6 @@ pictures alone), in a zip file without compression, where each file's content be
 of 64 bytes, so that readers can map it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import re
@@ -25,9 +23,8 @@ from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, Int32, Int64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Floats, Int32, Int64, UInt8
 from ..color import linear_light, to_uint8
 from ..errors import UserError
 from ..example import Atlas, draw_atlas
@@ -218,7 +215,7 @@ def write_glb(stream: BinaryIO, place: Float32, normals: Float32,
 _AT_ONCE = 1 << 14  # Lines that are formatted together.
 
 
-def _write_lines(stream: BinaryIO, rows: NDArray[Any], form: str) -> None:
+def _write_lines(stream: BinaryIO, rows: Array, form: str) -> None:
     """Write each row [N, C] as a line of that form: what `numpy.savetxt` does a row at a time."""
     line = form + "\n"
     for first in range(0, len(rows), _AT_ONCE):
@@ -374,6 +371,6 @@ def Xform "Portrait"
     return out.getvalue()
 
 
-def _rows(out: io.BytesIO, rows: NDArray[np.floating], pattern: str) -> None:
+def _rows(out: io.BytesIO, rows: Floats, pattern: str) -> None:
     """Rows of numbers, without the last one's comma."""
     out.write((pattern * len(rows) % tuple(rows.reshape(-1).tolist()))[:-1].encode())

@@ -6,8 +6,6 @@ no script, no font and no picture is loaded from elsewhere. It follows the reade
 setting.
 """
 
-from __future__ import annotations
-
 import base64
 import html
 import io
@@ -19,9 +17,9 @@ from string import Template
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from ..arrays import Array
 from ..color import to_uint8
 from ..files import write_bytes
 from ..media.pictures import read_image
@@ -32,7 +30,7 @@ class Picture:
     """A picture with its caption."""
 
     # A file, or [H, W] or [H, W, 3 or 4], uint8 or float in [0, 1].
-    image: str | Path | NDArray[Any]
+    image: str | Path | Array
     caption: str = ""  # Text below it.
     # Every pixel matters (coded pictures, masks): embedded without loss and shown with hard pixels
     # at its own size.

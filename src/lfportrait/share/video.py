@@ -31,12 +31,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from .. import field as fields
 from .. import lightfield
-from ..arrays import Float64, UInt8
+from ..arrays import Array, Float64, UInt8
 from ..cache import key_of
 from ..capture import Camera
 from ..color import to_uint8
@@ -133,7 +132,7 @@ def sweep_ground(field: fields.VoxelField, config: EncodeConfig,
 
 
 def sweep_frames(field: fields.VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
-                 background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
+                 background: float | Array = 1.0, ground: EncodeConfig | None = None,
                  ) -> Iterator[UInt8]:
     """Frames of a sweep (`sweep_cameras`), uint8 [size, size, 3], rendered one at a time.
 
@@ -170,7 +169,7 @@ def has_encoder(codec: Codec) -> bool:
     return ENCODERS[codec] in av.codecs_available
 
 
-def _picture(frame: NDArray[Any], even: bool) -> UInt8:
+def _picture(frame: Array, even: bool) -> UInt8:
     """One frame as uint8; with even sides, the last row and column are repeated where needed."""
     if frame.ndim != 3 or frame.shape[2] < 3:
         raise ValueError(f"a frame must be [H, W, 3], not {list(frame.shape)}")
@@ -182,7 +181,7 @@ def _picture(frame: NDArray[Any], even: bool) -> UInt8:
         np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge"))
 
 
-def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 30.0, *,
+def write_video(path: str | Path, frames: Iterable[Array], fps: float = 30.0, *,
                 quality: int = 17, coding: Literal["420", "444", "lossless"] = "420",
                 preset: Literal["medium", "veryfast", "superfast"] = "medium",
                 codec: Codec = "h264", comment: str = "") -> int:

@@ -3,8 +3,6 @@
 A field goes to other programs as points, meshes, Gaussian splats, and as svox2's checkpoint.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile

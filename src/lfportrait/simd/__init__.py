@@ -10,8 +10,6 @@ it is asked how many there are: OpenMP's where there is one, because the fallbac
 from two Python threads at once (a viewer does that).
 """
 
-from __future__ import annotations
-
 import os
 import warnings
 from typing import Any

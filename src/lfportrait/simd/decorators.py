@@ -33,8 +33,6 @@ for their code: one's would be found under the other's types. So they add to a f
 after the other.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

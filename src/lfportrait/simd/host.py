@@ -1,7 +1,5 @@
 """Facts of this machine for kernels: vector unit, threads, cached code, progress of compiling."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress

@@ -5,8 +5,6 @@ pixels of a row are read as whole vectors and sorted into lanes: a gather would 
 as much.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

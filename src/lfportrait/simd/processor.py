@@ -12,8 +12,6 @@ LLVM would call a function for it that nobody provides. There the conversions ar
 numbers, bit for bit the same.
 """
 
-from __future__ import annotations
-
 import operator
 import os
 from collections.abc import Callable

@@ -14,8 +14,6 @@ Numba's private parts are replaced here, in the versions that this was tested wi
 compile as they always did.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

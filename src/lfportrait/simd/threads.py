@@ -38,8 +38,6 @@ Threads wait spinning, and after some microseconds let whoever wants have the co
 may have taken one of them meanwhile.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 import os

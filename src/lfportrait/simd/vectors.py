@@ -16,8 +16,6 @@ read lane values as unsigned offsets from the array's first element.
 `LANES` is a *namespace* of all of it, which a kernel's factory takes.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

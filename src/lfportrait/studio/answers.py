@@ -9,8 +9,6 @@ from people and their files; each is cleaned into one that every system takes as
 What happens, pages hear as server-sent lines (`Events`): numbered, replayed to one that comes back.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json

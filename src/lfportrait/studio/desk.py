@@ -1,7 +1,5 @@
 """The studio as a whole: its projects, queue, previews and gallery, and what ties them together."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time

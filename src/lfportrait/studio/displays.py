@@ -4,8 +4,6 @@ The wizard asks what is seen of a test pattern and turns the answers into pitch,
 `lfportrait.lightfield.patterns` says what each fault looks like.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from itertools import product

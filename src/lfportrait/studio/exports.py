@@ -1,7 +1,5 @@
 """What a portrait can be exported as, and what was exported."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import shutil

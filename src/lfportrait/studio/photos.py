@@ -10,8 +10,6 @@ is the announced one. A broken connection keeps what came: the next request says
 Photos that are here already, by their hash, are not sent again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math

@@ -6,8 +6,6 @@ last place counts. What somebody changes at this moment goes before what a page 
 that before the pictures of a gallery. A question whose page has gone is not asked any more.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import itertools

@@ -21,8 +21,6 @@
 studio stopped, and the reverse: nothing of a project's state lies anywhere else.
 """
 
-from __future__ import annotations
-
 import shutil
 import threading
 import time

@@ -4,8 +4,6 @@ A painting is a picture with files beside it that the commands read, too: ``NAME
 and ``NAME.regions.png`` with what was painted over by hand.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import shutil

@@ -9,8 +9,6 @@ normalised by the rows' and the columns' sums, which needs no step size and spre
 places that no view sees.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

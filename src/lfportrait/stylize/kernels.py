@@ -3,8 +3,6 @@
 These are products with a view's sparse weights.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..simd.decorators import lean_kernel

@@ -19,8 +19,6 @@ to a mean square of about 1, so that a loss weight means the same with any of th
 computes where it was loaded to, the CPU or a GPU; its pictures must lie there, too.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Callable

@@ -26,9 +26,8 @@ from typing import Any
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
-from ..arrays import Float32, Float64, Int32, UInt8
+from ..arrays import Array, Float32, Float64, Int8, Int32, UInt8
 from ..color import to_uint8
 from ..errors import UserError
 from ..field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
@@ -104,8 +103,8 @@ BLOCK = 4  # Texels across a block, which takes its shares in a mix from one lat
 _BAND = 32  # Rows of blocks mixed at a time.
 
 
-def mixed_texels(texels: NDArray[np.int8], rows: Int32, amounts: Mapping[int, Any],
-                 identity: float = 0.0, luma_alone: bool = False) -> NDArray[np.int8]:
+def mixed_texels(texels: Int8, rows: Int32, amounts: Mapping[int, Any],
+                 identity: float = 0.0, luma_alone: bool = False) -> Int8:
     """Texels of a mix, int8 [H, W, 3], of S styles' at full strength, int8 [S, H, W, 3].
 
     ``rows`` are int32 [H / 4, W / 4], rounded up: the lattice row of each block; ``amounts`` how
@@ -210,7 +209,7 @@ class StyledField(VoxelField):
     labels: UInt8
     regions: tuple[str, ...]
     mixture: dict[str, Any] = field(default_factory=dict)
-    painted_texels: NDArray[np.int8] | None = None
+    painted_texels: Int8 | None = None
     texel_rows: Int32 | None = None
 
     def __post_init__(self) -> None:
@@ -231,7 +230,7 @@ class StyledField(VoxelField):
         if self.painted_texels is not None:
             self._check_texels(self.painted_texels)
 
-    def _check_texels(self, texels: NDArray[np.int8]) -> None:
+    def _check_texels(self, texels: Int8) -> None:
         """Raise ValueError if texels, texture and rows do not fit together."""
         rows = self.texel_rows
         shape = None if self.texture is None else self.texture.texels.shape
@@ -243,7 +242,7 @@ class StyledField(VoxelField):
                              "size, and a row for each block of 4x4 of them")
 
     @staticmethod
-    def of(real: VoxelField, painted: NDArray[Any], styles: Collection[str], photo: NDArray[Any],
+    def of(real: VoxelField, painted: Array, styles: Collection[str], photo: Array,
            labels: UInt8, regions: Collection[str] | None = None,
            textures: Sequence[SurfaceTexture] = (), texel_rows: Int32 | None = None) -> StyledField:
         """A field that shows its first style at full strength.

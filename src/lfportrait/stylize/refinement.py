@@ -13,8 +13,6 @@ comparisons with the paper use.
 `rehearse` takes every step of a stylisation on tiny data, to compile the kernels.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from dataclasses import replace

@@ -16,20 +16,16 @@ preview are kept with the skin, and in the user's cache: they take more room tha
 files, and only previews of the same head need them again.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bool, Float32, Float64, Int32, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Int32, UInt8
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture
 from ..errors import UserError
@@ -212,7 +208,7 @@ class ChartLattice:
     """
 
     def __init__(self, field: VoxelField, skin: Skin, step: int,
-                 arrays: Mapping[str, NDArray[Any]] | None = None, whole: bool = False) -> None:
+                 arrays: Mapping[str, Array] | None = None, whole: bool = False) -> None:
         self.density = field.density
         atlas = skin.atlas
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
@@ -229,7 +225,7 @@ class ChartLattice:
             self._maps = [functools.partial(_chart_map, field, skin, step, n, self.near)
                           for n in charts]
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, Array]:
         """The weights of all charts as arrays for a file, rounded to float16."""
         weights = [found for _, found in self._made()]
         return dict(zip(_ARRAYS, (
@@ -291,7 +287,7 @@ def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: Bool) -> 
                                        inside=near[there])
 
 
-def _read_maps(places: list[tuple[slice, slice]], arrays: Mapping[str, NDArray[Any]]) -> list[Map]:
+def _read_maps(places: list[tuple[slice, slice]], arrays: Mapping[str, Array]) -> list[Map]:
     counts, rows, values = (arrays[name] for name in _ARRAYS)
     ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     values = values.astype(np.float32)

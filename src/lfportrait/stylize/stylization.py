@@ -10,8 +10,6 @@ number of exemplars.
 The notes are a line each: eyes, mouth, stroke size.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Sequence

@@ -14,10 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, special
 
-from ..arrays import Bool, Float32, Float64, Int32, Int64
+from ..arrays import Bool, Float32, Float64, Floats, Int32, Int64
 from ..capture import Capture
 from ..field import VoxelField, median_plane
 
@@ -107,7 +106,7 @@ class _Low:
     tall: float
 
     @staticmethod
-    def of(field: VoxelField, landmarks: NDArray[np.floating]) -> _Low:
+    def of(field: VoxelField, landmarks: Floats) -> _Low:
         """That of a field with a face."""
         face = np.asarray(landmarks, np.float64)
         chin = float(face[8, 1])
@@ -210,7 +209,7 @@ def _opacity(points: Float32, ends: list[End], low: _Low, seed: int) -> Float64:
     return _smooth((share * (1 + 2 * SOFT) - SOFT - ends_at) / (2 * SOFT) + 0.5)
 
 
-def _smooth(share: NDArray[np.floating]) -> Float64:
+def _smooth(share: Floats) -> Float64:
     """A smooth step from 0 to 1."""
     share = np.clip(share, 0, 1)
     return np.asarray(share * share * (3 - 2 * share), np.float64)

@@ -12,8 +12,6 @@ epipolar geometry, the two photos are of a plane, or from one place, and determi
 own estimators find the same matches, in eight times the time.
 """
 
-from __future__ import annotations
-
 import functools
 import shutil
 from collections.abc import Sequence
@@ -23,9 +21,8 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, Int64
+from ...arrays import Array, Bool, Float32, Float64, Int64
 from ...simd.threads import side_by_side
 from ..photos import Photo
 from .features import FEWEST, Features, Matches
@@ -68,8 +65,7 @@ class TwoViews:
     homography: Float64
 
 
-def _robust(estimate: Any, one: NDArray[Any], other: NDArray[Any], *options: Any,
-            ) -> tuple[Float64, Bool]:
+def _robust(estimate: Any, one: Array, other: Array, *options: Any) -> tuple[Float64, Bool]:
     """A matrix [3, 3] and its inliers [M] by one of OpenCV's estimators, zero where it fails."""
     try:
         matrix, mask = estimate(one, other, *options)

@@ -10,8 +10,6 @@ photo's best ones, are compared in full (Wu 2013, "Towards linear-time increment
 motion").
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -19,15 +17,14 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Int64, UInt8
+from ...arrays import Bool, Float32, Int64, UInt8, UInt32
 from ...simd.threads import side_by_side
 
 FEWEST = 15
 """Matches of a pair of photos that are worth checking, and must be left then, as COLMAP has it."""
 
-Matches = NDArray[np.uint32]
+Matches = UInt32
 
 # Contrast of the weakest feature, for 8 bits and three layers an octave: as COLMAP has it.
 _CONTRAST = 0.02

@@ -14,8 +14,6 @@ Where the face's landmarks are known, and so where the head is, only features of
 shoulders often stay while it turns. Else the person is taken as rigid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path

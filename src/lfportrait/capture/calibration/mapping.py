@@ -23,8 +23,6 @@ focal length), and some hundred matches that are wrong by one to three pixels de
 if they count as if they could be right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

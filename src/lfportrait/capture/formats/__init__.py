@@ -7,8 +7,6 @@ reads COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshro
 decides which way up a picture is.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from itertools import chain

@@ -12,8 +12,6 @@ the pixels are taken as stored, as COLMAP, Metashape, Meshroom, nerfstudio and i
 them. Whatever was calibrated, pictures are upright from here on: pose and lens turn with them.
 """
 
-from __future__ import annotations
-
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence

@@ -5,8 +5,6 @@ points are not needed). COLMAP's image frame is ours: x right, y down, z forward
 +0.5; its poses are world-to-camera, as a unit quaternion (w, x, y, z) and a translation.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 import warnings

@@ -11,8 +11,6 @@ the world's up.
   poses as quaternion (x, y, z, w) and position, K by columns.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -27,8 +27,6 @@ height, heading, pitch, roll in degrees, where a camera without any of them look
 its upper edge to the north (Epic's "camera math" of its XMP files).
 """
 
-from __future__ import annotations
-
 import csv
 import warnings
 from abc import abstractmethod

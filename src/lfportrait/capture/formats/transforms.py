@@ -3,8 +3,6 @@
 A `Capture` is kept in such a folder, too, with its pictures.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from concurrent.futures import ThreadPoolExecutor

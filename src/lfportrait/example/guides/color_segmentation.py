@@ -5,8 +5,6 @@ is weak across edges, and an exact minimum cut, a few times over on a picture of
 The soft result follows the picture's edges by a guided filter (He et al. 2010).
 """
 
-from __future__ import annotations
-
 import functools
 
 import cv2

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, UInt8
+from ...arrays import Array, Bool, Float32, Float64, Floats, UInt8
 from ...color import to_lab
 from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
@@ -55,7 +54,7 @@ def broad_blur(image: Float32, sigma: float) -> Float32:
     return enlarged(gaussian_blur(shrunk(image, factor), rest), factor, image.shape)
 
 
-def blurred_within(picture: Float32, share: NDArray[np.generic], sigma: float) -> Float32:
+def blurred_within(picture: Float32, share: Array, sigma: float) -> Float32:
     """`broad_blur` of a picture [H, W, 3] by what is of a part alone.
 
     ``share`` [H, W] in [0, 1] (or bool) is how much each pixel is of it; far from it all is 0.
@@ -75,7 +74,7 @@ def shrunk(image: Float32, factor: int) -> Float32:
     return out
 
 
-def smaller(picture: NDArray[np.generic], size: tuple[int, ...]) -> Float32:
+def smaller(picture: Array, size: tuple[int, ...]) -> Float32:
     """A picture [H, W(, C)] at a smaller size (width, height), float32: means of areas."""
     return np.asarray(cv2.resize(np.asarray(picture, np.float32), size,
                                  interpolation=cv2.INTER_AREA), np.float32)
@@ -108,14 +107,14 @@ def dilated(part: Bool, radius: float) -> Bool:
     return np.asarray(cv2.dilate(part.astype(np.uint8), disk(radius)) > 0)
 
 
-def grey(image: NDArray[np.generic]) -> Float32:
+def grey(image: Array) -> Float32:
     """Luma (Rec. 601) in [0, 1] of a picture, uint8 or float in [0, 1], [H, W, 3]."""
     out = np.empty(image.shape[:2], np.float32)
     luma(image, np.float32(1 / 255 if image.dtype == np.uint8 else 1), out)
     return out
 
 
-def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.0) -> Float32:
+def appearance_guide(image: Array, sigma: float, grain: float = 0.0) -> Float32:
     """Grey minus its Gaussian blur (Fig. 4), float32 [H, W] in [-1, 1].
 
     Slower changes of light than ``sigma`` pixels are taken out; the guide itself is blurred by
@@ -139,8 +138,7 @@ class Distribution:
     share: Float64  # float64 [bins + 1], share of the values below each of the bins' borders.
 
     @staticmethod
-    def of(values: Float32, inside: NDArray[np.generic] | None = None,
-           bins: int = 4096) -> Distribution:
+    def of(values: Float32, inside: Array | None = None, bins: int = 4096) -> Distribution:
         """Distribution of ``values`` [H, W] where ``inside`` [H, W] exceeds one half."""
         if inside is None:
             values = np.ascontiguousarray(values, np.float32).reshape(1, -1)
@@ -155,8 +153,7 @@ class Distribution:
         return Distribution(np.concatenate([[0], np.cumsum(total)]) / total.sum())
 
 
-def match_histogram(values: Float32, reference: Float32 | Distribution,
-                    inside: NDArray[np.generic]) -> Float32:
+def match_histogram(values: Float32, reference: Float32 | Distribution, inside: Array) -> Float32:
     """Map values [H, W] in [-1, 1] so that those inside are distributed as a reference (Fig. 4 g).
 
     Values where ``inside`` exceeds one half count; all are mapped. ``reference`` is the wanted
@@ -206,7 +203,7 @@ def drawn_lines(image: UInt8, face: UInt8, size: float) -> UInt8:
     return lines
 
 
-def skin_distance(colors: NDArray[np.floating], face: Bool, light: float = 0.4) -> Float32:
+def skin_distance(colors: Floats, face: Bool, light: float = 0.4) -> Float32:
     """How far colors are from those of the face, in standard deviations, float32 [...].
 
     Colors [..., 3] are sRGB in [0, 1], ``face`` bool [...] is its skin; ``light`` is how much light

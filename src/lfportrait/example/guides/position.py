@@ -6,23 +6,18 @@ middle of the first pixel is (0.5, 0.5). `Guides` holds all guides of a target, 
 its pixels to the plane of its seeds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64, UInt8
+from ...arrays import Float32, Float64, Floats, UInt8
 from ..kernels.guides import fold_points, mls_points, resample_fold, resample_grid, stretch
 from .filters import enlarged, gaussian_blur
 
 
-def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
-                   targets: NDArray[np.floating],
-                   weights: NDArray[np.floating] | None = None,
-                   softness: NDArray[np.floating] | None = None) -> Float64:
+def mls_similarity(points: Floats, sources: Floats, targets: Floats, weights: Floats | None = None,
+                   softness: Floats | None = None) -> Float64:
     """Points [N, 2] mapped by moving least squares with similarities, float64 [N, 2].
 
     Schaefer et al. 2006, alpha = 1.
@@ -37,14 +32,14 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
     sources, targets = (np.ascontiguousarray(a, np.float64) for a in (sources, targets))
     points = np.ascontiguousarray(points, np.float64)
     importance = np.ones(len(sources)) if weights is None else np.asarray(weights, np.float64)
-    out = np.empty_like(points)
+    out = np.empty(points.shape)
     soft = np.zeros(len(sources)) if softness is None else np.asarray(softness, np.float64) ** 2
     mls_points(points, sources, targets, importance, soft, out)
     return out
 
 
-def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating],
-                   exemplar_landmarks: NDArray[np.floating], *, grid: int = 4) -> Float32:
+def position_guide(shape: tuple[int, ...], target_landmarks: Floats,
+                   exemplar_landmarks: Floats, *, grid: int = 4) -> Float32:
     """The exemplar's coordinate (x, y) of every pixel of a target picture, float32 [H, W, 2].
 
     It may lie outside the exemplar.
@@ -88,8 +83,8 @@ def folded_position_guide(cover: Float32, points: ControlPoints, shape: tuple[in
     return out
 
 
-def _nodes(shape: tuple[int, ...], sources: NDArray[np.floating], targets: NDArray[np.floating],
-           weights: NDArray[np.floating], softness: NDArray[np.floating], grid: int) -> Float32:
+def _nodes(shape: tuple[int, ...], sources: Floats, targets: Floats,
+           weights: Floats, softness: Floats, grid: int) -> Float32:
     """The map at every ``grid``-th pixel of a picture, float32 [h, w, 2]."""
     height, width = shape[:2]
     columns, rows = -(-(width - 1) // grid) + 1, -(-(height - 1) // grid) + 1

@@ -19,11 +19,10 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from ...arrays import Float32, Float64, UInt8
+from ...arrays import Array, Float32, Float64, Floats, UInt8
 from ...color import to_uint8
 from ...labels import PICTURE_LABELS
 from ..kernels.labels import soft_labels
@@ -43,7 +42,7 @@ class FaceFrame:
     width: float  # Distance of the jaw's ends in pixels.
 
     @staticmethod
-    def of(landmarks: NDArray[np.floating]) -> FaceFrame:
+    def of(landmarks: Floats) -> FaceFrame:
         """Frame of 68 landmarks; roll is taken out by the line of eyes and chin."""
         points = np.asarray(landmarks, np.float64)
         brows = np.nanmean(points[17:27], axis=0)
@@ -66,12 +65,12 @@ class FaceFrame:
                         for way in (self.right, self.down))
         return x * along[0] + (y * along[1])[:, None], x * below[0] + (y * below[1])[:, None]
 
-    def point(self, right: NDArray[np.floating], down: NDArray[np.floating]) -> Float64:
+    def point(self, right: Floats, down: Floats) -> Float64:
         """Picture coordinates [N, 2] of local ones."""
         return np.asarray(self.origin + self.height * (
             np.multiply.outer(right, self.right) + np.multiply.outer(down, self.down)), np.float64)
 
-    def turn(self, landmarks: NDArray[np.floating]) -> float:
+    def turn(self, landmarks: Floats) -> float:
         """How far the nose lies to the right of the middle of the jaw's ends, over half the width.
 
         0 seen from the front, about 1.25 for a head turned by 50 degrees.
@@ -157,7 +156,7 @@ def _feature_planes(shape: tuple[int, ...], landmarks: Float64, factor: int,
                      for n, plane in enumerate(drawn)])
 
 
-def polygon(shape: tuple[int, ...], points: NDArray[np.floating]) -> Float32:
+def polygon(shape: tuple[int, ...], points: Floats) -> Float32:
     """Filled polygon, float32 [H, W]."""
     picture = Image.new("L", (shape[1], shape[0]))
     if np.isfinite(points).all():
@@ -397,7 +396,7 @@ def _networks(image: UInt8, size: int) -> tuple[Float32 | None, Float32 | None]:
         return None, None
 
 
-def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
+def find_regions(image: Array, landmarks: Floats,
                  mask: Float32 | None = None, networks: bool = True,
                  size: int = 512, by_color: bool = True, denied: float = 0.0) -> Regions:
     """Segment a portrait, uint8 or float in [0, 1], [H, W, 3], with landmarks [68, 2].
@@ -443,12 +442,12 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     return Regions(points, person, by_colors)
 
 
-def _unit_colors(image: NDArray[np.generic]) -> Float32:
+def _unit_colors(image: Array) -> Float32:
     """Colors in [0, 1]."""
     return np.asarray(image, np.float32) / np.float32(255 if image.dtype == np.uint8 else 1)
 
 
-def _hair_by_color(image: NDArray[np.generic], person: Float32, frame: FaceFrame,
+def _hair_by_color(image: Array, person: Float32, frame: FaceFrame,
                     points: Float64) -> Float32 | None:
     """Hair by prior and colors, or None where it has the colors of the skin (a statue)."""
     colors = _unit_colors(image)
@@ -511,8 +510,7 @@ SHADE = 0.5  # A scalp in the shade is not darker than this over the face's skin
 LEAST = 30  # Pixels that suffice for a decision.
 
 
-def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],
-                  mask: Float32 | None = None) -> Regions:
+def photo_regions(photo: Array, landmarks: Floats, mask: Float32 | None = None) -> Regions:
     """Segment a photo: `find_regions`, without hair where that is a bare scalp.
 
     What the person's network finds beside the person is left out, too.
@@ -552,7 +550,7 @@ def _one_person(regions: Regions) -> Float32:
     return person * cv2.resize(kept, person.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
-def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
+def is_scalp(photo: Array, regions: Regions) -> bool:
     """Whether what is taken for hair in a photo, [H, W, 3], has the looks of skin."""
     assert regions.hair is not None
     ratio = min(1.0, FACE / max(regions.frame.height, 1.0))

@@ -6,8 +6,6 @@ one atlas, so a chart's pixel (x, y) is the atlas' (x + dx, y + dy); depths are 
 where a chart shows no surface.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -13,8 +13,6 @@ Sixteen pixels of a row are worked on at once. Shifts lie in two planes [2, rows
 margin of NaN, wide enough for the voting window and for whole vectors (`vote`).
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

@@ -10,8 +10,6 @@ Outlines are matched by signed distances, which come from sweeps, and by shifts 
 All loops over a row of pixels are free of branches, so that they vectorise.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

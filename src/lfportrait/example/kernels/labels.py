@@ -5,8 +5,6 @@ of the picture; person and hair come at full size. Both loops interpolate the fo
 sixteen pixels of a row at once.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

@@ -16,8 +16,6 @@ exemplar's occupancy: a band counts its own moves at once, those of others in th
 none counted at once, all patches would leave a crowded place together, for the same next one.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

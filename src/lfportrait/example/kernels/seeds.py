@@ -8,8 +8,6 @@ Sites of a patchwork are the jittered middles of square cells, one each; the nea
 place's own cell or in one of the eight around it.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

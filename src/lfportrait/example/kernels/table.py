@@ -7,8 +7,6 @@ leaves the index alone, so the transform is separable exactly as plain distances
 x, one along y, one along the appearance.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

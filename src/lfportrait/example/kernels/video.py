@@ -4,8 +4,6 @@ The flow comes on blocks of ``factor`` pixels: ``motion`` [h, w, 2] is the place
 minus the place in this one, at the blocks' middles, in pixels; it is bilinear between.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

@@ -7,8 +7,6 @@ share the middle's shift, as inside a chunk, nothing is left to do.
 Colors are packed into one word, ten bits a channel: a place costs one gather instead of three.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

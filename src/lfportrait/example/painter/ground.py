@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -21,7 +20,7 @@ from PIL import Image
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from ... import models
-from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
+from ...arrays import Array, Bool, Float32, Float64, Floats, Int32, Int64, UInt8
 from ...cache import kept_arrays, key_of
 from ...color import to_uint8
 from ...labels import MATERIALS
@@ -179,7 +178,7 @@ def known_ground(exemplar: Exemplar, size: GroundSize | None = None, seed: int =
     """`painted_ground` and `lit_side`, from the user's cache where they have been found before."""
     size = size or GroundSize()
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         picture, pixels = painted_ground(exemplar, size, seed)
         return {"picture": picture, "pixels": np.array(pixels), "light": lit_side(exemplar)}
 
@@ -306,7 +305,7 @@ class _Source:
         """Sigma of the blur that tells lights and darks from strokes, in pixels."""
         return 0.06 * max(self.there.shape)
 
-    def height(self, rows: NDArray[np.floating] | NDArray[np.integer]) -> Float32:
+    def height(self, rows: Floats | NDArray[np.integer]) -> Float32:
         """How high rows are, as a share of the picture's size."""
         return np.asarray(rows / max(self.there.shape), np.float32)
 

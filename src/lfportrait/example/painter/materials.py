@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
 
-from ...arrays import Bool, Float32, Int32, Int64
+from ...arrays import Bool, Float32, Floats, Int32, Int64
 from ...color import to_lab
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
@@ -430,8 +429,7 @@ def pieces(material: Int64, theirs: ExemplarMaterials, wanted: Float32, plane: F
     return nearest_of_material(material, theirs, np.asarray(piece, np.float32))
 
 
-def exemplar_pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
-                    ) -> tuple[Int64, Int64]:
+def exemplar_pixels(places: Floats, theirs: ExemplarMaterials) -> tuple[Int64, Int64]:
     """Rows and columns of the exemplar's pixels at places [N, 2] (x, y), or next to them."""
     height, width = theirs.tone.shape
     return (np.clip(places[:, 1], 0, height - 1).astype(np.int64),

@@ -7,8 +7,6 @@ of each place what it is made of, how light it is to be and where in the exempla
 already.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 

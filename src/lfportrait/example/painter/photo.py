@@ -24,10 +24,9 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from ...arrays import Bool, Float32, Float64, UInt8
+from ...arrays import Array, Bool, Float32, Float64, Floats, UInt8
 from ...color import LUMA, to_uint8
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
@@ -123,7 +122,7 @@ def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Flo
     return np.clip(out, 0, 1, out=out)
 
 
-def _odds(values: NDArray[np.floating]) -> Float32:
+def _odds(values: Floats) -> Float32:
     """Log odds of values in [0, 1]."""
     values = np.clip(values, np.float32(LEAST), np.float32(1 - LEAST))
     return np.asarray(np.log(values / (1 - values)), np.float32)
@@ -183,7 +182,7 @@ class PhotoPatches:
             return self._coming[1].result()
         return self._painter.source(size)
 
-    def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
+    def refine(self, photo: Array, landmarks: Float64, regions: Regions,
                result: TransferResult, scale: float, turned: bool = False) -> Float32:
         """Lay patches around the face of a photo that StyleBlit has painted, float32 [H, W, 3].
 

@@ -7,17 +7,13 @@ A sitter without a hat has hair and a background there. They must not be painted
 with a brim that hovers behind the head. What is found in a painting is kept (`known_shares`).
 """
 
-from __future__ import annotations
-
 import functools
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...arrays import Bool, Float32, Int32, UInt8
+from ...arrays import Array, Bool, Float32, Floats, Int32, UInt8
 from ...cache import kept_arrays, key_of
 from ...color import to_lab
 from ...labels import BY_HAND, MATERIALS, PICTURE_LABELS
@@ -90,7 +86,7 @@ class SmallPicture:
         skin = labels[..., PICTURE_LABELS.index("skin")]
         return np.asarray((skin > 200) & (features.sum(-1) < 30))
 
-    def part(self, plane: NDArray[Any]) -> NDArray[Any]:
+    def part(self, plane: Array) -> Array:
         """Every Nth pixel of a plane of the picture, [h, w]."""
         return plane[::self.factor, ::self.factor]
 
@@ -151,7 +147,7 @@ def give(shares: Float32, amount: Float32, source: int, target: int) -> None:
     shares[..., source] -= amount
 
 
-def near_to(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
+def near_to(distance: Float32, limit: Floats | float) -> Float32:
     """1 for small distances, 0 for large ones, one half at the limit."""
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
 
@@ -415,10 +411,10 @@ def _beard(small: SmallPicture, skin: Float32) -> Float32:
 def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
     """How surely chin and lip are bearded, by chroma over lightness, which shade keeps."""
     looks = [lab[..., 1:] / (lab[..., :1] + 10) for lab in map(to_lab, (plain, chin, lip))]
-    skin, chin, lip = (np.median(part, axis=0) for part in looks)
-    apart = min(float(np.linalg.norm(part - skin)) for part in (chin, lip))
+    skin, below, above = (np.median(part, axis=0) for part in looks)
+    apart = min(float(np.linalg.norm(part - skin)) for part in (below, above))
     spread = np.linalg.norm(looks[0].std(axis=0)) + 0.02
-    unlike = np.linalg.norm(lip - chin) / max(apart, 1e-3)
+    unlike = np.linalg.norm(above - below) / max(apart, 1e-3)
     (least, most), (alike, other) = BEARD, MOUSTACHE
     return float(np.clip((apart / spread - least) / (most - least), 0, 1)
                  * np.clip((other - unlike) / (other - alike), 0, 1))
@@ -432,7 +428,7 @@ def _beside(small: SmallPicture, regions: Regions) -> Float32:
     return np.asarray(upright * aside * np.clip(2 * (0.75 - small.face), 0, 1), np.float32)
 
 
-def _between(small: SmallPicture, top: NDArray[np.floating], bottom: NDArray[np.floating],
+def _between(small: SmallPicture, top: Floats, bottom: Floats,
              along: tuple[float, float], across: float) -> Bool:
     """A part of the way from one landmark to another, so wide to both sides; of a small picture."""
     way = (bottom - top) / max(float((bottom - top) @ (bottom - top)), 1e-6)
@@ -614,7 +610,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: UInt8,
     if exemplar.covered is not None and exemplar.bared is not None:
         return _bared_shares(exemplar, regions, exemplar.covered, exemplar.bared, strict)
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         shares = painted_shares(exemplar, regions, labels, strict)
         return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
 

@@ -14,14 +14,11 @@ ear they would be stains. What is more like hair, clothes and background than li
 cheeks is no paint for them; a beard stays where the face is copied.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from ...arrays import Bool, Float32, Float64, UInt8
+from ...arrays import Bool, Float32, Float64, Floats, UInt8
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
@@ -126,7 +123,7 @@ def _lines(image: UInt8, size: float) -> Bool:
     return np.asarray(cv2.morphologyEx(grey(image), cv2.MORPH_BLACKHAT, kernel) > DARKER)
 
 
-Points = NDArray[np.floating]
+Points = Floats
 
 AROUND = 0.09
 """How far around a feature skin is not plain, over the face's size: about a patch's reach."""

@@ -17,15 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, UInt8
+from ...arrays import Array, Bool, Float32, UInt8
 from ...cache import kept_arrays, key_of
 from ...color import to_lab
 from ...labels import BY_HAND, PICTURE_LABELS
@@ -210,7 +209,7 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
     One connected thing without its shade. The painting is seen from the front or turned, and not
     bared (`inpainting`).
     """
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         found = _found(exemplar, regions or exemplar.regions())
         return {} if found is None else {"hat": np.asarray(255 * found + 0.5, np.uint8)}
 
@@ -475,8 +474,7 @@ class Hat:
         mask = headwear(exemplar, regions)
         return None if mask is None else Hat(exemplar, mask, regions)
 
-    def put_on(self, photo: NDArray[np.generic], regions: Regions,
-               ) -> tuple[NDArray[np.generic], Regions, Layer]:
+    def put_on(self, photo: Array, regions: Regions) -> tuple[Array, Regions, Layer]:
         """The hat on the sitter of a photo, uint8 or float in [0, 1], [H, W, 3].
 
         Returns photo and regions without what sticks out above the hat, and the hat.

@@ -4,16 +4,12 @@ The broad colors of bare skin go on over the hole; strokes come from the painter
 patches that agree with each other and with what is around.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, UInt8
+from ...arrays import Array, Bool, Float32, Floats, UInt8
 from ...cache import kept_arrays, key_of
 from ...color import to_uint8
 from ...face import drawn_spectacles, find_spectacles, spectacle_lenses
@@ -60,7 +56,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
 
     regions = exemplar.regions()
 
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         return _found(exemplar, regions, fringe) or {}
 
     key = key_of(__name__, exemplar.image, exemplar.landmarks, regions.person, regions.hair, fringe,
@@ -76,7 +72,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
 
 def without_spectacles(exemplar: Exemplar) -> Exemplar:
     """A painting without the spectacles that its sitter wears; itself, if there are none."""
-    def find() -> dict[str, NDArray[Any]]:
+    def find() -> dict[str, Array]:
         shape, points = exemplar.image.shape[:2], exemplar.landmarks
         worn = find_spectacles(exemplar.image, points)
         if worn is None:
@@ -105,7 +101,7 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
     return replace(exemplar, image=found["image"]) if found else exemplar
 
 
-def _drawn_features(points: NDArray[np.floating], shape: tuple[int, ...]) -> Bool:
+def _drawn_features(points: Floats, shape: tuple[int, ...]) -> Bool:
     """Eyes with their brows, from landmarks [68, 2]; bool [h, w]."""
     size = shape[0], shape[1]
     return np.logical_or.reduce([
@@ -114,7 +110,7 @@ def _drawn_features(points: NDArray[np.floating], shape: tuple[int, ...]) -> Boo
                                  (slice(22, 27), slice(42, 48), [0, 1, 2, 3, 4, 8, 9, 10, 5]))])
 
 
-def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDArray[Any]] | None:
+def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, Array] | None:
     """The picture and its mattes, uint8, or None where it is bare already."""
     labels = regions.labels()
     forehead = covered_forehead(exemplar, regions, labels)

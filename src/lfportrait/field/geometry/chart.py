@@ -13,13 +13,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import linalg
 from scipy.sparse.csgraph import connected_components
 
-from ...arrays import Bool, Float32, Float64, Int64
+from ...arrays import Array, Bool, Float32, Float64, Floats, Int64
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from ..kernels.surface import march_chart, mark_between, outside_chart, place_points
@@ -141,7 +140,7 @@ class Chart:
         return beyond, margins
 
 
-def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:
+def chart_of(points: Float64, voxel: float, landmarks: Floats) -> Chart | None:
     """Rays around the middle of head and neck: half its width behind the foremost points.
 
     Of the surface's lattice points, float64 [N, 3] in world units, ``voxel`` apart, the lowest
@@ -253,7 +252,7 @@ def at_places(values: Float64, places: Float64) -> Float64:
     return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
 
 
-def nearest_cells(values: NDArray[Any], places: Float64) -> NDArray[Any]:
+def nearest_cells(values: Array, places: Float64) -> Array:
     """Values [V, U] of the cells nearest to places [2, N], [N]: columns go around, rows end."""
     row, column = np.rint(places).astype(np.int64)
     rows, columns = values.shape

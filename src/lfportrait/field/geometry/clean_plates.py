@@ -14,13 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, Int64, UInt8
+from ...arrays import Bool, Float32, Float64, Floats, Int64, UInt8
 from ...capture import Camera, Capture, color_likelihood, refine_matte
 from ...progress import Progress, note
 from ...simd.threads import side_by_side
@@ -67,7 +65,7 @@ class Plate:
         return self.known & (self.texture > 2.0 * np.sqrt(least))
 
 
-def plate_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+def plate_mattes(capture: Capture, mattes: Sequence[Floats],
                  progress: Progress | None = None) -> list[Plane] | None:
     """Mattes of the person against what is behind, along the photos' edges.
 
@@ -91,7 +89,7 @@ def plate_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
 class CleanPlates:
     """Clean plates of a capture's photos; made by `of`."""
 
-    def __init__(self, capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+    def __init__(self, capture: Capture, mattes: Sequence[Floats],
                  views: Int64, maps: list[DepthMap], near: float, far: float) -> None:
         self.capture, self.mattes, self.views, self.near = capture, mattes, views, near
         # Depth beside the person is often the person's: windows of the sweep reach across the edge.
@@ -106,8 +104,7 @@ class CleanPlates:
         self._anchors(maps, small)
 
     @classmethod
-    def of(cls, capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
-           ) -> CleanPlates | None:
+    def of(cls, capture: Capture, mattes: Sequence[Floats]) -> CleanPlates | None:
         """The plates of photos with a network's mattes, [H, W] in [0, 1].
 
         None where the cameras stand all around, the person's depth is not found, or the wall is
@@ -236,7 +233,7 @@ def _span(cameras: Camera) -> float:
     return float(np.degrees(np.arccos(np.clip((away @ away.T).min(), -1.0, 1.0))))
 
 
-def _reduced(matte: NDArray[np.floating[Any]], shape: tuple[int, ...]) -> Plane:
+def _reduced(matte: Floats, shape: tuple[int, ...]) -> Plane:
     return np.asarray(cv2.resize(np.asarray(matte, np.float32), (shape[1], shape[0]),
                                  interpolation=cv2.INTER_AREA))
 

@@ -9,16 +9,13 @@ trained on photos of a narrow arc that are exposed otherwise each, brightness th
 photo to photo becomes matter before the face.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, Int64, UInt8
+from ...arrays import Bool, Float32, Float64, Floats, Int64, UInt8
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..grid import VoxelField
@@ -200,7 +197,7 @@ def _matte_gain(field: VoxelField, capture: Capture, view: int) -> tuple[Float64
                                                      max(4, max(matte.shape) // 10))
 
 
-def _spread(ratio: NDArray[np.floating], inside: Bool, side: int) -> float:
+def _spread(ratio: Floats, inside: Bool, side: int) -> float:
     """How much the median of a picture differs between its blocks, as a standard deviation."""
     height, width = ratio.shape
     medians = [np.median(ratio[rows, columns][inside[rows, columns]])
@@ -209,4 +206,4 @@ def _spread(ratio: NDArray[np.floating], inside: Bool, side: int) -> float:
                if inside[rows, columns].sum() > side * side // 4]
     if len(medians) < 3:
         return 0.0
-    return 1.4826 * float(np.median(np.abs(medians - np.median(medians))))
+    return 1.4826 * float(np.median(np.abs(np.subtract(medians, np.median(medians)))))

@@ -28,8 +28,6 @@ behind the knot, so it is widest where that is. What is seen of it is taken for 
 whose rows tell its radius.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -27,14 +27,12 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Float32, Float64, UInt8
+from ...arrays import Array, Float32, Float64, Floats, UInt8
 from ...capture import Camera, Capture, holes_of, mattes_share, refine_matte, views_share
 from ...progress import Progress, note
 from ...simd.threads import side_by_side
@@ -110,7 +108,7 @@ _FEW = 48  # photos whose depth is enough to see what lies far from the object
 _ALIKE = 0.75  # overlap with the outline from which a matte is thought to show the same
 
 
-def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+def cut_out(capture: Capture, mattes: Sequence[Floats],
             progress: Progress | None = None) -> list[Plane] | None:
     """Cut the object at the origin out of photos by its geometry: float32 [H, W] in [0, 1] each.
 
@@ -142,7 +140,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
-def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+def trim(capture: Capture, mattes: Sequence[Floats],
          progress: Progress | None = None) -> list[Plane]:
     """Remove from mattes, most of them right, what is far from the object by the photos' depth.
 
@@ -167,7 +165,7 @@ def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
                         range(len(capture)), most=4)
 
 
-def _solid(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+def _solid(capture: Capture, mattes: Sequence[Floats],
            progress: Progress | None, most: int | None = None) -> Solid | None:
     """The object as the training photos show it, or ``most`` of them spread evenly."""
     views = capture.training()
@@ -350,7 +348,7 @@ def _hull_share(maps: list[DepthMap], mattes: list[Float32]) -> Float32:
     return np.asarray(np.where(_larger(inside, 8) < 0.25, 0.0, _larger(share, 2)), np.float32)
 
 
-def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
+def _larger(lattice: Array, factor: int) -> Array:
     """Each point repeated along z, y and x."""
     for axis in range(3):
         lattice = np.repeat(lattice, factor, axis)

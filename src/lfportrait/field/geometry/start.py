@@ -1,7 +1,5 @@
 """The lattice that a reconstruction starts from: the mattes' visual hull, or a room's surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

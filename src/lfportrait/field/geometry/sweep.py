@@ -7,18 +7,14 @@ its neighbours, the best agreement wins, and depths that the neighbours' own map
 Fused, they say where space is empty and where surfaces are, and in what color.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64, Int64
+from ...arrays import Array, Bool, Float32, Float64, Int64
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import confirm_depth, fuse_depth, match_planes
@@ -93,7 +89,7 @@ def small_view(capture: Capture, view: int) -> DepthMap:
     return DepthMap(camera, pixels, np.full(pixels.shape[:2], np.nan, np.float32))
 
 
-def stacked(pictures: Sequence[NDArray[Any]]) -> tuple[Float32, Int64]:
+def stacked(pictures: Sequence[Array]) -> tuple[Float32, Int64]:
     """Pictures [h, w] of any sizes as kernels take them, and their rows and columns, int64 [K, 2].
 
     float32 [K, H, W]: each in its upper left corner, zero elsewhere.

@@ -9,8 +9,6 @@ Buffers larger than a shader may see at once are uploaded in pages: of bricks fo
 densities, of rows for coefficients. The texture itself has no such bound.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass
@@ -18,9 +16,8 @@ from importlib import resources
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64, Int32, UInt8
+from ...arrays import Float32, Float64, Int8, Int32, UInt8, UInt16, UInt32
 from ...gpu import BINDING, Device, GpuProcess, bands
 from ..kernels.bricks import SLOTS, Bricks, row_width
 from ..texture import SurfaceTexture, TextureRows
@@ -55,7 +52,7 @@ class TextureParts:
 
     cells: UInt8  # uint8 [bricks * 128], the chart of each cell; 255: none.
     charts: Float32  # float32 [C, 12], from the lattice to texels.
-    texels: NDArray[np.int8]  # int8 [H, W, 4].
+    texels: Int8  # int8 [H, W, 4].
 
 
 @dataclass(frozen=True)
@@ -113,13 +110,13 @@ class FieldParts:
 
     table: Int32
     links: Int32
-    density: NDArray[np.uint16]
-    rows: NDArray[np.uint16]
+    density: UInt16
+    rows: UInt16
     basis: int
     width: int
     lattice: Float64  # float64 [9], `VoxelField.lattice`.
     # others, other_basis: Other colors of the same points, as ``rows`` and ``basis``.
-    others: NDArray[np.uint16] | None = None
+    others: UInt16 | None = None
     other_basis: int = 0
 
     @property
@@ -191,7 +188,7 @@ class Atlas:
         self._others: list[Any] = []
         self.set_rows(parts.rows, parts.others)
 
-    def set_rows(self, rows: NDArray[np.uint16], others: NDArray[np.uint16] | None = None) -> None:
+    def set_rows(self, rows: UInt16, others: UInt16 | None = None) -> None:
         """New coefficients of the same points (`Bricks.rows`), and of their other colors."""
         together = self._page // (2 * max(self._width, self._other_width)) // 128 * 128
         for number, start in enumerate(range(0, self.empty + 1, together)):
@@ -253,7 +250,7 @@ class Atlas:
                    + sum(rows.size for rows in self._others))
 
 
-def _places(table: Int32, count: int) -> NDArray[np.uint32]:
+def _places(table: Int32, count: int) -> UInt32:
     """Where each brick lies in the table: x, y and z, ten bits each."""
     z, y, x = np.nonzero(table >= 0)
     out = np.zeros(count, np.uint32)

@@ -20,18 +20,14 @@ lattice points on end along x, and all that lies at one height is together. Of s
 point nothing is kept but one of zeros, which stands for all of them.
 """
 
-from __future__ import annotations
-
 import functools
 import uuid
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Int32
+from ...arrays import Array, Bool, Float16, Float32, Floats, Int32, UInt16, UInt64
 from ...simd.decorators import kernel, lean_kernel
 from ...simd.interleaved import store_half
 from ...simd.threads import shared
@@ -62,7 +58,7 @@ def _widen(since, until, lines, bits, out):
         _store(out, np.uintp(start), _load_half(bits, np.uintp(start)))
 
 
-def halves(values: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
+def halves(values: Floats) -> Float16:
     """Numbers, none NaN, in half precision as NumPy rounds them; those beyond 60000 become that."""
     flat = np.ascontiguousarray(values, np.float32).reshape(-1)
     out, whole = np.empty(len(flat), np.uint16), len(flat) // 16 * 16
@@ -71,7 +67,7 @@ def halves(values: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
     return out.view(np.float16).reshape(values.shape)
 
 
-def floats_of(values: NDArray[np.float16]) -> Float32:
+def floats_of(values: Float16) -> Float32:
     """Numbers in half precision as float32."""
     bits = np.ascontiguousarray(values).reshape(-1).view(np.uint16)
     out, whole = np.empty(len(bits), np.float32), len(bits) // 16 * 16
@@ -96,8 +92,8 @@ class Bricks:
     table: Int32  # int32 [BZ, BY, BX], brick numbers or minus distances.
     # int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
     links: Int32
-    density: NDArray[np.uint16]  # uint16 [bricks * 128 + 2], float16 bit patterns.
-    sh: NDArray[np.floating[Any]]  # float [N, 3, B], the coefficients that ``rows`` are made of.
+    density: UInt16  # uint16 [bricks * 128 + 2], float16 bit patterns.
+    sh: Floats  # float [N, 3, B], the coefficients that ``rows`` are made of.
     shape: tuple[int, int, int]  # Lattice points along z, y, x.
 
     @property
@@ -111,7 +107,7 @@ class Bricks:
         return row_width(self.basis)
 
     @functools.cached_property
-    def rows(self) -> NDArray[np.uint16]:
+    def rows(self) -> UInt16:
         """Color rows, uint16 [(N + 1) * width + 32], float16 bit patterns."""
         count, columns = len(self.sh), 3 * self.basis
         rows = np.zeros((count + 1) * self.width + 32, np.float16)
@@ -219,7 +215,7 @@ def brick_table(links: Int32, rows: int) -> tuple[Int32, Int32]:
     return table, brick_links
 
 
-def build_bricks(links: Int32, density: Float32, sh: NDArray[Any]) -> Bricks:
+def build_bricks(links: Int32, density: Float32, sh: Array) -> Bricks:
     """Lay a field out for casting.
 
     Parameters
@@ -245,10 +241,10 @@ class Stretches:
     # int32 [Y, Z, ceil(X / 16)], the number of each stretch; S where it has no point.
     places: Int32
     # uint64 [Y, Z], bit b where stretch b of the row has a point; from 63 on they share a bit.
-    occupied: NDArray[np.uint64]
+    occupied: UInt64
     # uint16 [(S + 1) * (1 + 3 B) * 16], float16 bit patterns: of each stretch the sixteen
     # densities, then coefficients of red, of green, of blue, sixteen each.
-    values: NDArray[np.uint16]
+    values: UInt16
 
     @property
     def nbytes(self) -> int:
@@ -261,7 +257,7 @@ class Places:
     """Where a lattice has stretches: as in `Stretches`, and ``count``, their number S."""
 
     places: Int32
-    occupied: NDArray[np.uint64]
+    occupied: UInt64
     count: int
 
 
@@ -324,8 +320,7 @@ def place_stretches(links: Int32) -> Places:
     return Places(places, occupied, int(first[-1]))
 
 
-def fill_stretches(where: Places, links: Int32, density: Float32,
-                   sh: NDArray[np.floating]) -> Stretches:
+def fill_stretches(where: Places, links: Int32, density: Float32, sh: Floats) -> Stretches:
     """Lay a field out in the stretches of its lattice, for slices.
 
     Parameters

@@ -4,8 +4,6 @@ A view is a row of 16 numbers: the camera-to-world matrix [3, 4], the focal leng
 principal point in pixels.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

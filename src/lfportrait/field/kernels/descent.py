@@ -14,8 +14,6 @@ the weight of its rays, and the running mean of the density's squared slope. Row
 values wide and go through the lanes of `lfportrait.simd.vectors`, 16 at a time.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...simd.decorators import lean, lean_kernel

@@ -14,16 +14,13 @@ shows (it returns it three times; use the first). `basis` is a per-thread float3
 (r, g, b, transmittance, depth) as lanes, without the background: add transmittance * background.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float64
+from ...arrays import Float64, Floats
 from ...simd.decorators import identified, identity, lean, lean_kernel
 from ...simd.vectors import LANES
 
@@ -31,7 +28,7 @@ C0 = 0.28209479177387814
 """1 / (2 sqrt(pi))."""
 
 
-def real_harmonics(directions: NDArray[np.floating], count: int) -> Float64:
+def real_harmonics(directions: Floats, count: int) -> Float64:
     """The first ``count`` (1, 4 or 9) real harmonics of unit directions [N, 3], [N, count].
 
     The NumPy twin of `lfportrait.field.kernels.march.sh_basis`.

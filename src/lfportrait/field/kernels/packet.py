@@ -21,9 +21,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32, Int32, Int64
+from ...arrays import Array, Float32, Int32, Int64
 from ...simd.decorators import identified, lean
 from ...simd.interleaved import gather_signed, load_ints, prefetch
 from ...simd.vectors import LANES
@@ -38,7 +37,7 @@ _HASH = 4096
 _AHEAD = 12  # Points that rows are asked for ahead.
 
 
-def make_pad(workers: int, table: Int32, bricks: int) -> tuple[NDArray[Any], ...]:
+def make_pad(workers: int, table: Int32, bricks: int) -> tuple[Array, ...]:
     """Scratch of all workers; pages that no packet reaches cost nothing.
 
     Parameters
@@ -86,7 +85,7 @@ class Records:
                        np.zeros((workers, _HASH), np.int32))
 
     @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[Array, ...]:
         """Keys, values, counts, recent: what kernels take."""
         return self.keys, self.values, self.counts, self.recent
 

@@ -7,8 +7,6 @@ in a small hash table. `pose_equations` are the normal equations of the motion o
 lays a rendering on a photo.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

@@ -10,8 +10,6 @@ columns (longitude, atan2(x, z)) and ``R`` rows (latitude, +y first); only pixel
 have data, float32 [N, layers, 4]: red, green, blue (svox2's zeroth harmonic, + 0.5) and density.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ minimum over the directions separates outside from inside, whatever the field ho
 surface. `march_chart` follows a chart's rays inwards until half of the light is gone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...simd.decorators import identified, kernel, lean, lean_kernel

@@ -5,8 +5,6 @@ place is kept for each cell of the lattice, in the layout that rays are cast thr
 that a ray's end needs no search: its cell names the chart, a projection gives the place there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

@@ -23,8 +23,6 @@ smoothed. From the second part on each row has an owner, worker (row / 64) modul
 workers, whoever cast the rays that met it. The threads wait for each other in the kernel.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Steps of a level on a GPU: planned here, taken by the device's process many at a time."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time
@@ -10,9 +8,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64, Int32
+from ...arrays import Array, Float32, Float64, Int32, UInt32
 from ...gpu import GpuProcess
 from ...progress import Progress
 from ..background import BackgroundTrainer
@@ -28,7 +25,7 @@ _LONG = 0.2
 """Seconds that a call should take at most, so that clocks are kept on slow devices, too."""
 
 
-def tiles_given(data: TrainingPixels, tiles: Int32, greys: Float32) -> NDArray[np.uint32]:
+def tiles_given(data: TrainingPixels, tiles: Int32, greys: Float32) -> UInt32:
     """Tiles with their pixels as the GPU takes them: uint32 [T, 20].
 
     View, row, column, the grey's bits as a float32, and 16 pixels of four bytes; pixels beyond a
@@ -94,7 +91,7 @@ def warn(progress: Progress | None, line: str) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def ray_numbers(options: Float64) -> NDArray[Any]:
+def ray_numbers(options: Float64) -> Array:
     """`STEP` [1] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
     steps = np.zeros(1, STEP)
     for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "sparsity", "narrow"),
@@ -203,7 +200,7 @@ class GpuSteps:
                 self._states += plan.averaged
                 self.taken(plan, errors, float(errors.sum(dtype=np.float64)))
 
-    def _given(self, plans: list[Plan]) -> tuple[NDArray[Any], ...]:
+    def _given(self, plans: list[Plan]) -> tuple[Array, ...]:
         """Steps as the device's process takes them."""
         if not plans:
             return ()

@@ -1,7 +1,5 @@
 """Figures of a reconstruction: curves over seconds and rays, a forecast, and held-out photos."""
 
-from __future__ import annotations
-
 import csv
 import math
 import time

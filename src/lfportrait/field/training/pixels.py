@@ -1,14 +1,10 @@
 """The training pixels of a reconstruction."""
 
-from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Float32, Float64, Int32, Int64, UInt8
+from ...arrays import Array, Float32, Float64, Int32, Int64, UInt8
 from ...capture import Camera, Capture
 from ...simd.threads import side_by_side
 
@@ -194,12 +190,12 @@ class Batches:
         np.add.at(self._seen, block, 1.0)
 
     @property
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> dict[str, Array]:
         """What the next steps follow from."""
         return {"batch_error": self._error, "batch_seen": self._seen, "batch_credit": self._credit,
                 "batch_order": self._order, "batch_part": np.array(self._part)}
 
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+    def restore(self, state: dict[str, Array]) -> None:
         """Go on from such a state."""
         self._error, self._seen = state["batch_error"], state["batch_seen"]
         self._credit, self._order = state["batch_credit"], state["batch_order"]

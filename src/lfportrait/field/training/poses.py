@@ -13,17 +13,14 @@ each pose. A photo of an object with little relief hardly distinguishes a rotati
 translation; there a prior keeps the camera near its given pose.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...arrays import Float32, Float64, Int64
+from ...arrays import Array, Float32, Float64, Int64
 from ...capture import Camera, Capture, pose_corrections, without_drift
 from ..grid import VoxelField
 from ..kernels.render import pose_equations
@@ -78,7 +75,7 @@ def _small(field: VoxelField, capture: Capture, view: int, gain: Float64) -> _Ph
     return _Photo(_smooth(cv2.resize(photo, size, interpolation=cv2.INTER_AREA)), camera, gain)
 
 
-def _smooth(picture: NDArray[Any]) -> Float32:
+def _smooth(picture: Array) -> Float32:
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8))
 
 

@@ -28,8 +28,6 @@ Paths are relative to the file. Parameters are those of `lfportrait make`; where
 one, a sitter's goes before a style's or a display's, and these before the defaults.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import functools

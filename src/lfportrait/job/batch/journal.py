@@ -5,8 +5,6 @@ lines of ``.batch/journal.jsonl``, from which ``lfportrait batch status`` reads 
 failed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

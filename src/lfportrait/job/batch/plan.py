@@ -12,8 +12,6 @@ changed style redoes what depends on it and nothing else. What is wanted in the 
 that nothing else needs; a task before them is only done if one of them is not there yet.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -4,8 +4,6 @@
 alone, so that it can be sent there.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from typing import Any

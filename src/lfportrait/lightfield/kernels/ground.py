@@ -4,8 +4,6 @@ The ground is a plane parallel to the panel. All sub-pixels of a row look at one
 a line is mixed once, and a sub-pixel then mixes two of its texels.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...simd.decorators import identified, kernel, lean, lean_kernel

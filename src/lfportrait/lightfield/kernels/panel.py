@@ -3,8 +3,6 @@
 A field is coded by one ray per sub-pixel, of which only its own channel is evaluated.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

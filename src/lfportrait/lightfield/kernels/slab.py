@@ -6,8 +6,6 @@ are interpolated between the two rows of voxels that the plane passes between. O
 voxels are written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

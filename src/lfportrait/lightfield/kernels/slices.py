@@ -21,8 +21,6 @@ slice of the field serves them all. Here a packet is 16 pixels of a row, and fol
 channels.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

@@ -37,9 +37,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float64, Int64, UInt8
+from ...arrays import Bool, Float64, Int64, UInt8, Unsigned
 from ...errors import UserError
 from ...field import VoxelField
 from ...files import atomic_write
@@ -171,7 +170,7 @@ def bands(display: Display) -> Iterator[tuple[int, int]]:
 def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
                 ) -> Iterator[tuple[int, UInt8]]:
     """First row and rows, uint8 [n, W, 3], of a page's bands."""
-    views: NDArray[np.unsignedinteger] | None = None
+    views: Unsigned | None = None
     config = composed(field, display, config)
     ground = ground_of(field, display, config)
     for first, count in bands(display):
@@ -429,7 +428,7 @@ class RowFile:
         self.rows = 0
         self._begin()
 
-    def write(self, rows: NDArray[np.unsignedinteger]) -> None:
+    def write(self, rows: Unsigned) -> None:
         """Append rows: uint8 [n, W, 3], or uint16 [n, W]."""
         if self.rows + len(rows) > self.height or rows.shape[1] != self.width:
             raise ValueError("these rows do not fit into the picture")
@@ -445,7 +444,7 @@ class RowFile:
     def _begin(self) -> None:
         raise NotImplementedError
 
-    def _append(self, rows: NDArray[np.unsignedinteger]) -> None:
+    def _append(self, rows: Unsigned) -> None:
         raise NotImplementedError
 
     def _finish(self) -> None:
@@ -460,7 +459,7 @@ class TiffRows(RowFile):
         self._strip_rows = 0
         self.stream.write(b"II*\0\0\0\0\0")
 
-    def _append(self, rows: NDArray[np.unsignedinteger]) -> None:
+    def _append(self, rows: Unsigned) -> None:
         self._strip_rows = self._strip_rows or len(rows)
         if self.rows % self._strip_rows:
             raise ValueError("only the last strip may have fewer rows")
@@ -522,7 +521,7 @@ class PngRows(RowFile):
         self._png = PngWriter(self.stream, self.width, self.height, channels=1 if self.grey else 3,
                               bits=16 if self.grey else 8, chunks=chunks)
 
-    def _append(self, rows: NDArray[np.unsignedinteger]) -> None:
+    def _append(self, rows: Unsigned) -> None:
         self._png.write(rows)
 
     def _finish(self) -> None:

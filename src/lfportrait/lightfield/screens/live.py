@@ -10,8 +10,6 @@ it must have exactly the panel's pixels, and what is drawn into it first is read
 before the picture counts as shown.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import sys

@@ -7,8 +7,6 @@ window's pixels are read back and compared before the picture counts as shown.
 The window comes from a driver: pygame (SDL), which is an extra of the package.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Sequence

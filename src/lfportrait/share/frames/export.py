@@ -18,10 +18,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import lightfield
-from ...arrays import Float64, UInt8
+from ...arrays import Array, Float64, UInt8
 from ...color import linear_light, to_uint8
 from ...errors import UserError
 from ...field import Rendering, VoxelField
@@ -91,7 +90,7 @@ def framed(field: VoxelField, window: Display, encode: EncodeConfig, margins: Ma
 def _outline(field: VoxelField) -> tuple[Float64, float]:
     """Solid points of a field, float64 [N, 3], and the size of its voxels."""
     solid = field.density > _SOLID
-    points: NDArray[Any] = field.lattice_points()[solid] if solid.any() else field.bounds
+    points: Array = field.lattice_points()[solid] if solid.any() else field.bounds
     low, high = np.quantile(points, [_FLOATING, 1 - _FLOATING], axis=0)
     points = points[((points >= low) & (points <= high)).all(axis=1)] if len(points) > 2 else points
     voxel = float((2.0 * field.radius / field.links.shape[::-1]).max())

@@ -43,10 +43,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64, Int32, Int64, UInt8
+from ...arrays import Array, Bool, Float32, Float64, Int8, Int32, Int64, UInt8
 from ...errors import UserError
 from ...field import C0, SurfaceTexture, VoxelField
 from ...stylize import StyledField
@@ -63,7 +62,7 @@ class ColorSet:
     kind: str
     sh: Float32 = field(repr=False)  # float32 [N, 3, B], coefficients as a `VoxelField` has them.
     # int8 [H, W, 3], texture of the surface that belongs to them, or None.
-    texels: NDArray[np.int8] | None = field(default=None, repr=False)
+    texels: Int8 | None = field(default=None, repr=False)
 
 
 def _plain(colors: Float32) -> Float32:
@@ -139,7 +138,7 @@ class Lattice:
         return np.concatenate([around[some] for some, around in zip(
             self.filled, _largest_around(planes))])
 
-    def dense(self, values: NDArray[Any]) -> Float32:
+    def dense(self, values: Array) -> Float32:
         """Values of the rows [N] at their lattice points, float32 [Z, Y, X], 0 elsewhere."""
         return _spread(self.filled, values)
 
@@ -176,7 +175,7 @@ class Packed:
         return sum(4 * -(-len(data) // 3) for data in self.streams.values())
 
 
-def _spread(filled: Bool, values: NDArray[Any]) -> Float32:
+def _spread(filled: Bool, values: Array) -> Float32:
     """Values [N] where it is filled, float32 of its shape, 0 elsewhere."""
     out = np.zeros(filled.shape, np.float32)
     out[filled] = values
@@ -292,7 +291,7 @@ class PageTexture:
     """Differences to the lattice's colors over the surface, of several color sets."""
 
     # int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
-    texels: list[NDArray[np.int8] | None] = field(repr=False)
+    texels: list[Int8 | None] = field(repr=False)
     # float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
     projections: Float64
     pixels: float  # Texels per world unit.
@@ -317,7 +316,7 @@ class PageTexture:
         projections = texture.projections.copy()
         # A place in the atlas moves by a vector: x' w = x w + dx w.
         projections[:, :2] += (places - boxes[:, :2])[:, :, None] * projections[:, 2:3]
-        moved: list[NDArray[np.int8] | None] = []
+        moved: list[Int8 | None] = []
         for each in sets:
             if each.texels is None:
                 moved.append(None)
@@ -347,7 +346,7 @@ class PackedTexels:
     shown: PageTexture = field(repr=False)
 
 
-def texel_values(texels: NDArray[np.int8], kept: Bool) -> UInt8:
+def texel_values(texels: Int8, kept: Bool) -> UInt8:
     """Texels as a stream has them: green, red, blue of those that are kept, uint8 [N, 3]."""
     return (texels[kept][:, (1, 0, 2)].astype(np.int16) + 128).astype(np.uint8)
 
@@ -363,7 +362,7 @@ def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
     rows = int(kept.sum())
     slack = np.full(rows, tolerance, np.uint8)
     streams = {"texels": zlib.compress(np.packbits(kept).tobytes(), 6)}
-    shown: list[NDArray[np.int8] | None] = []
+    shown: list[Int8 | None] = []
     for number, each in enumerate(texture.texels):
         if each is None:
             shown.append(None)
@@ -439,7 +438,7 @@ def _shelves(sizes: Int64) -> tuple[Int64, tuple[int, int]]:
     return found[1], found[2]
 
 
-def _halve(texels: NDArray[np.int8]) -> NDArray[np.int8]:
+def _halve(texels: Int8) -> Int8:
     """Every second texel, blurred as the levels of a `SurfaceTexture` are."""
     out = texels.astype(np.int32)
     for axis in range(2):

@@ -21,9 +21,8 @@ from functools import cached_property
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Float32, Float64, Int32, Int64, UInt8
+from ...arrays import Float32, Float64, Floats, Int32, Int64, UInt8
 from ...capture import Camera
 from ...color import linear_light
 from ...errors import UserError
@@ -66,7 +65,7 @@ class Splats:
         """Degree of the spherical harmonics."""
         return {1: 0, 4: 1, 9: 2}[self.sh.shape[2]]
 
-    def moved(self, similarity: NDArray[np.floating]) -> Splats:
+    def moved(self, similarity: Floats) -> Splats:
         """Splats after a similarity, [4, 4], without reflection."""
         size = float(np.cbrt(np.linalg.det(similarity[:3, :3])))
         turn = similarity[:3, :3] / size
@@ -93,7 +92,7 @@ class Splats:
         return sh_bases(away / np.linalg.norm(away, axis=1, keepdims=True), self.sh.shape[2])
 
 
-def sh_bases(directions: NDArray[np.floating], count: int) -> Float32:
+def sh_bases(directions: Floats, count: int) -> Float32:
     """Spherical harmonics of unit directions [K, 3], float32 [K, count], in the field's order."""
     out = np.full((len(directions), count), C0, np.float32)
     if count == 1:
@@ -244,7 +243,7 @@ def logit(opacity: Float32) -> Float32:
     return np.log(value / (1 - value)).astype(np.float32)
 
 
-def to_bytes(values: NDArray[np.floating]) -> UInt8:
+def to_bytes(values: Floats) -> UInt8:
     """The nearest whole numbers from 0 to 255."""
     return np.asarray(np.clip(np.rint(values), 0, 255), np.uint8)
 

@@ -16,12 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Bool, Float32, Float64, Int64
+from ...arrays import Array, Bool, Float32, Float64, Int64
 from ...capture import Camera
 from ...errors import UserError
 from ...field import C0, Rendering, VoxelField
@@ -55,7 +53,7 @@ class _Points:
     colors: Float32
     opacity: Float32
 
-    def part(self, rows: NDArray[Any]) -> _Points:
+    def part(self, rows: Array) -> _Points:
         return _Points(self.places[rows], self.normals[rows], self.colors[rows], self.opacity[rows])
 
 

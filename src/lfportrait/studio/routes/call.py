@@ -1,7 +1,5 @@
 """A request with what handlers need of it, and the table of handlers."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import inspect

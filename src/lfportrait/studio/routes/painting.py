@@ -1,7 +1,5 @@
 """The screens of painting and of the portrait: gallery, landmarks, regions, previews, versions."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The sixth screen: panels, the pattern wizard, depth, the eye, exports, batch and study."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The screens of the beginning and of making: state, projects, networks, photos, jobs."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from pathlib import Path

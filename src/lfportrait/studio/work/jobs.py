@@ -5,8 +5,6 @@ field. The painted head is kept for each painting (``painted/STYLE/``), so that 
 takes seconds. Without a mix all files are those that ``lfportrait make`` writes.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -6,8 +6,6 @@ The messages, each a tuple: ``("stages", [(name, seconds)])``, ``("begin", stage
 ``("failed", code, text)``.
 """
 
-from __future__ import annotations
-
 import math
 import time
 import warnings

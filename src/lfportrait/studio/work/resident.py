@@ -3,8 +3,6 @@
 Heads stay in memory (`Sitting`), to show paintings and mixes on them at once.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections import OrderedDict

@@ -56,9 +56,8 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ....arrays import Bool, Float32, Int32
+from ....arrays import Array, Bool, Float32, Int32, UInt32
 from ....gpu import BINDING, Device, GpuLostError, Kernel
 
 PAGE = BINDING  # Bytes of a page of colors at most.
@@ -176,8 +175,7 @@ class Notes:
         notes.buffers = {name: device.buffer(size) for name, size in sizes.items()}
         return notes
 
-    def filled(self, steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int],
-               ) -> NDArray[Any]:
+    def filled(self, steps: Array, lattice: DeviceLattice, shape: Sequence[int]) -> Array:
         """Steps with what only the device's side knows: sizes, room, and where things are."""
         steps = steps.copy()
         steps["size"], steps["bricks"] = shape[::-1], lattice.table.shape[::-1]
@@ -398,8 +396,7 @@ class Steps:
             self.slots.append(self._slot(len(self.slots)))
         return self.slots[number]
 
-    def take(self, steps: NDArray[Any], inputs: NDArray[np.uint32],
-             averaged: Bool, looks: Bool) -> Float32:
+    def take(self, steps: Array, inputs: UInt32, averaged: Bool, looks: Bool) -> Float32:
         """Take some steps.
 
         Parameters
@@ -509,8 +506,7 @@ class Steps:
         assert self.shells is not None
         return self.shells.read(self.device)
 
-    def measure(self, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
-                ) -> dict[str, Any]:
+    def measure(self, steps: Array, inputs: UInt32, repeats: int) -> dict[str, Any]:
         """Time what a step's kernels take, each run so often; the lattice is of no use afterwards.
 
         Of one step, as for `take`: ``seconds``, ``kernels`` (name and seconds of each, in their
@@ -551,8 +547,7 @@ class Steps:
                 "settle", *["paint"] * pages, "vary", *behind, "smooth_run"]
 
 
-def largest(device: Device, given: dict[str, Any], steps: NDArray[Any],
-            inputs: NDArray[np.uint32]) -> Float32:
+def largest(device: Device, given: dict[str, Any], steps: Array, inputs: UInt32) -> Float32:
     """The largest weight of each row on the rays of tiles, uint32 [T, 20]: float32 [N + 1].
 
     ``given`` has ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes
