@@ -190,7 +190,7 @@ class Training:
         means = [directions.mean(axis=0) for _, directions in self.rays]
         self.toward = [mean / np.linalg.norm(mean) for mean in means]
 
-    def run(self, density, sh, sparsity=0.0, distortion=0.0, room=4000):
+    def run(self, density, sh, distortion=0.0, room=4000):
         """Losses, and gradients of densities and coefficients: the sum of the records."""
         count, workers = len(density), self.workers
         rows = np.zeros((count + 1, self.width), np.float32)
@@ -201,7 +201,7 @@ class Training:
         self.records = Records.empty(workers, room)
         self.bases = np.zeros((len(self.tiles), 64), np.float32)
         self.errors = np.zeros(len(self.tiles), np.float32)
-        options = np.array([0.5, 1e-9, 1e-7, 0.4, sparsity, distortion, 0.0, 0.0])
+        options = np.array([0.5, 1e-9, 1e-7, 0.4, distortion, 0.0, 0.0])
         train_kernel(self.width)(
             self.table, self.links, np.append(density, np.float32(0)), rows.ravel(), self.lattice,
             self.basis, self.cameras, np.array([[10, 9], [10, 9]]), np.array([0, 90]), self.pixels,
@@ -301,14 +301,6 @@ def test_training_gives_the_same_bytes_again_and_the_same_sums_with_other_worker
     assert np.array_equal(results[0][2], results[1][2])
     assert np.allclose(results[0][2], results[2][2], atol=1e-6)
     assert np.isclose(results[0][0].sum(), results[2][0].sum())
-
-
-def test_sparsity_pushes_densities_down():
-    training = Training(9)
-    _, plain, _ = training.run(training.field.density, training.field.sh)
-    _, sparse, _ = training.run(training.field.density, training.field.sh, sparsity=0.1)
-    assert (sparse >= plain - 1e-9).all()
-    assert sparse.sum() > plain.sum()
 
 
 def test_each_point_leaves_one_record_a_packet():

@@ -26,18 +26,11 @@ from ..errors import UserError
 from ..face import FacePose
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
 from ..plugins import Choice, Sitting, chosen, offered
+from . import styleblit
 from .exemplar import Exemplar, face_size
 from .frontal import face_aside, frontalised, suited
 from .gaze import with_even_eyes, with_parallel_eyes
-from .guides.filters import (
-    Distribution,
-    appearance_guide,
-    broad_blur,
-    drawn_lines,
-    gaussian_blur,
-    match_histogram,
-    shrunk,
-)
+from .guides import filters
 from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
 from .guides.regions import (
     Regions,
@@ -53,19 +46,6 @@ from .lids import Lids, asked_lids, closed, lids_together
 from .mouth import Palette, part_lips, parts_lips
 from .painter.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
 from .photo_guide import GRID, FlatGuide
-from .styleblit import (
-    BlitConfig,
-    Seeds,
-    Style,
-    TableConfig,
-    TransferResult,
-    build_table,
-    finest_level,
-    label_words,
-    pack_colors,
-    plant,
-    synthesise,
-)
 from .worn.hat import Hat, Layer, Wear
 from .worn.inpainting import bared, without_spectacles
 
@@ -93,9 +73,9 @@ class TransferConfig:
     aside: float = 20.0
     """For faces turned by more than this angle, guide by the visible part of a generic head instead
     of hidden landmarks; in degrees, 90 = never."""
-    table: TableConfig = field(default_factory=TableConfig)
+    table: styleblit.TableConfig = field(default_factory=styleblit.TableConfig)
     """Look-up table."""
-    blit: BlitConfig = field(default_factory=BlitConfig)
+    blit: styleblit.BlitConfig = field(default_factory=styleblit.BlitConfig)
     """Synthesis."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the chunks' jitter."""
@@ -225,16 +205,16 @@ class Transfer:
         self.unit = exemplar.size / 50.0
         self.regions: Regions = regions or exemplar.regions()
         self.labels = self.regions.labels()
-        self.appearance = appearance_guide(exemplar.image, BLUR * exemplar.size)
+        self.appearance = filters.appearance_guide(exemplar.image, BLUR * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start
         start = time.perf_counter()
-        self.table = build_table(self.appearance, self.config.table, self.unit)
+        self.table = styleblit.build_table(self.appearance, self.config.table, self.unit)
         self.table_seconds = time.perf_counter() - start
-        self.distribution = Distribution.of(self.appearance, self.regions.person)
+        self.distribution = filters.Distribution.of(self.appearance, self.regions.person)
         self._find_face()
-        self._plan: tuple[Any, Float32, Seeds] | None = None
+        self._plan: tuple[Any, Float32, styleblit.Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
-        self._filtered = {1.0: pack_colors(self._picture)}
+        self._filtered = {1.0: styleblit.pack_colors(self._picture)}
         self._patches: PhotoPatches | None = None
         self._hat = Hat.of(exemplar, self.regions) if "hat" in self.config.wear else None
         if self.config.quality == "best":
@@ -259,13 +239,13 @@ class Transfer:
         """Find the exemplar's soft face and the lines that it is drawn in, uint8 [h, w] each."""
         exemplar = self.exemplar
         self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
-        lines = drawn_lines(exemplar.image, self.face, exemplar.size)
+        lines = filters.drawn_lines(exemplar.image, self.face, exemplar.size)
         self._face_and_lines = np.stack([self.face, lines], axis=-1)
 
     @functools.cached_property
     def _steady(self) -> Float32:
         """The appearance for captures: which pixel of a hatching a view hits must not matter."""
-        return gaussian_blur(self.appearance, 0.2 * BLUR * self.exemplar.size)
+        return filters.gaussian_blur(self.appearance, 0.2 * BLUR * self.exemplar.size)
 
     @functools.cached_property
     def _like(self) -> frozenset[str]:
@@ -284,7 +264,8 @@ class Transfer:
 
     def apply(self, image: Array, landmarks: Floats, *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
-              mask: Float32 | None = None, regions: Regions | None = None) -> TransferResult:
+              mask: Float32 | None = None, regions: Regions | None = None,
+              ) -> styleblit.TransferResult:
         """Stylise one picture; where ``position`` is NaN the image is the given one.
 
         Parameters
@@ -351,11 +332,11 @@ class Transfer:
                                                 cell=GRID if flat else 1)
             label_weight *= FIRM if flat else 1
         synthesising = time.perf_counter()
-        style = Style(
+        style = styleblit.Style(
             self.appearance if seeds is not None else self._steady,
             self._bald if flat and regions is not None and regions.hair is None else self.labels,
             self.table, self.colors(scale))
-        synthesis = synthesise(
+        synthesis = styleblit.synthesise(
             guides, weights, label_weight, style, blit,
             self.seeds(anchor, None, scale) if seeds is None else seeds,
             scale=None if seeds is None else scale,
@@ -363,8 +344,8 @@ class Transfer:
         seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
                    "guides_seconds": synthesising - guided,
                    "synthesis_seconds": time.perf_counter() - synthesising}
-        made = TransferResult(synthesis.image, guides, cover, synthesis, seconds,
-                              self.exemplar.image.shape[:2], self.appearance)
+        made = styleblit.TransferResult(synthesis.image, guides, cover, synthesis, seconds,
+                                        self.exemplar.image.shape[:2], self.appearance)
         if config.quality == "best" and flat and seeds is not None:
             assert regions is not None
             start = time.perf_counter()
@@ -404,7 +385,8 @@ class Transfer:
                                          seed=self.config.seed)
         return self._patches
 
-    def _photo_anchor(self, shape: tuple[int, ...], scale: float) -> tuple[Float32, Seeds]:
+    def _photo_anchor(self, shape: tuple[int, ...], scale: float,
+                      ) -> tuple[Float32, styleblit.Seeds]:
         """Anchor plane and seeds of a photo: the same for all of one size."""
         key = shape[:2], round(scale, 6)
         if self._plan is None or self._plan[0] != key:
@@ -412,14 +394,14 @@ class Transfer:
             self._plan = key, anchor, self.seeds(anchor, scale, scale)
         return self._plan[1:]
 
-    def seeds(self, anchor: Float32, regular: float | None, scale: float) -> Seeds:
+    def seeds(self, anchor: Float32, regular: float | None, scale: float) -> styleblit.Seeds:
         """Seeds of an anchor plane, ``regular`` as `plant`'s scale, no finer than ``scale`` asks.
 
         ``scale`` is exemplar pixels per target pixel.
         """
         blit = self.config.blit
-        return plant(anchor, blit.top, self.config.seed, regular,
-                     min(finest_level(scale), blit.levels))
+        return styleblit.plant(anchor, blit.top, self.config.seed, regular,
+                               min(styleblit.finest_level(scale), blit.levels))
 
     def scale(self, landmarks: Float64) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
@@ -436,8 +418,8 @@ class Transfer:
         key = round(scale, 1) if scale > 4 / 3 else 1.0
         if key not in self._filtered:
             sigma = 0.5 * np.sqrt(key ** 2 - 1)
-            self._filtered[key] = pack_colors(np.stack(
-                [gaussian_blur(np.ascontiguousarray(self._picture[..., c]), sigma)
+            self._filtered[key] = styleblit.pack_colors(np.stack(
+                [filters.gaussian_blur(np.ascontiguousarray(self._picture[..., c]), sigma)
                  for c in range(3)], axis=-1))
         return self._filtered[key]
 
@@ -445,8 +427,8 @@ class Transfer:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
         sigma = BLUR * self.exemplar.size / scale
         # Grain of the photo has no counterpart in paint: smooth what is finer than a stroke.
-        appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
-        return match_histogram(appearance, self.distribution, person)
+        appearance = filters.appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
+        return filters.match_histogram(appearance, self.distribution, person)
 
     def weights(self, person: Float32, labels: UInt8, position: Float32, scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, float32 [H, W, 2]."""
@@ -454,12 +436,12 @@ class Transfer:
         # Along the outline a chunk that is off shows as a step.
         sigma = 2.5 * self.unit / scale
         factor = max(2, int(sigma / 2)) if sigma >= 2 else 1
-        soft = gaussian_blur(shrunk(person, factor), sigma / factor)
+        soft = filters.gaussian_blur(filters.shrunk(person, factor), sigma / factor)
         place = np.float32(config.table.position_weight / self.unit)
         look = np.float32(config.table.appearance_weight * 255)
         out = np.empty((*person.shape, 2), np.float32)
         face, lines = self._face_of(position, factor)
-        pixel_weights(np.ascontiguousarray(person, np.float32), label_words(labels), soft,
+        pixel_weights(np.ascontiguousarray(person, np.float32), styleblit.label_words(labels), soft,
                       face, lines, factor,
                       place * np.array([BACKGROUND[0], 1], np.float32),
                       place * np.float32(OUTLINE),
@@ -492,7 +474,7 @@ class Transfer:
             from ..face import face_mask
 
             mask = face_mask(to_uint8(np.ascontiguousarray(photo)), landmarks)
-            cover = broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
+            cover = filters.broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.extent == "head":
             cover = person
         else:
@@ -503,7 +485,7 @@ class Transfer:
 
 
 def transfer(image: Array, exemplar: Exemplar, config: TransferConfig | None = None,
-             landmarks: Floats | None = None, **options: Any) -> TransferResult:
+             landmarks: Floats | None = None, **options: Any) -> styleblit.TransferResult:
     """Stylise one photo by example.
 
     Parameters

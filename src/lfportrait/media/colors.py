@@ -24,16 +24,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from PIL import Image, ImageOps
 
+from .. import color
 from ..arrays import Float32, Float64, UInt8, UInt16
-from ..color import (
-    BT2020,
-    SRGB,
-    linear_light,
-    primaries_to_srgb,
-    srgb_values,
-    to_uint8,
-    tone_mapped,
-)
 
 _PROFILED = ("L", "RGB", "CMYK", "LAB")  # Pillow's modes that LittleCMS converts.
 _D65, _DCI_WHITE, _C = (0.3127, 0.3290), (0.314, 0.351), (0.310, 0.316)
@@ -42,7 +34,7 @@ _ADOBE = (0.640, 0.330, 0.210, 0.710, 0.150, 0.060, *_D65)
 _PRIMARIES: dict[int, tuple[float, ...]] = {
     4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, *_C),
     8: (0.681, 0.319, 0.243, 0.692, 0.145, 0.049, *_C),
-    9: BT2020, 11: (*_P3, *_DCI_WHITE), 12: (*_P3, *_D65)}
+    9: color.BT2020, 11: (*_P3, *_DCI_WHITE), 12: (*_P3, *_D65)}
 """By the number of ITU-T H.273, where they differ from sRGB's by more than players heed."""
 _NAMES = {1: "BT.709", 4: "BT.470 M", 8: "film", 9: "BT.2020", 11: "DCI-P3", 12: "Display P3"}
 _CURVES = {1: "bt709", 4: "2.2", 5: "2.8", 6: "bt709", 8: "1", 14: "bt709", 15: "bt709",
@@ -56,7 +48,7 @@ class ColorSpace:
     """What the numbers of a picture mean."""
 
     name: str = "sRGB"  # For people.
-    primaries: tuple[float, ...] = SRGB  # Chromaticities as in `lfportrait.color.SRGB`.
+    primaries: tuple[float, ...] = color.SRGB  # Chromaticities as in `lfportrait.color.SRGB`.
     # ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is linear).
     curve: str = "srgb"
     # What says so, for people; empty where nothing does.
@@ -65,7 +57,7 @@ class ColorSpace:
     @property
     def is_srgb(self) -> bool:
         """Whether nothing is to be converted."""
-        return self.primaries == SRGB and self.curve in ("srgb", "bt709")
+        return self.primaries == color.SRGB and self.curve in ("srgb", "bt709")
 
 
 def coded_space(primaries: int, transfer: int) -> ColorSpace:
@@ -74,13 +66,14 @@ def coded_space(primaries: int, transfer: int) -> ColorSpace:
     Gray values of pictures with BT.709's curve are kept, as players keep them.
     """
     curve = _CURVES.get(transfer, "srgb")
-    known = _PRIMARIES.get(primaries, SRGB)
+    known = _PRIMARIES.get(primaries, color.SRGB)
     if curve in ("pq", "hlg") and primaries in (0, 2):
-        known = BT2020
-    name = _NAMES.get(primaries, "sRGB") if known is not SRGB else "sRGB"
+        known = color.BT2020
+    name = _NAMES.get(primaries, "sRGB") if known is not color.SRGB else "sRGB"
     shown = {"srgb": "", "bt709": "", "pq": " PQ", "hlg": " HLG"}.get(curve, f" gamma {curve}")
-    return ColorSpace(("BT.2100" if known is BT2020 and shown in (" PQ", " HLG") else name) + shown,
-                      known, curve)
+    if known is color.BT2020 and curve in ("pq", "hlg"):
+        name = "BT.2100"
+    return ColorSpace(name + shown, known, curve)
 
 
 def from_space(values: UInt8 | UInt16, space: ColorSpace) -> UInt8:
@@ -88,13 +81,13 @@ def from_space(values: UInt8 | UInt16, space: ColorSpace) -> UInt8:
     most = float(np.iinfo(values.dtype).max)
     if _coded(space):
         deep = values if values.dtype == np.uint16 else values.astype(np.uint16) * 257
-        return tone_mapped(np.asarray(deep, np.uint16), "pq" if space.curve == "pq" else "hlg",
-                           space.primaries)
+        return color.tone_mapped(np.asarray(deep, np.uint16),
+                                 "pq" if space.curve == "pq" else "hlg", space.primaries)
     if space.is_srgb:
         return np.asarray(values if most == 255 else values / 257 + 0.5, np.uint8)
     codes = np.arange(int(most) + 1) / most
     light = _light(codes, space.curve).astype(np.float32)[values]
-    light = light @ primaries_to_srgb(space.primaries).T.astype(np.float32)
+    light = light @ color.primaries_to_srgb(space.primaries).T.astype(np.float32)
     # Near black, where it is steepest, the curve rises by a twentieth of a level a step.
     shown = (_signal(np.linspace(0.0, 1.0, 1 << 16), space.curve) * 255 + 0.5).astype(np.uint8)
     return shown[(np.clip(light, 0.0, 1.0) * 65535 + 0.5).astype(np.uint16)]
@@ -102,7 +95,7 @@ def from_space(values: UInt8 | UInt16, space: ColorSpace) -> UInt8:
 
 def _light(codes: Float64, curve: str) -> Float64:
     if curve == "srgb":
-        return linear_light(codes)
+        return color.linear_light(codes)
     if curve == "bt709":
         return np.where(codes < 0.081, codes / 4.5, ((codes + 0.099) / 1.099) ** (1 / 0.45))
     return np.asarray(codes ** float(curve))
@@ -112,7 +105,7 @@ def _signal(light: Float64, curve: str) -> Float64:
     """What is shown: gray values of BT.709's curve are kept, all other light is coded as sRGB."""
     if curve == "bt709":
         return np.where(light < 0.018, 4.5 * light, 1.099 * np.maximum(light, 1e-9) ** 0.45 - 0.099)
-    return srgb_values(light)
+    return color.srgb_values(light)
 
 
 def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSpace:
@@ -203,18 +196,18 @@ def _png_space(picture: Image.Image, stream: BinaryIO | None) -> ColorSpace | No
         return None
     gamma, points = picture.info.get("gamma"), picture.info.get("chromaticity")
     curve = "srgb"
-    primaries: tuple[float, ...] = SRGB
+    primaries: tuple[float, ...] = color.SRGB
     if isinstance(gamma, float) and 0.1 < gamma < 2 and abs(gamma * 2.2 - 1) > 0.05:
         curve = f"{1 / gamma:.6g}"
     if isinstance(points, tuple) and len(points) == 8:
         # White comes first in the chunk.
         moved = (*map(float, points[2:]), *map(float, points[:2]))
-        if min(moved[1::2]) > 0 and max(abs(a - b) for a, b in zip(moved, SRGB)) > 0.005:
+        if min(moved[1::2]) > 0 and max(abs(a - b) for a, b in zip(moved, color.SRGB)) > 0.005:
             primaries = moved
-    if curve == "srgb" and primaries == SRGB:
+    if curve == "srgb" and primaries == color.SRGB:
         return None
     try:
-        primaries_to_srgb(primaries)
+        color.primaries_to_srgb(primaries)
     except np.linalg.LinAlgError:
         return None
     return ColorSpace("by gAMA and cHRM", primaries, curve, "its gAMA and cHRM chunks")
@@ -307,7 +300,7 @@ def _in_eight_bits(picture: Image.Image) -> Image.Image:
     most = 65535.0 if picture.mode.startswith("I") else 1.0
     if values.max(initial=0.0) > most:
         most = float(values.max())
-    return Image.fromarray(to_uint8(values / most))
+    return Image.fromarray(color.to_uint8(values / most))
 
 
 def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:

@@ -11,15 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import (
-    binary_dilation,
-    distance_transform_edt,
-    gaussian_filter,
-    grey_closing,
-    grey_opening,
-    label,
-    map_coordinates,
-)
+from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64
 
@@ -51,7 +43,8 @@ class Cells:
 
     def closed(self, values: Float32, reach: int) -> Float32:
         """Values [N] after a closing by a disk of ``reach`` cells, float32 [N]."""
-        return self._at(grey_closing(self._filled(values), footprint=_disk(reach), mode="nearest"))
+        return self._at(ndimage.grey_closing(self._filled(values), footprint=_disk(reach),
+                                             mode="nearest"))
 
     def gaps(self, values: Float32, known: Bool, reach: int) -> Float32:
         """What a closing by a disk of ``reach`` cells adds to values [N], float32 [N].
@@ -68,7 +61,8 @@ class Cells:
 
     def opened(self, values: Float32, reach: int) -> Float32:
         """Values [N] after an opening by a disk of ``reach`` cells, float32 [N]."""
-        return self._at(grey_opening(self._filled(values), footprint=_disk(reach), mode="nearest"))
+        return self._at(ndimage.grey_opening(self._filled(values), footprint=_disk(reach),
+                                             mode="nearest"))
 
     def joined(self, values: Float32, seeds: Bool) -> Float32:
         """Values [N] of what hangs together with seeds, bool [N]; 0 elsewhere.
@@ -76,17 +70,17 @@ class Cells:
         What is above one half hangs together, and has its slopes of two cells with it.
         """
         means = self._filled(values)
-        pieces, count = label(means > 0.5)
+        pieces, count = ndimage.label(means > 0.5)
         kept = np.zeros(count + 1, bool)
         row, column = np.rint(self.places[seeds, ::-1]).astype(int).T
         kept[pieces[row, column]] = True
         kept[0] = False
-        return self._at(means * binary_dilation(kept[pieces], iterations=2))
+        return self._at(means * ndimage.binary_dilation(kept[pieces], iterations=2))
 
     def _filled(self, values: Float32, known: Bool | None = None) -> Float64:
         """Means [rows, columns] of the cells' known places (all if None); else the nearest's."""
         found, means = self._means(values, np.ones(len(values), bool) if known is None else known)
-        _, nearest = distance_transform_edt(~found, return_indices=True)
+        _, nearest = ndimage.distance_transform_edt(~found, return_indices=True)
         return np.asarray(means[tuple(nearest)], np.float64)
 
     def extrapolated(self, values: Float32, inside: Bool, blur: float, reach: float) -> Float32:
@@ -97,11 +91,12 @@ class Cells:
         known, means = self._means(values, inside)
         if not known.any():
             return np.zeros(len(values), np.float32)
-        weight = gaussian_filter(known.astype(np.float64), blur)
-        means = gaussian_filter(means, blur) / np.maximum(weight, 1e-6)
-        away, nearest = distance_transform_edt(~known, return_indices=True)
+        weight = ndimage.gaussian_filter(known.astype(np.float64), blur)
+        means = ndimage.gaussian_filter(means, blur) / np.maximum(weight, 1e-6)
+        away, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
         fade = np.clip(1 - away / reach, 0, 1)
-        return self._at(gaussian_filter(means[tuple(nearest)], blur) * fade * fade * (3 - 2 * fade))
+        means = ndimage.gaussian_filter(means[tuple(nearest)], blur)
+        return self._at(means * fade * fade * (3 - 2 * fade))
 
     def step(self, values: Float32, inside: Bool, beside: Bool, blur: float, reach: float,
              ) -> Float32:
@@ -113,16 +108,17 @@ class Cells:
         sums, near = [], np.ones(self.shape, bool)
         for part in (inside, beside):
             known, means = self._means(values, part)
-            weight = gaussian_filter(known.astype(np.float64), blur)
-            sums.append(gaussian_filter(means, blur) / np.maximum(weight, 1e-6))
+            weight = ndimage.gaussian_filter(known.astype(np.float64), blur)
+            sums.append(ndimage.gaussian_filter(means, blur) / np.maximum(weight, 1e-6))
             near &= weight > MEET
         if not near.any():
             return np.zeros(len(values), np.float32)
-        weight = gaussian_filter(near.astype(np.float64), blur)
-        higher = gaussian_filter((sums[0] - sums[1]) * near, blur) / np.maximum(weight, 1e-6)
-        away, nearest = distance_transform_edt(~near, return_indices=True)
+        weight = ndimage.gaussian_filter(near.astype(np.float64), blur)
+        higher = ndimage.gaussian_filter((sums[0] - sums[1]) * near, blur)
+        higher /= np.maximum(weight, 1e-6)
+        away, nearest = ndimage.distance_transform_edt(~near, return_indices=True)
         fade = np.clip(1 - away / reach, 0, 1)
-        return self._at(gaussian_filter(higher[tuple(nearest)], blur)
+        return self._at(ndimage.gaussian_filter(higher[tuple(nearest)], blur)
                         * fade * fade * (3 - 2 * fade))
 
     def _means(self, values: Float32, inside: Bool,
@@ -137,8 +133,8 @@ class Cells:
 
     def _at(self, grid: Float64) -> Float32:
         """A grid's values at the places, float32 [N]."""
-        return np.asarray(map_coordinates(grid, self.places[:, ::-1].T, order=1, mode="nearest"),
-                          np.float32)
+        found = ndimage.map_coordinates(grid, self.places[:, ::-1].T, order=1, mode="nearest")
+        return np.asarray(found, np.float32)
 
 
 def _disk(reach: int) -> Bool:

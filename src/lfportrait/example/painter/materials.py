@@ -18,14 +18,7 @@ from ...arrays import Bool, Float32, Floats, Int32, Int64
 from ...color import to_lab
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
-from ..guides.filters import (
-    Distribution,
-    blurred_within,
-    broad_blur,
-    gaussian_blur,
-    grey,
-    match_histogram,
-)
+from ..guides import filters
 from ..kernels.labels import largest_share, move_to_material
 from ..kernels.seeds import nearest_sites
 from ..patches import SCALE
@@ -44,12 +37,12 @@ def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Fl
     in pixels.
     """
     sigma = BLUR * size
-    soft = gaussian_blur(values, 0.2 * sigma)
-    soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
-    near = broad_blur(values, 0.6 * sigma)
-    near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
+    soft = filters.gaussian_blur(values, 0.2 * sigma)
+    soft /= np.maximum(filters.gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
+    near = filters.broad_blur(values, 0.6 * sigma)
+    near /= np.maximum(filters.broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
     fine = (soft - near) * inside
-    energy = broad_blur(fine * fine, 0.5 * sigma)
+    energy = filters.broad_blur(fine * fine, 0.5 * sigma)
     return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
 
 
@@ -116,7 +109,7 @@ class ExemplarMaterials:
 
         Without ``hues`` all of its flesh counts as of one.
         """
-        luma = grey(picture)
+        luma = filters.grey(picture)
         present = shares.reshape(-1, len(MATERIALS)).mean(axis=0) > LEAST
         # Of a face that is small in its picture a lock or two are as large.
         present[HAIR] |= bool(shares[..., HAIR].sum() > LEAST_HAIR * size ** 2)
@@ -131,7 +124,7 @@ class ExemplarMaterials:
                                           cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
             limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
             deep[material] = _nearest(inside & (depth >= limit), luma.shape)
-        tone = broad_blur(luma, BLUR * size)
+        tone = filters.broad_blur(luma, BLUR * size)
         hue = (_other_hues(picture, shares, tone, size) if hues
                else np.zeros(luma.shape, np.float32))
         return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present, hue)
@@ -148,7 +141,7 @@ def _other_hues(picture: Float32, shares: Float32, tone: Float32, size: float) -
         inside = share > 0.5
         if inside.sum() < FEW:
             continue
-        broad = blurred_within(picture, share, BLUR * size)
+        broad = filters.blurred_within(picture, share, BLUR * size)
         hues, tones = to_lab(broad[inside])[:, 1:], tone[inside]
         edges = np.unique(np.quantile(tones, np.linspace(0, 1, HUES + 1)))
         which = np.clip(np.searchsorted(edges, tones) - 1, 0, max(len(edges) - 2, 0))
@@ -229,9 +222,9 @@ def mostly(share: Float32, shown: Bool | None) -> Bool:
 
 def _like(tone: Float32, ours: Bool, reference: Float32, theirs: Bool) -> Float32:
     """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
-    wanted = Distribution.of(reference, theirs.astype(np.float32))
-    return match_histogram(np.ascontiguousarray(tone[None]), wanted,
-                           ours[None].astype(np.float32))[0]
+    wanted = filters.Distribution.of(reference, theirs.astype(np.float32))
+    return filters.match_histogram(np.ascontiguousarray(tone[None]), wanted,
+                                   ours[None].astype(np.float32))[0]
 
 
 def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,

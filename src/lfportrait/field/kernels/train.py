@@ -47,9 +47,9 @@ from .packet import (
     write_records,
 )
 
-_STEP = 160
+_STEP = 144
 """Floats that a packet's sample takes in its notes: fractions x, y, z; weight; transmittance
-behind it; density; distance; red, green, blue; 16 lanes each."""
+behind it; distance; red, green, blue; 16 lanes each."""
 
 
 @functools.cache
@@ -66,7 +66,7 @@ def make_cast(width: int) -> Callable[..., Any]:
         [V] first pixel of each view in ``pixels`` uint8 [P, 4] (color, composited by the
         kernel, and alpha), ``gains`` float32 [V, 3] what a view's 8-bit colors are multiplied
         with, ``background`` float32 [16 T, 3] and its gradient, written; ``options`` float64:
-        step, threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest
+        step, threshold, stop, alpha weight, distortion, 1 to record the largest
         weight only, distance from the camera that rays start at (world units); ``pad`` and
         ``records`` from `packet`, the latter written; ``bases`` float32 [T, 64], written: the
         harmonics of each packet's middle direction as the vectors that rows are multiplied
@@ -177,8 +177,7 @@ def make_cast(width: int) -> Callable[..., Any]:
                     store(notes, here + np.uintp(32), fz)
                     store(notes, here + np.uintp(48), weight)
                     store(notes, here + np.uintp(64), through)
-                    store(notes, here + np.uintp(80), sigma)
-                    store(notes, here + np.uintp(96), t)
+                    store(notes, here + np.uintp(80), t)
                     words[count] = word
                     # Every other sample lies in the cell of the one before.
                     entered = bits(shown & (base != last_cell))
@@ -223,18 +222,18 @@ def make_cast(width: int) -> Callable[..., Any]:
                 at = here + lane
                 cr, cg, cb = mix_color(places[lane_base + lane], notes[at],
                                        notes[at + np.uintp(16)], notes[at + np.uintp(32)], colors)
-                notes[at + np.uintp(112)] = cr
-                notes[at + np.uintp(128)] = cg
-                notes[at + np.uintp(144)] = cb
+                notes[at + np.uintp(96)] = cr
+                notes[at + np.uintp(112)] = cg
+                notes[at + np.uintp(128)] = cb
                 samples += 1
             weight = load(notes, here + np.uintp(48))
             shown = weight > zero
             red = red + where(
-                shown, weight * maximum(load(notes, here + np.uintp(112)), zero), zero)
+                shown, weight * maximum(load(notes, here + np.uintp(96)), zero), zero)
             green = green + where(
-                shown, weight * maximum(load(notes, here + np.uintp(128)), zero), zero)
+                shown, weight * maximum(load(notes, here + np.uintp(112)), zero), zero)
             blue = blue + where(
-                shown, weight * maximum(load(notes, here + np.uintp(144)), zero), zero)
+                shown, weight * maximum(load(notes, here + np.uintp(128)), zero), zero)
         store(out, 0, red)
         store(out, 16, green)
         store(out, 32, blue)
@@ -248,7 +247,7 @@ def make_cast(width: int) -> Callable[..., Any]:
 
     @identified("train backward", width)
     @lean
-    def backward(count, flat, grads, out, sparsity, narrow, step, places, words, notes, slopes):
+    def backward(count, flat, grads, out, narrow, step, places, words, notes, slopes):
         red, green, blue = load(grads, 0), load(grads, 16), load(grads, 32)
         # What lies behind all samples: the background.
         red_behind, green_behind, blue_behind = load(grads, 48), load(grads, 64), load(grads, 80)
@@ -263,11 +262,11 @@ def make_cast(width: int) -> Callable[..., Any]:
             lane_base = np.uintp(entry) * np.uintp(16)
             word = words[entry]
             weight, through = load(notes, here + np.uintp(48)), load(notes, here + np.uintp(64))
-            sigma, t = load(notes, here + np.uintp(80)), load(notes, here + np.uintp(96))
+            t = load(notes, here + np.uintp(80))
             shown = weight > zero
-            r = where(shown, load(notes, here + np.uintp(112)), zero)
-            g = where(shown, load(notes, here + np.uintp(128)), zero)
-            b = where(shown, load(notes, here + np.uintp(144)), zero)
+            r = where(shown, load(notes, here + np.uintp(96)), zero)
+            g = where(shown, load(notes, here + np.uintp(112)), zero)
+            b = where(shown, load(notes, here + np.uintp(128)), zero)
             store(out, 80, taught(r, red, weight))
             store(out, 96, taught(g, green, weight))
             store(out, 112, taught(b, blue, weight))
@@ -286,10 +285,7 @@ def make_cast(width: int) -> Callable[..., Any]:
             slope = slope + narrow * (through * pull - pull_behind)
             pull_behind = pull_behind + weight * pull
             weight_behind, spread_behind = weight_behind + weight, spread_behind + weight * t
-            # Cauchy sparsity, d/dsigma log(1 + 2 sigma^2).
-            slope = delta * slope + sparsity * np.float32(4.0) * sigma / (
-                one + np.float32(2.0) * sigma * sigma)
-            store(out, 128, slope)
+            store(out, 128, delta * slope)
             while word != 0:
                 lane = np.uintp(lowest(word))
                 word &= word - np.uint32(1)
@@ -322,9 +318,8 @@ def make_cast(width: int) -> Callable[..., Any]:
              weight_seen, tile_errors, scratch):
         step, threshold, stop = (np.float32(options[0]), np.float32(options[1]),
                                  np.float32(options[2]))
-        alpha_weight, sparsity = np.float32(options[3]), np.float32(options[4])
-        narrow, only_weights = np.float32(options[5]), options[6] > 0.5
-        near = options[7]
+        alpha_weight, narrow = np.float32(options[3]), np.float32(options[4])
+        only_weights, near = options[5] > 0.5, options[6]
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         share = np.float32(1.0 / (16.0 * len(tiles)))
         empty = len(density) - 1
@@ -359,8 +354,8 @@ def make_cast(width: int) -> Callable[..., Any]:
                 tile_errors[number] = error
                 squared += error
                 rays += 16
-                backward(found, flat, grads, out, sparsity * share, narrow * share, step,
-                         places, words, notes, slopes)
+                backward(found, flat, grads, out, narrow * share, step, places, words, notes,
+                         slopes)
                 write_records(number, links, empty, opened, used, slopes, counts, keys, values,
                               written, recent)
             for brick in range(counts[0]):

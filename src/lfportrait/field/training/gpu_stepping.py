@@ -94,10 +94,10 @@ def warn(progress: Progress | None, line: str) -> None:
 def ray_numbers(options: Float64) -> Array:
     """`STEP` [1] with the options of `lfportrait.field.kernels.train.make_cast` put in."""
     steps = np.zeros(1, STEP)
-    for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "sparsity", "narrow"),
-                           options, strict=False):
+    for name, value in zip(("pace", "threshold", "stop", "alpha_weight", "narrow"), options,
+                           strict=False):
         steps[name] = value
-    steps["near"] = options[7]
+    steps["near"] = options[6]
     return steps
 
 

@@ -17,14 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...arrays import Bool, Float32, Float64, Int32
-from ..kernels.bricks import (
-    add_rows,
-    brick_table,
-    fill_neighbours,
-    mark_points,
-    put_means,
-    refine_rows,
-)
+from ..kernels import bricks
 from ..kernels.march import lattice_of_world
 
 
@@ -119,7 +112,7 @@ class Lattice:
 
         The last is float64 [9]: points along x, y, z; scale and offset of lattice coordinates.
         """
-        table, links = brick_table(self.links, self.count)
+        table, links = bricks.brick_table(self.links, self.count)
         depth, height, width = self.links.shape
         scale, offset = lattice_of_world(self.center, self.radius, (depth, height, width))
         return table, links, np.concatenate([np.array([width, height, depth], float), scale,
@@ -129,7 +122,7 @@ class Lattice:
         """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
         found = np.empty((self.count, 6), np.int32)
         found[:] = np.arange(self.count, dtype=np.int32)[:, None]
-        fill_neighbours(self.links, found)
+        bricks.fill_neighbours(self.links, found)
         return found
 
     def attached(self, loose: Bool | None = None, among: Bool | None = None) -> Bool:
@@ -163,7 +156,7 @@ class Lattice:
     def _points(self, rows: Bool) -> Bool:
         """The points of marked rows, bool [N + 1]: bool [Z, Y, X]."""
         points = np.empty(self.links.shape, bool)
-        mark_points(self.links, rows, points)
+        bricks.mark_points(self.links, rows, points)
         return points
 
     def kept(self, keep: Bool) -> Lattice:
@@ -211,7 +204,7 @@ class Lattice:
             low.append(np.clip(np.floor(place).astype(int), 0, old - 2))
             part.append(np.clip(place - low[-1], 0.0, 1.0).astype(np.float32))
         longest = max(shape)
-        links, density, rows = refine_rows(
+        links, density, rows = bricks.refine_rows(
             self.links, self.density, self.rows, np.ascontiguousarray(keep),
             np.stack([np.resize(plane, longest) for plane in low]),
             np.stack([np.resize(plane, longest) for plane in part]), shape)
@@ -251,14 +244,14 @@ class Average:
     def add(self, lattice: Lattice) -> None:
         """Add a state."""
         self.density += lattice.density
-        add_rows(self.rows, lattice.rows)
+        bricks.add_rows(self.rows, lattice.rows)
         self.count += 1
 
     def put(self, lattice: Lattice) -> None:
         """Give the lattice the mean of its states; nothing changes if none was added."""
         if self.count:
             np.divide(self.density, self.count, out=lattice.density)
-            put_means(self.rows, self.rows.shape[1], np.float32(self.count), lattice.rows, 0)
+            bricks.put_means(self.rows, self.rows.shape[1], np.float32(self.count), lattice.rows, 0)
 
     @property
     def state(self) -> dict[str, Any]:

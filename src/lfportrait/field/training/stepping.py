@@ -233,7 +233,7 @@ class Caster:
         """The largest weight of each row on the rays of tiles: float32 [N + 1]."""
         seen = np.zeros((len(self.losses), len(self.lattice.density)), np.float32)
         options = options.copy()
-        options[6] = 1.0
+        options[5] = 1.0
         self._run(tiles, np.zeros((16 * len(tiles), 3), np.float32), scale, options,
                   np.zeros((1, 3), np.float32), seen)
         return np.asarray(seen.max(axis=0))

@@ -50,9 +50,7 @@ from .stepping import Caster, CpuSteps, Plan, StepData, Steps, falling
 
 INIT_OPACITY = 0.1  # Initial opacity of a voxel in the visual hull of the mattes.
 STOP = 1e-2  # Rays stop where their transmittance falls below this.
-LAMBDA_ALPHA, LAMBDA_SPARSITY = 0.3, 0.0
-"""Weights of the squared opacity error, for photos with mattes, and of the Cauchy sparsity loss
-log(1 + 2 sigma^2) on the samples, which is not used."""
+LAMBDA_ALPHA = 0.3  # Weight of the squared opacity error, for photos with mattes.
 _SAVE_EVERY = 60.0
 """Seconds after which the state is written, which takes one or two: what is lost at most if a
 training is interrupted."""
@@ -340,7 +338,7 @@ class Trainer:
         return lattice.kept(keep)
 
     def options(self) -> Float64:
-        """Options of the kernel, float64 [8]: step, least density and so on (`kernels.train`)."""
+        """Options of the kernel, float64 [7]: step, least density and so on (`kernels.train`)."""
         assert self.lattice is not None
         config = self.config
         # A density that takes less than this of the light in a step is left alone: it teaches
@@ -349,7 +347,7 @@ class Trainer:
         least = faint / (config.step_size * self.lattice.voxel)
         return np.array([config.step_size, least, STOP,
                          LAMBDA_ALPHA if self.data.has_alpha else 0.0,
-                         LAMBDA_SPARSITY, config.lambda_distortion, 0.0, config.near_clip])
+                         config.lambda_distortion, 0.0, config.near_clip])
 
     def _largest_weights(self) -> Float32:
         """The largest weight of each row on an eighth of the training tiles."""

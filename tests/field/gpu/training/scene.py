@@ -96,7 +96,7 @@ class SmallSteps(GpuSteps):
 
 def step_options(lattice, pace=0.5):
     """Options of the kernels with every loss."""
-    return np.array([pace, 2e-3 / (pace * lattice.voxel), 1e-2, 0.3, 0.05, 0.03, 0.0, 2.8])
+    return np.array([pace, 2e-3 / (pace * lattice.voxel), 1e-2, 0.3, 0.03, 0.0, 2.8])
 
 
 def random_spheres(data, lattice, seed=5):

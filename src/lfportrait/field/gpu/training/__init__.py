@@ -274,13 +274,13 @@ BINDINGS: dict[str, tuple[str, tuple[str, ...]]] = {
 STEP = np.dtype([
     ("size", "<u4", 3), ("tiles", "<u4"), ("bricks", "<u4", 3), ("links", "<u4"),
     ("pace", "<f4"), ("threshold", "<f4"), ("stop", "<f4"), ("near", "<f4"),
-    ("alpha_weight", "<f4"), ("sparsity", "<f4"), ("narrow", "<f4"), ("share", "<f4"),
+    ("alpha_weight", "<f4"), ("narrow", "<f4"), ("share", "<f4"),
     ("rate", "<f4"), ("decay", "<f4"), ("lowest", "<f4"), ("memory", "<f4"),
     ("tv_weight", "<f4"), ("tv_scale", "<f4"), ("tv_first", "<u4"), ("tv_last", "<u4"),
     ("input", "<u4"), ("output", "<u4"), ("packet", "<u4"), ("empty", "<u4"),
     ("block_room", "<u4"), ("record_room", "<u4"), ("workers", "<u4"), ("basis", "<u4"),
     ("row", "<u4"), ("gain", "<f4"), ("layers", "<u4"), ("tv_color", "<f4"), ("high", "<u4"),
-    ("grey", "<f4"), ("rate_shell", "<f4"), ("rate_shell_density", "<f4"), ("", "V96")])
+    ("grey", "<f4"), ("rate_shell", "<f4"), ("rate_shell_density", "<f4"), ("", "V100")])
 """The uniform ``Step`` of ``common.wgsl``, in slots of 256 bytes."""
 
 

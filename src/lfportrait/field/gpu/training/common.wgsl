@@ -16,7 +16,6 @@ struct Step {
     stop: f32,              // transmittance at which a ray ends
     near: f32,              // distance from the camera that rays start at, world units
     alpha_weight: f32,
-    sparsity: f32,
     narrow: f32,            // weight of the distortion loss
     share: f32,             // 1 / rays
     rate: f32,              // of the density

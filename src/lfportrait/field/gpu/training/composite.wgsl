@@ -113,8 +113,7 @@ fn composite(@builtin(workgroup_id) group: vec3<u32>,
         for (var j = place + 1u; j < 8u; j++) { pull_behind += pulls[16u * j + number]; }
         var slope = slope_of.w + side.y * bright - far[number] - after.x
             + step.narrow * step.share * (side.y * pull - pull_behind);
-        slope = delta * slope + step.sparsity * step.share * 4.0 * own.w
-            / (1.0 + 2.0 * own.w * own.w);
+        slope *= delta;
         // A color below zero, shown as zero, can only rise.
         let taught = select(vec3<f32>(0.0), slope_of.xyz * weight,
                             (own.xyz > vec3<f32>(0.0)) | (slope_of.xyz < vec3<f32>(0.0)));
